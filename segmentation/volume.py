@@ -1,0 +1,59 @@
+"""An image in patient coordinates: an array and the affine that places it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import SimpleITK as sitk
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """A regular 3D image.
+
+    array : (ni, nj, nk); CT in HU (int16 or float32), labels in uint8.
+    affine : (4, 4), maps index (i, j, k, 1) to DICOM patient coordinates LPS in mm, voxel centres.
+    """
+
+    array: NDArray[Any]
+    affine: NDArray[np.float64]
+
+    @property
+    def spacing(self) -> NDArray[np.float64]:
+        """Voxel edge lengths (3,) mm."""
+        return np.linalg.norm(self.affine[:3, :3], axis=0)
+
+    def to_lps(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Patient coordinates (n, 3) mm of (fractional) indices (n, 3)."""
+        return np.asarray(index, dtype=float) @ self.affine[:3, :3].T + self.affine[:3, 3]
+
+    def to_index(self, lps: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Fractional indices (n, 3) of patient coordinates (n, 3) mm."""
+        return (np.asarray(lps, dtype=float) - self.affine[:3, 3]) @ np.linalg.inv(self.affine[:3, :3]).T
+
+    def with_array(self, array: NDArray[Any]) -> Volume:
+        """The same grid with other values."""
+        return Volume(array, self.affine)
+
+    def moved(self, transform: NDArray[np.float64]) -> Volume:
+        """The same values on a grid moved by a rigid transform (4, 4) in LPS: no resampling."""
+        return Volume(self.array, transform @ self.affine)
+
+    def to_sitk(self) -> sitk.Image:
+        """The SimpleITK image with the same place in patient coordinates."""
+        image = sitk.GetImageFromArray(np.ascontiguousarray(np.transpose(self.array)))
+        image.SetSpacing([float(s) for s in self.spacing])
+        image.SetOrigin([float(x) for x in self.affine[:3, 3]])
+        image.SetDirection((self.affine[:3, :3] / self.spacing).ravel().tolist())
+        return image
+
+    @classmethod
+    def from_sitk(cls, image: sitk.Image) -> Volume:
+        """The volume of a SimpleITK image (whose coordinates are LPS)."""
+        affine = np.eye(4)
+        affine[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+        affine[:3, 3] = image.GetOrigin()
+        return cls(np.transpose(sitk.GetArrayFromImage(image)), affine)
