@@ -1,0 +1,90 @@
+"""The smooth signed distance of a voxel label: what surfaces and meshes are cut from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.segmentation.volume import Volume
+from scipy import ndimage
+from skimage import measure
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Beyond this the distance is cut off: the smoothing never looks further.
+CLIP_MM = 6.0
+# Width of the Gaussian. Measured on voxelised shapes (tests/segmentation/test_surfaces.py): the scatter falls
+# with it and the shrinkage grows; 2 mm is the best of 1 to 3 mm for voxels of 1 x 1 x 1.5 to 3 mm.
+SIGMA_MM = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothField:
+    """A scalar field on a regular grid, positive inside the label, about the signed distance in mm near its surface.
+
+    grid : float volume whose voxel centres carry the values.
+    """
+
+    grid: Volume
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Field values (n,) mm at points (n, 3) mm LPS by trilinear interpolation; the nearest edge value beyond the grid."""
+        index = self.grid.to_index(points).T
+        return np.asarray(ndimage.map_coordinates(self.grid.array, index, order=1, mode="nearest"), dtype=np.float64)
+
+    def gradient(self, points: FloatArray, step_mm: float = 0.25) -> FloatArray:
+        """Central-difference gradient (n, 3) at points (n, 3) mm LPS."""
+        moves = step_mm * np.eye(3)
+        return np.stack([(self.at(points + m) - self.at(points - m)) / (2.0 * step_mm) for m in moves], axis=1)
+
+    def contour(self, level: float = 0.0) -> tuple[FloatArray, IntArray]:
+        """Triangles of the level: points (n, 3) mm LPS, faces (f, 3) with normals towards falling values (outward)."""
+        values = self.grid.array
+        if values.min() >= level or values.max() <= level:
+            return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+        index, faces, _, _ = measure.marching_cubes(values, level, gradient_direction="ascent")
+        points = self.grid.to_lps(index.astype(np.float64))
+        # A grid with mirrored axes turns every face over.
+        if np.linalg.det(self.grid.affine[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        return points, np.ascontiguousarray(faces, dtype=np.int64)
+
+
+def signed_distance(mask: NDArray[np.bool_], spacing: FloatArray) -> FloatArray:
+    """Distance (ni, nj, nk) mm to the boundary between voxels, positive inside, cut off at ``CLIP_MM``."""
+    half = float(np.mean(spacing)) / 2.0
+    if not mask.any():
+        return np.full(mask.shape, -CLIP_MM)
+    if mask.all():
+        return np.full(mask.shape, CLIP_MM)
+    inside = ndimage.distance_transform_edt(mask, sampling=spacing)
+    outside = ndimage.distance_transform_edt(~mask, sampling=spacing)
+    return np.clip(np.where(mask, inside - half, half - outside), -CLIP_MM, CLIP_MM)
+
+
+def smooth_field(labels: Volume, mask: NDArray[np.bool_], step_mm: float, sigma_mm: float = SIGMA_MM) -> SmoothField:
+    """The smoothed signed distance of a mask (ni, nj, nk) on the grid of ``labels``, sampled every ``step_mm``.
+
+    A Gaussian alone pulls a curved surface inward by sigma^2 times its mean curvature. 2 G(sigma) - G(sqrt 2 sigma)
+    has no second moment, so it leaves planes, cylinders and spheres in place to the next order.
+    """
+    spacing = labels.spacing
+    pad = [(int(n),) * 2 for n in np.ceil(CLIP_MM / spacing)]
+    distance = signed_distance(np.pad(mask, pad, mode="edge"), spacing)
+    narrow, wide = (
+        ndimage.gaussian_filter(distance, factor * sigma_mm / spacing, mode="nearest") for factor in (1.0, np.sqrt(2.0))
+    )
+    return SmoothField(_resampled(labels, 2.0 * narrow - wide, np.array([p[0] for p in pad]), step_mm))
+
+
+def _resampled(labels: Volume, padded: FloatArray, pad: IntArray, step_mm: float) -> Volume:
+    """Padded values on an isotropic grid of ``step_mm`` over the same extent."""
+    ratio = step_mm / labels.spacing
+    shape = np.floor((np.array(padded.shape) - 1) / ratio + 1e-9).astype(int) + 1
+    values = ndimage.affine_transform(padded, ratio, output_shape=tuple(shape), order=3, mode="nearest")
+    affine = labels.affine.copy()
+    affine[:3, :3] = labels.affine[:3, :3] * ratio
+    affine[:3, 3] = labels.to_lps(-pad[None, :].astype(float))[0]
+    return Volume(values.astype(np.float32), affine)
