@@ -107,7 +107,7 @@ def wall_surface(labels: Volume, label: int, step_mm: float = 1.5, sigma_mm: flo
     return TriSurface(points, faces, np.full(len(faces), label, dtype=np.int64))
 
 
-def region_fields(organ: Volume, present: list[int], sigma_mm: float) -> dict[int, SmoothField]:
+def region_fields(organ: Volume, present: list[int], sigma_mm: float = SIGMA_MM) -> dict[int, SmoothField]:
     """One smooth field per organ label, each blind to what is outside the organ, so they meet on the dividing plane."""
     filled = extend_labels(organ)
     return {i: smooth_field(filled, filled.array == i, 1.0, sigma_mm) for i in present}

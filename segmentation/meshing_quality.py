@@ -1,0 +1,64 @@
+"""How good a tetrahedral mesh is, and how well it follows the labels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from palpate.core.mesh import FACES_OF_CELL, TetMesh
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+from palpate.segmentation.volume import Volume
+
+SLIVER_DEG = 10.0
+
+
+def min_dihedral(points: FloatArray, cells: IntArray) -> FloatArray:
+    """Smallest angle (m,) in degrees between two faces of each cell."""
+    corners = points[cells][:, FACES_OF_CELL]
+    normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-30)
+    first, second = np.triu_indices(4, 1)
+    cosine = -np.einsum("mpk,mpk->mp", normal[:, first], normal[:, second])
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min(axis=1)
+
+
+def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
+    """Three times inscribed over circumscribed radius (m,): 1 for a regular cell, 0 for a flat one."""
+    a, b, c, d = (points[cells[:, i]] for i in range(4))
+    u, v, w = b - a, c - a, d - a
+    six_volume = np.abs(np.einsum("ij,ij->i", np.cross(u, v), w))
+    area = sum(0.5 * np.linalg.norm(np.cross(p, q), axis=1) for p, q in ((u, v), (v, w), (w, u), (c - b, d - b)))
+    squares = [np.einsum("ij,ij->i", p, p)[:, None] for p in (u, v, w)]
+    top = squares[0] * np.cross(v, w) + squares[1] * np.cross(w, u) + squares[2] * np.cross(u, v)
+    circumscribed = np.linalg.norm(top, axis=1) / (2.0 * six_volume)
+    return np.asarray(3.0 * (0.5 * six_volume / area) / circumscribed)
+
+
+def describe(mesh: TetMesh, labels: Volume) -> dict[str, Any]:
+    """Counts, angles, radius ratios, and the volume of each region beside that of its voxels."""
+    angles = min_dihedral(mesh.points, mesh.cells)
+    ratios = radius_ratio(mesh.points, mesh.cells)
+    voxel = float(np.abs(np.linalg.det(labels.affine[:3, :3])))
+    regions = {}
+    for region in np.unique(mesh.regions).tolist():
+        volume = float(mesh.volumes[mesh.regions == region].sum())
+        voxels = float((labels.array == region).sum() * voxel)
+        regions[str(region)] = {
+            "cells": int((mesh.regions == region).sum()),
+            "volume_mm3": volume,
+            "label_volume_mm3": voxels,
+            "volume_error": volume / voxels - 1.0,
+        }
+    return {
+        "cells": len(mesh.cells),
+        "points": len(mesh.points),
+        "regions": regions,
+        "min_dihedral_deg": float(angles.min()),
+        "slivers": int((angles < SLIVER_DEG).sum()),
+        "dihedral_deg_quantiles": _quantiles(angles),
+        "radius_ratio_quantiles": _quantiles(ratios),
+    }
+
+
+def _quantiles(values: FloatArray) -> dict[str, float]:
+    return {f"{q:g}": float(np.percentile(values, q)) for q in (0, 1, 5, 50, 95, 100)}

@@ -1,0 +1,119 @@
+"""What a point is made of: smooth fields of all labels, set against each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate.core.errors import InputError
+from palpate.segmentation.extend_labels import crop, extend_labels, without_specks
+from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField, smooth_field
+from palpate.segmentation.surfaces import MARGIN_MM, region_fields
+from palpate.segmentation.volume import Volume
+from scipy import ndimage
+
+OUTSIDE, TISSUE = 0, 3
+ORGAN_IDS = (1, 2)
+HOLE_NAMES = {4: "bone", 5: "bladder", 6: "rectum"}
+# Grid step of each field in mm: fine where the mesh is fine. -1 stands for the whole organ.
+ORGAN = -1
+STEP_MM = {ORGAN: 1.0, 5: 1.5, 6: 1.5, 4: 2.5, OUTSIDE: 3.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Partition:
+    """Divides space among organ regions, tissue, holes and outside.
+
+    bodies : smooth field of the whole organ (key ORGAN) and of each hole label present.
+    regions : smooth field of each organ region, meaningful inside the organ.
+    outside : smooth field of what is not modelled.
+    tissue : unsmoothed tissue distance, (grid volume) mm from the nearest tissue voxel.
+    """
+
+    bodies: dict[int, SmoothField]
+    regions: dict[int, SmoothField]
+    outside: SmoothField
+    tissue: SmoothField
+    tissue_reach_mm: float
+
+    def classify(self, points: FloatArray) -> IntArray:
+        """Label (n,) at points (n, 3) mm: 0, 1, 2, 3, 4, 5 or 6."""
+        values = np.stack([field.at(points) for field in self.bodies.values()])
+        best = values.max(axis=0)
+        label = np.array(list(self.bodies))[values.argmax(axis=0)]
+        label = np.where(self._tissue_score(points, best) > best, TISSUE, label)
+        inside = np.stack([field.at(points) for field in self.regions.values()])
+        label = np.where(label == ORGAN, np.array(list(self.regions))[inside.argmax(axis=0)], label)
+        return np.asarray(np.where(self.outside.at(points) > 0.0, OUTSIDE, label), dtype=np.int64)
+
+    def against_others(self, body: int) -> SmoothField:
+        """The field whose zero is the surface of one body, on that body's grid.
+
+        Where two bodies touch it is half the difference of theirs, so that both get one common surface.
+        """
+        own = self.bodies[body]
+        values = own.grid.array.astype(np.float64)
+        near = np.abs(values) < 3.0
+        points = own.grid.to_lps(np.argwhere(near).astype(float))
+        mine = values[near]
+        rest = [field.at(points) for key, field in self.bodies.items() if key != body]
+        others = np.max(rest, axis=0) if rest else np.full(len(points), -np.inf)
+        tissue = self._tissue_score(points, np.maximum(mine, others))
+        values[near] = 0.5 * (mine - np.maximum(others, tissue))
+        return SmoothField(own.grid.with_array(values))
+
+    def divide(self, first: int, second: int) -> SmoothField:
+        """The field whose zero is the surface between two organ regions: positive in the first."""
+        a, b = self.regions[first], self.regions[second]
+        return SmoothField(a.grid.with_array(0.5 * (a.grid.array - b.grid.array)))
+
+    def _tissue_score(self, points: FloatArray, best: FloatArray) -> FloatArray:
+        """What tissue has to set against the best body: its negative, or nothing where no tissue voxel is near.
+
+        Tissue is what the bodies leave, so that a layer one voxel thick is not smoothed away.
+        """
+        return np.where(self.tissue.at(points) < self.tissue_reach_mm, -best, -np.inf)
+
+
+def make_partition(labels: Volume) -> Partition:
+    """Smooth fields of a label volume. Raises InputError when the labels cannot be meshed."""
+    check_labels(labels)
+    full = extend_labels(labels)
+    bodies = {ORGAN: _field(full, without_specks(np.isin(full.array, ORGAN_IDS), 0.2), ORGAN)}
+    for label in HOLE_NAMES:
+        mask = without_specks(full.array == label)
+        if mask.any():
+            bodies[label] = _field(full, mask, label)
+    organ = np.isin(full.array, ORGAN_IDS)
+    near = crop(full.with_array(np.where(organ, full.array, 0)), organ, MARGIN_MM)
+    present = [i for i in ORGAN_IDS if (near.array == i).any()]
+    distance = ndimage.distance_transform_edt(full.array != TISSUE, sampling=full.spacing)
+    return Partition(
+        bodies=bodies,
+        regions=region_fields(near, present),
+        outside=_field(labels, labels.array == OUTSIDE, OUTSIDE),
+        tissue=SmoothField(full.with_array(distance.astype(np.float32))),
+        tissue_reach_mm=0.6 * float(np.linalg.norm(full.spacing)),
+    )
+
+
+def check_labels(labels: Volume) -> None:
+    """Raise InputError, in one line, when a label volume has no organ or no tissue or the organ runs into the edge."""
+    organ = np.isin(labels.array, ORGAN_IDS)
+    if not organ.any():
+        raise InputError("label volume has no organ voxel (labels 1, 2); draw the organ or check the label values")
+    if not (labels.array == TISSUE).any():
+        raise InputError("label volume has no surrounding tissue (label 3); give the organ at least 10 mm of tissue")
+    padded = np.pad(labels.array, 1, constant_values=OUTSIDE)
+    beside = ndimage.binary_dilation(np.pad(organ, 1)) & (padded == OUTSIDE)
+    if beside.any():
+        raise InputError(
+            f"the organ touches the edge of the modelled region at {int(beside.sum())} voxels; "
+            "label tissue (3) all around it or take a larger volume"
+        )
+
+
+def _field(labels: Volume, mask: NDArray[np.bool_], key: int) -> SmoothField:
+    near = crop(labels.with_array(mask), mask, MARGIN_MM)
+    return smooth_field(near, near.array, STEP_MM[key])

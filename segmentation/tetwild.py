@@ -1,0 +1,83 @@
+"""fTetWild, called in a process of its own.
+
+The library writes to standard output from C++ and can only be stopped by ending its process. Run as
+``python -m palpate.segmentation.tetwild IN.npz OUT.npz``.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate.core.errors import ConvergenceError
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Soup:
+    """What fTetWild is given.
+
+    points (n, 3) mm, faces (f, 3): triangles to be followed. size_points (s, 3), size_cells (t, 4), size_mm (s,):
+    a background mesh with the wished edge length. edge_mm: the wish beyond it. epsilon_mm: how far the result may
+    leave the triangles.
+    """
+
+    points: FloatArray
+    faces: IntArray
+    size_points: FloatArray
+    size_cells: IntArray
+    size_mm: FloatArray
+    edge_mm: float
+    epsilon_mm: float
+
+
+def tetrahedralize(soup: Soup, timeout_s: float = 600.0) -> tuple[FloatArray, IntArray]:
+    """All tetrahedra of the bounding box of a soup: points (n, 3) mm, cells (m, 4) of positive volume.
+
+    Nothing is filtered: what is inside is for the caller to say. Raises ConvergenceError when the mesher dies or
+    takes longer than ``timeout_s``.
+    """
+    with tempfile.TemporaryDirectory(prefix="palpate-mesh-") as folder:
+        given, made = Path(folder, "in.npz"), Path(folder, "out.npz")
+        arrays: dict[str, Any] = {name: np.asarray(value) for name, value in vars(soup).items()}
+        np.savez(given, **arrays)
+        command = [sys.executable, "-m", "palpate.segmentation.tetwild", str(given), str(made)]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=timeout_s, check=False)
+        except subprocess.TimeoutExpired as late:
+            raise ConvergenceError(f"meshing took longer than {timeout_s:g} s; ask for fewer elements") from late
+        if done.returncode != 0 or not made.exists():
+            last = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
+            raise ConvergenceError(f"the mesher ended with status {done.returncode}: {last[0]}")
+        with np.load(made) as result:
+            return result["points"], result["cells"]
+
+
+def _child(given: str, made: str) -> None:
+    import pytetwild
+
+    with np.load(given) as soup:
+        diagonal = float(np.linalg.norm(np.ptp(soup["points"], axis=0)))
+        points, cells = pytetwild.tetrahedralize(
+            soup["points"],
+            soup["faces"].astype(np.int32),
+            edge_length_abs=float(soup["edge_mm"]),
+            epsilon=float(soup["epsilon_mm"]) / diagonal,
+            coarsen=True,
+            num_threads=1,
+            vtk_ordering=True,
+            disable_filtering=True,
+            bg_vertices=soup["size_points"],
+            bg_tets=soup["size_cells"].astype(np.int32),
+            bg_values=soup["size_mm"],
+        )
+    np.savez(made, points=np.asarray(points, dtype=np.float64), cells=np.asarray(cells, dtype=np.int64))
+
+
+if __name__ == "__main__":
+    _child(sys.argv[1], sys.argv[2])
