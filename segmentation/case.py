@@ -1,0 +1,229 @@
+"""The case folder: one patient, two states, and what each step has written (CASE_FORMAT.md)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.segmentation import atomic
+from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.grid import in_lps_order
+from palpate.segmentation.itksnap import label_description, label_values
+from palpate.segmentation.landmarks import Landmarks, read_landmarks
+from palpate.segmentation.nifti_labels import read_labels, write_labels, write_nifti
+from palpate.segmentation.volume import Volume
+
+STATES = ("rest", "deformed")
+
+__all__ = ["STATES", "CaseFacts", "CaseFolder", "Landmarks"]
+
+
+class CaseFolder:
+    """An existing case folder.
+
+    path : the folder. facts : what case.json says.
+
+    Opening removes what killed runs left behind. All writing is atomic and raises InputError naming the file where
+    the folder is read-only or the disk full. Raises InputError when ``path`` is no case.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        if not self.path.is_dir():
+            raise InputError(
+                f"{self.path} is no folder; give the path of a case folder, or make one with `palpate import`"
+            )
+        if not self.has("case.json"):
+            raise InputError(
+                f"{self.path} has no case.json; give the path of a case folder, or make one with `palpate import`"
+            )
+        atomic.sweep(self.path)
+        self.facts = CaseFacts.from_dict(self.read_json("case.json"), str(self.file("case.json")))
+
+    @classmethod
+    def create(cls, path: Path | str, facts: CaseFacts) -> CaseFolder:
+        """A new case folder, or an existing case with its facts replaced.
+
+        Raises InputError when the folder exists, is no case and is not empty, or cannot be written.
+        """
+        folder = Path(path)
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder} is a file; choose a new folder for the case with -o")
+        if folder.is_dir():
+            atomic.sweep(folder)
+            if not (folder / "case.json").exists() and any(folder.iterdir()):
+                raise InputError(f"{folder} is not empty and no case; choose a new folder for the case with -o")
+        with atomic.writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        with atomic.atomic_path(folder / "case.json") as temporary:
+            temporary.write_text(_as_json(facts.to_dict()), encoding="utf-8")
+        return cls(folder)
+
+    def file(self, name: str) -> Path:
+        """The path of a file or folder of the case."""
+        return self.path / name
+
+    def has(self, name: str) -> bool:
+        """Whether the case holds this file or folder."""
+        return self.file(name).exists()
+
+    # Writing
+
+    def atomic_path(self, name: str) -> AbstractContextManager[Path]:
+        """A temporary path that becomes the file ``name`` when the ``with`` block ends well."""
+        return atomic.atomic_path(self.file(name))
+
+    def atomic_folder(self, name: str) -> AbstractContextManager[Path]:
+        """A temporary folder that becomes the folder ``name`` when the ``with`` block ends well."""
+        return atomic.atomic_folder(self.file(name))
+
+    def write_bytes(self, name: str, data: bytes) -> Path:
+        """Writes a file."""
+        with self.atomic_path(name) as temporary:
+            temporary.write_bytes(data)
+        return self.file(name)
+
+    def write_text(self, name: str, text: str) -> Path:
+        """Writes a text file in UTF-8."""
+        return self.write_bytes(name, text.encode())
+
+    def write_json(self, name: str, data: Any) -> Path:
+        """Writes a JSON file; numpy numbers and arrays become lists. Raises ValueError for NaN and infinity."""
+        return self.write_text(name, _as_json(data))
+
+    def write_npz(self, name: str, **arrays: Any) -> Path:
+        """Writes a compressed NumPy archive."""
+        with self.atomic_path(name) as temporary:
+            np.savez_compressed(temporary, **arrays)
+        return self.file(name)
+
+    def save_facts(self, facts: CaseFacts) -> None:
+        """Replaces case.json."""
+        self.write_json("case.json", facts.to_dict())
+        self.facts = facts
+
+    # Reading
+
+    def read_json(self, name: str) -> Any:
+        """The content of a JSON file. Raises InputError naming the file and the line when it is not JSON."""
+        path = self.file(name)
+        try:
+            return json.loads(path.read_text(encoding="utf-8-sig"))
+        except FileNotFoundError as error:
+            raise InputError(f"{path} is not there; run the step that writes it first") from error
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            where = f" at line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
+            raise InputError(f"{path} is not valid JSON{where}; correct it") from error
+
+    def read_npz(self, name: str) -> dict[str, np.ndarray]:
+        """The arrays of a NumPy archive. Raises InputError naming the file when it is missing or damaged."""
+        path = self.file(name)
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return {key: archive[key] for key in archive.files}
+        except FileNotFoundError as error:
+            raise InputError(f"{path} is not there; run the step that writes it first") from error
+        except (OSError, ValueError, EOFError) as error:
+            raise InputError(f"{path} is damaged; remove it and run the step that writes it again") from error
+
+    def has_labels(self, state: str) -> bool:
+        """Whether the case holds a label volume of ``state`` ("rest" or "deformed")."""
+        return self.has(f"{_known(state)}.nii.gz")
+
+    def labels(self, state: str) -> Volume:
+        """The label volume (uint8, values of LABELS) of a state, in the rest frame, axes in LPS order.
+
+        Numbers follow labels.txt where the case has one. Raises InputError naming the file.
+        """
+        values = label_values(self.file("labels.txt")) if self.has("labels.txt") else None
+        return in_lps_order(read_labels(self.file(f"{_known(state)}.nii.gz"), values))
+
+    def write_labels(self, state: str, labels: Volume) -> Path:
+        """Writes the label volume of a state, which must be in the rest frame, and labels.txt beside it."""
+        name = f"{_known(state)}.nii.gz"
+        with self.atomic_path(name) as temporary:
+            write_labels(temporary, labels)
+        self.write_text("labels.txt", label_description())
+        return self.file(name)
+
+    def write_volume(self, name: str, volume: Volume) -> Path:
+        """Writes any volume as NIfTI."""
+        with self.atomic_path(name) as temporary:
+            write_nifti(temporary, volume)
+        return self.file(name)
+
+    def deformed_to_rest(self) -> NDArray[np.float64]:
+        """The rigid transform (4, 4), LPS mm, that brings the deformed scan into the rest frame; identity without one."""
+        if not self.has("alignment.json"):
+            return np.eye(4)
+        return np.array(self.read_json("alignment.json")["deformed_to_rest"], dtype=np.float64)
+
+    def landmarks(self) -> Landmarks | None:
+        """The matched points of landmarks.csv; None where the case has none."""
+        return read_landmarks(self.file("landmarks.csv")) if self.has("landmarks.csv") else None
+
+    # Steps
+
+    def inputs_sha256(self, names: Iterable[str], options: Any = None) -> str:
+        """One hash of the named files and folders (absent ones count as absent) and of JSON-able options."""
+        digest = hashlib.sha256()
+        for name in sorted(names):
+            path = self.file(name)
+            members = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+            for member in members:
+                content = file_sha256(member) if member.is_file() else "absent"
+                digest.update(f"{member.relative_to(self.path).as_posix()}\0{content}\0".encode())
+        digest.update(_as_json(options).encode())
+        return digest.hexdigest()
+
+    def step_is_done(self, step: str, inputs_sha256: str) -> bool:
+        """Whether the step ran to its end on these inputs and its outputs are still there.
+
+        Outputs are not compared: a person may have corrected them, and a rerun must not undo that.
+        """
+        entry = self._state().get(step, {})
+        same = entry.get("done") is True and entry.get("inputs_sha256") == inputs_sha256
+        return same and all(self.has(name) for name in entry.get("outputs", []))
+
+    def mark_done(self, step: str, inputs_sha256: str, outputs: Iterable[str]) -> None:
+        """Notes in state.json that the step ran to its end; call it after its last file is written."""
+        entry = {"inputs_sha256": inputs_sha256, "outputs": list(outputs), "done": True}
+        self.write_json("state.json", {**self._state(), step: entry})
+
+    def _state(self) -> Mapping[str, Any]:
+        state = self.read_json("state.json") if self.has("state.json") else {}
+        if not isinstance(state, dict):
+            raise InputError(f"{self.file('state.json')} holds no JSON object; remove it and run the steps again")
+        return state
+
+
+def file_sha256(path: Path) -> str:
+    """The SHA-256 of a file's content, in hex."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _known(state: str) -> str:
+    if state not in STATES:
+        raise InputError(f"the state {state!r} is unknown; a case has {' and '.join(STATES)}")
+    return state
+
+
+def _as_json(data: Any) -> str:
+    return json.dumps(data, indent=2, allow_nan=False, default=_plain, ensure_ascii=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return value.as_posix()
+    raise TypeError(f"{type(value).__name__} is not JSON")

@@ -1,0 +1,67 @@
+"""Matched points of the two states: gold seeds, calcifications, markers."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+
+COLUMNS = ("name", "rest_x", "rest_y", "rest_z", "deformed_x", "deformed_y", "deformed_z")
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """names (n,), and the same points at rest and deformed, each (n, 3) mm in LPS."""
+
+    names: tuple[str, ...]
+    rest: NDArray[np.float64]
+    deformed: NDArray[np.float64]
+
+
+def read_landmarks(path: Path) -> Landmarks:
+    """The points of a CSV file in the form of CASE_FORMAT.md (landmarks.csv and the points files of states).
+
+    Raises InputError naming the file and the line when a column is missing, a value is no number, a name comes twice
+    or there is no point.
+    """
+    with path.open(newline="", encoding="utf-8-sig") as stream:
+        reader = csv.DictReader(stream)
+        header = [name.strip() for name in reader.fieldnames or ()]
+        missing = [column for column in COLUMNS if column not in header]
+        if missing:
+            raise InputError(f"{path} lacks the column {missing[0]}; its first line must be {','.join(COLUMNS)}")
+        reader.fieldnames = header
+        rows = [(_name(row, path, reader.line_num), _numbers(row, path, reader.line_num)) for row in reader]
+    names = tuple(name for name, _ in rows)
+    if not rows:
+        raise InputError(f"{path} holds no point; add points or remove the file")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{path} names the point {twice!r} more than once; give each its own name")
+    values = np.array([numbers for _, numbers in rows])
+    return Landmarks(names, values[:, :3], values[:, 3:])
+
+
+def _name(row: dict[str, str], path: Path, line: int) -> str:
+    name = (row["name"] or "").strip()
+    if not name:
+        raise InputError(f"{path} line {line}: the point has no name; give it one")
+    return name
+
+
+def _numbers(row: dict[str, str], path: Path, line: int) -> list[float]:
+    numbers = []
+    for column in COLUMNS[1:]:
+        try:
+            number = float(row[column])
+        except (TypeError, ValueError):
+            number = np.nan
+        if not np.isfinite(number):
+            raise InputError(f"{path} line {line}: {column} is {row[column]!r}; a number in mm is needed")
+        numbers.append(number)
+    return numbers
