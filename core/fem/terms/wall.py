@@ -14,8 +14,8 @@ import numpy as np
 
 from palpate.core.fem.terms.base import FloatArray, IntArray, PointSet
 
-# x (q, 3) -> distance (q,) mm, gradient (q, 3), second derivative (q, 3, 3) 1/mm.
-DistanceFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+# x (q, 3) -> signed distance (q,) mm and its gradient (q, 3).
+DistanceFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +51,15 @@ class SlidingWall:
 
     def evaluate(self, u: FloatArray, load: float, order: int) -> tuple[float, FloatArray, FloatArray]:
         """See `Term.evaluate`."""
-        d, normal, curvature = self.distance(self.rest + self.points.displacements(u))
+        d, normal = self.distance(self.rest + self.points.displacements(u))
         gap = d - self._wanted(load)
         w = self.stiffness * self.points.measure
         gradient = self.points.spread((w * gap)[:, None] * normal)
         k = 3 * self.points.nodes.shape[1]
         if order < 2:
             return 0.5 * float(w @ gap**2), gradient, np.zeros((0, k, k))
-        H = w[:, None, None] * (normal[:, :, None] * normal[:, None, :] + gap[:, None, None] * curvature)
+        # Without gap times the distance's curvature: the gap vanishes at the solution, and far from it that part is indefinite.
+        H = w[:, None, None] * normal[:, :, None] * normal[:, None, :]
         return 0.5 * float(w @ gap**2), gradient, self.points.spread_tangent(H)
 
     def _wanted(self, load: float) -> FloatArray:
