@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 from palpate.segmentation.volume import Volume
@@ -12,14 +13,20 @@ from palpate.segmentation.volume import Volume
 SLIVER_DEG = 10.0
 
 
-def min_dihedral(points: FloatArray, cells: IntArray) -> FloatArray:
-    """Smallest angle (m,) in degrees between two faces of each cell."""
+def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
+    """The six angles (m, 6) in degrees between the faces of each cell."""
     corners = points[cells][:, FACES_OF_CELL]
     normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-30)
     first, second = np.triu_indices(4, 1)
     cosine = -np.einsum("mpk,mpk->mp", normal[:, first], normal[:, second])
-    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min(axis=1)
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def flatness(points: FloatArray, cells: IntArray) -> FloatArray:
+    """How far the angles of each cell (m,) stay from 0 and 180 degrees: its smallest angle, or 180 less its largest."""
+    angles = dihedral_angles(points, cells)
+    return np.minimum(angles.min(axis=1), 180.0 - angles.max(axis=1))
 
 
 def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
@@ -36,7 +43,8 @@ def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
 
 def describe(mesh: TetMesh, labels: Volume) -> dict[str, Any]:
     """Counts, angles, radius ratios, and the volume of each region beside that of its voxels."""
-    angles = min_dihedral(mesh.points, mesh.cells)
+    every_angle = dihedral_angles(mesh.points, mesh.cells)
+    angles = every_angle.min(axis=1)
     ratios = radius_ratio(mesh.points, mesh.cells)
     voxel = float(np.abs(np.linalg.det(labels.affine[:3, :3])))
     regions = {}
@@ -54,6 +62,7 @@ def describe(mesh: TetMesh, labels: Volume) -> dict[str, Any]:
         "points": len(mesh.points),
         "regions": regions,
         "min_dihedral_deg": float(angles.min()),
+        "max_dihedral_deg": float(every_angle.max()),
         "slivers": int((angles < SLIVER_DEG).sum()),
         "dihedral_deg_quantiles": _quantiles(angles),
         "radius_ratio_quantiles": _quantiles(ratios),

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pyvista as pv
-from palpate.segmentation.partition import ORGAN, ORGAN_IDS, Partition
-from palpate.segmentation.smooth_field import FloatArray, IntArray
-from palpate.segmentation.tetwild import Soup
 from scipy.spatial import cKDTree
 
+from palpate.segmentation.partition import ORGAN, ORGAN_IDS, OUTSIDE, Partition
+from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
+from palpate.segmentation.tetwild import Soup
+
 # Wished edge of each surface as a multiple of the organ's.
-EDGE_FACTOR = {ORGAN: 1.0, 5: 1.25, 6: 1.2, 4: 2.2, 0: 2.8}
+EDGE_FACTOR = {ORGAN: 1.0, 5: 1.25, 6: 1.2, 4: 2.2, OUTSIDE: 2.8}
 # How far a surface runs on beyond the surface that ends it, so that the two are sewn together.
 LIP_MM = 0.5
+ORDERS = tuple(permutations(range(3)))
 
 
 def make_soup(partition: Partition, edge_mm: float, far_factor: float, grading: float) -> Soup:
@@ -21,11 +25,9 @@ def make_soup(partition: Partition, edge_mm: float, far_factor: float, grading: 
     edge_mm : wished edge on the organ.  far_factor : how much longer edges may be far away.
     grading : growth of the edge per mm of distance from the organ.
     """
-    parts = [_decimated(_ending_outside(partition, key), edge_mm * EDGE_FACTOR[key]) for key in partition.bodies]
-    parts.append(_decimated(partition.outside.contour(), edge_mm * EDGE_FACTOR[0]))
-    divide = _dividing_surface(partition)
-    if len(divide[1]):
-        parts.append(_decimated(divide, edge_mm))
+    parts = [_body(partition, key, edge_mm * EDGE_FACTOR[key]) for key in partition.bodies]
+    parts.append(_decimated(partition.outside.contour(), partition.outside, edge_mm * EDGE_FACTOR[OUTSIDE]))
+    parts.append(_divide(partition, edge_mm))
     starts = np.cumsum([0] + [len(points) for points, _ in parts])
     points = np.concatenate([points for points, _ in parts])
     faces = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
@@ -36,38 +38,53 @@ def make_soup(partition: Partition, edge_mm: float, far_factor: float, grading: 
     return Soup(points, faces, size_points, size_cells, size, far_factor * edge_mm, 0.12 * edge_mm)
 
 
-def _ending_outside(partition: Partition, key: int) -> tuple[FloatArray, IntArray]:
+def _body(partition: Partition, key: int, edge_mm: float) -> tuple[FloatArray, IntArray]:
     """The surface of one body, without what lies outside the modelled region."""
-    points, faces = partition.against_others(key).contour()
-    return points, faces[(partition.outside.at(points) < 3.0)[faces].any(axis=1)]
+    field = partition.against_others(key)
+    points, faces = field.contour()
+    return _decimated((points, faces[(partition.outside.at(points) < 3.0)[faces].any(axis=1)]), field, edge_mm)
 
 
-def _dividing_surface(partition: Partition) -> tuple[FloatArray, IntArray]:
-    """The surface between the two organ regions, ending just outside the organ."""
+def _divide(partition: Partition, edge_mm: float) -> tuple[FloatArray, IntArray]:
+    """The surface between the two organ regions, ending just outside the organ; no faces when there is one region."""
     if not all(i in partition.regions for i in ORGAN_IDS):
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    points, faces = partition.divide(*ORGAN_IDS).contour()
-    return points, faces[(partition.bodies[ORGAN].at(points) > -LIP_MM)[faces].all(axis=1)]
+    field = partition.divide(*ORGAN_IDS)
+    points, faces = field.contour()
+    inside = partition.bodies[ORGAN].at(points) > -LIP_MM
+    return _decimated((points, faces[inside[faces].all(axis=1)]), field, edge_mm)
 
 
-def _decimated(triangles: tuple[FloatArray, IntArray], edge_mm: float) -> tuple[FloatArray, IntArray]:
-    """A surface with triangles of about ``edge_mm`` that encloses the same volume."""
+def _decimated(
+    triangles: tuple[FloatArray, IntArray], field: SmoothField, edge_mm: float
+) -> tuple[FloatArray, IntArray]:
+    """A surface with triangles of about ``edge_mm``, its vertices on the zero of the field."""
     points, faces = triangles
+    if len(faces) == 0:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     used, inverse = np.unique(faces, return_inverse=True)
     surface = pv.PolyData(points[used], np.insert(inverse.reshape(-1, 3), 0, 3, axis=1).ravel())
-    share = surface.area / (np.sqrt(3.0) / 4.0 * edge_mm**2) / max(len(faces), 1)
+    share = surface.area / (np.sqrt(3.0) / 4.0 * edge_mm**2) / len(faces)
     if share < 1.0:
         surface = surface.decimate(1.0 - share, volume_preservation=True)
-    return np.asarray(surface.points, dtype=np.float64), np.asarray(surface.regular_faces, dtype=np.int64)
+    found = np.asarray(surface.points, dtype=np.float64)
+    # Quadric decimation throws single vertices far off nearly flat places.
+    for _ in range(3):
+        slope = field.gradient(found)
+        found = found - slope * (field.at(found) / np.maximum((slope**2).sum(axis=1), 0.25))[:, None]
+    return found, np.asarray(surface.regular_faces, dtype=np.int64)
 
 
 def _background(points: FloatArray, step_mm: float = 6.0) -> tuple[FloatArray, IntArray]:
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
     count = np.ceil((high - low) / step_mm).astype(int) + 1
-    image = pv.ImageData(dimensions=tuple(count), spacing=tuple((high - low) / (count - 1)), origin=tuple(low))
-    grid: pv.UnstructuredGrid = image.to_tetrahedra(tetra_per_cell=5)
-    cells = grid.cells.reshape(-1, 5)[:, 1:]
-    return np.asarray(grid.points, dtype=np.float64), np.asarray(cells, dtype=np.int64)
+    number = np.arange(count.prod()).reshape(count)
+    corner = number[:-1, :-1, :-1].ravel()[:, None, None]
+    # Kuhn's six cells of a cube: one for each order in which the three axes are gone along.
+    walks = [np.cumsum([0, *(int(number[tuple(step)]) for step in np.eye(3, dtype=int)[list(way)])]) for way in ORDERS]
+    axes = [np.linspace(low[i], high[i], count[i]) for i in range(3)]
+    place = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return place.reshape(-1, 3), (corner + np.array(walks)).reshape(-1, 4)
 
 
 def _distance_to_organ(partition: Partition, organ_points: FloatArray, points: FloatArray) -> FloatArray:

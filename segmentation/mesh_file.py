@@ -1,0 +1,66 @@
+"""Meshes on disk: one npz with the mesh, its named boundary and its quality; and the hash it is kept under."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.core.mesh import TetMesh
+from palpate.segmentation.smooth_field import IntArray
+from palpate.segmentation.volume import Volume
+
+# Raised when the way of meshing changes, so that meshes kept from before are not taken for new ones.
+RECIPE_VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What a mesh is made from: the labels, and the options by name."""
+
+    labels: Volume
+    options: dict[str, Any]
+
+
+def recipe_hash(recipe: Recipe) -> str:
+    """The sha256, in hex, of labels, placement, options and the mesher's version."""
+    facts = {
+        "recipe": RECIPE_VERSION,
+        "pytetwild": version("pytetwild"),
+        "options": recipe.options,
+        "shape": list(recipe.labels.array.shape),
+        "affine": np.round(recipe.labels.affine, 9).tolist(),
+    }
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    digest.update(np.ascontiguousarray(recipe.labels.array, dtype=np.uint8).tobytes())
+    return digest.hexdigest()
+
+
+def mesh_arrays(mesh: TetMesh, boundary: dict[str, IntArray]) -> dict[str, Any]:
+    """The arrays of a mesh by name: points, cells, regions, boundary_NAME."""
+    named: dict[str, Any] = {f"boundary_{name}": faces for name, faces in boundary.items()}
+    return {"points": mesh.points, "cells": mesh.cells, "regions": mesh.regions} | named
+
+
+def save_mesh(path: Path, mesh: TetMesh, boundary: dict[str, IntArray], quality: dict[str, Any]) -> None:
+    """Write a mesh; the file appears whole or not at all."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with part.open("wb") as stream:
+        np.savez_compressed(stream, quality=np.array(json.dumps(quality)), **mesh_arrays(mesh, boundary))
+    os.replace(part, path)
+
+
+def load_mesh(path: Path) -> tuple[TetMesh, dict[str, IntArray], dict[str, Any]]:
+    """The mesh, its named boundary faces and its quality from a file of ``save_mesh``."""
+    with np.load(path) as file:
+        mesh = TetMesh(file["points"], file["cells"], file["regions"])
+        prefix = "boundary_"
+        boundary = {name[len(prefix) :]: file[name] for name in file.files if name.startswith(prefix)}
+        quality = json.loads(str(file["quality"])) if "quality" in file.files else {}
+    return mesh, boundary, quality

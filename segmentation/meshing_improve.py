@@ -1,0 +1,91 @@
+"""Bad cells made better by moving their vertices one at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.core.mesh import FACES_OF_CELL
+from palpate.segmentation.mesh_cells import face_neighbours
+from palpate.segmentation.meshing_quality import flatness
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+
+# Directions tried: the corners, edges and faces of a cube.
+DIRECTIONS = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) != (0, 0, 0)])
+DIRECTIONS = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+STEPS = (0.25, 0.12, 0.05)
+
+
+def improve_cells(
+    points: FloatArray, cells: IntArray, normals: dict[int, FloatArray], wanted_deg: float = 18.0, rounds: int = 4
+) -> FloatArray:
+    """Points (n, 3) mm with cells flatter than ``wanted_deg`` (``flatness``) rounded where they can be.
+
+    normals : for a vertex on interfaces the unit normals (k, 3) it must not move along; free vertices are not named.
+    The points given are left as they are.
+    """
+    points = points.copy()
+    star_of = _stars(cells, len(points))
+    for _ in range(rounds):
+        angles = flatness(points, cells)
+        bad = np.flatnonzero(angles < wanted_deg)
+        moved = False
+        for node in np.unique(cells[bad]).tolist():
+            moved |= _improve_one(points, cells[star_of[node]], node, normals.get(node))
+        if not moved:
+            break
+    return points
+
+
+def tangent_limits(points: FloatArray, cells: IntArray, labels: IntArray) -> dict[int, FloatArray]:
+    """For each vertex on a face between different labels, the unit directions (k, 3), k = 1 to 3, it must not move along.
+
+    One direction on a smooth surface, two where surfaces meet or fold, three at a corner.
+    """
+    across = face_neighbours(cells)
+    beyond = np.where(across >= 0, labels[across], -1)
+    faces = cells[:, FACES_OF_CELL][labels[:, None] != beyond]
+    normal = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    spread = np.zeros((len(points), 3, 3))
+    for corner in range(3):
+        np.add.at(spread, faces[:, corner], normal[:, :, None] * normal[:, None, :])
+    values, vectors = np.linalg.eigh(spread)
+    # Eigenvalues are squares: 0.15 lets a surface bend by some 20 degrees around a vertex before it counts as folded.
+    strong = values > 0.15 * np.maximum(values[:, -1:], 1e-12)
+    return {int(i): vectors[i][:, strong[i]].T for i in np.unique(faces)}
+
+
+def _stars(cells: IntArray, n_points: int) -> list[IntArray]:
+    order = np.argsort(cells.ravel(), kind="stable")
+    ends = np.cumsum(np.bincount(cells.ravel(), minlength=n_points))
+    return [part // 4 for part in np.split(order, ends[:-1])]
+
+
+def _improve_one(points: FloatArray, star: IntArray, node: int, fixed: FloatArray | None) -> bool:
+    """Move one vertex to the best of a few places around it; False when none is better."""
+    directions = DIRECTIONS
+    if fixed is not None:
+        # Only moves in the tangent plane, or along the line in which two interfaces meet.
+        directions = DIRECTIONS @ (np.eye(3) - np.linalg.pinv(fixed) @ fixed)
+        length = np.linalg.norm(directions, axis=1)
+        directions = directions[length > 0.3] / length[length > 0.3, None]
+        if len(directions) == 0:
+            return False
+    around = points[star]
+    here = points[node]
+    size = float(np.linalg.norm(around - here, axis=2).max(axis=1).mean())
+    moves = np.concatenate([step * size * directions for step in STEPS])
+    own = star == node
+    trials = np.where(own[None, :, :, None], here + moves[:, None, None, :], around[None])
+    flat = trials.reshape(-1, 3)
+    index = np.arange(len(flat)).reshape(-1, 4)
+    angle = flatness(flat, index)
+    a, b, c, d = (flat[index[:, i]] for i in range(4))
+    angle[np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) <= 0.0] = -1.0
+    worst = angle.reshape(len(moves), -1).min(axis=1)
+    present = float(flatness(points, star).min())
+    best = int(np.argmax(worst))
+    if worst[best] <= present + 0.1:
+        return False
+    points[node] = here + moves[best]
+    return True
