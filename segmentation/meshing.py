@@ -114,12 +114,13 @@ def _fitted(
     points: FloatArray, cells: IntArray, partition: Partition
 ) -> tuple[FloatArray, IntArray, dict[str, Interface]]:
     """Points moved onto the smooth surfaces, the label of each cell, and the interfaces."""
-    # Labels are asked again after the first fit: a flat cell on a surface may then lie on its other side.
-    for _ in range(2):
-        labels = clean_labels(cells, label_cells(points, cells, partition), len(points))
-        surfaces = interfaces_of(cells, labels, partition)
-        guarded = cells[np.isin(labels, KEPT)]
-        points = fit_interfaces(points, guarded, list(surfaces.values()))
+    labels = clean_labels(cells, label_cells(points, cells, partition), len(points))
+    points = fit_interfaces(points, cells, list(interfaces_of(cells, labels, partition).values()))
+    # Asked again after the first fit: a flat cell on a surface may now lie on its other side.
+    labels = clean_labels(cells, label_cells(points, cells, partition), len(points))
+    surfaces = interfaces_of(cells, labels, partition)
+    guarded = cells[np.isin(labels, KEPT)]
+    points = fit_interfaces(points, guarded, list(surfaces.values()))
     for _ in range(2):
         points = improve_cells(points, guarded, tangent_limits(points, cells, labels))
         points = fit_interfaces(points, guarded, list(surfaces.values()), rounds=1)

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import cg
 
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.segmentation.mesh_cells import KEPT, face_neighbours
-from palpate.segmentation.meshing_quality import flatness
+from palpate.segmentation.meshing_quality import shape
 from palpate.segmentation.partition import HOLE_NAMES, ORGAN, ORGAN_IDS, OUTSIDE, Partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
 
@@ -88,12 +88,12 @@ def fit_interfaces(points: FloatArray, cells: IntArray, interfaces: list[Interfa
 
 def guarded_move(points: FloatArray, cells: IntArray, move: FloatArray) -> FloatArray:
     """Points moved by ``move`` (n, 3) where that leaves every cell in shape, by less or not at all elsewhere."""
-    before = flatness(points, cells)
+    before = shape(points, cells)
     bound = np.minimum(before - 0.5, FLOOR_DEG)
     share = np.ones(len(points))
     for halving in range(7):
         moved = points + share[:, None] * move
-        bad = (flatness(moved, cells) < bound) | (_volumes(moved, cells) <= 0.0)
+        bad = (shape(moved, cells) < bound) | (_volumes(moved, cells) <= 0.0)
         if not bad.any():
             return moved
         share[np.unique(cells[bad])] *= 0.5 if halving < 5 else 0.0

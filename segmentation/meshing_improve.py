@@ -6,7 +6,7 @@ import numpy as np
 
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.segmentation.mesh_cells import face_neighbours
-from palpate.segmentation.meshing_quality import flatness
+from palpate.segmentation.meshing_quality import shape
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 # Directions tried: the corners, edges and faces of a cube.
@@ -18,7 +18,7 @@ STEPS = (0.25, 0.12, 0.05)
 def improve_cells(
     points: FloatArray, cells: IntArray, normals: dict[int, FloatArray], wanted_deg: float = 18.0, rounds: int = 4
 ) -> FloatArray:
-    """Points (n, 3) mm with cells flatter than ``wanted_deg`` (``flatness``) rounded where they can be.
+    """Points (n, 3) mm with cells flatter than ``wanted_deg`` (by ``shape``) rounded where they can be.
 
     normals : for a vertex on interfaces the unit normals (k, 3) it must not move along; free vertices are not named.
     The points given are left as they are.
@@ -26,7 +26,7 @@ def improve_cells(
     points = points.copy()
     star_of = _stars(cells, len(points))
     for _ in range(rounds):
-        angles = flatness(points, cells)
+        angles = shape(points, cells)
         bad = np.flatnonzero(angles < wanted_deg)
         moved = False
         for node in np.unique(cells[bad]).tolist():
@@ -79,11 +79,11 @@ def _improve_one(points: FloatArray, star: IntArray, node: int, fixed: FloatArra
     trials = np.where(own[None, :, :, None], here + moves[:, None, None, :], around[None])
     flat = trials.reshape(-1, 3)
     index = np.arange(len(flat)).reshape(-1, 4)
-    angle = flatness(flat, index)
+    angle = shape(flat, index)
     a, b, c, d = (flat[index[:, i]] for i in range(4))
     angle[np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) <= 0.0] = -1.0
     worst = angle.reshape(len(moves), -1).min(axis=1)
-    present = float(flatness(points, star).min())
+    present = float(shape(points, star).min())
     best = int(np.argmax(worst))
     if worst[best] <= present + 0.1:
         return False

@@ -23,12 +23,6 @@ def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def flatness(points: FloatArray, cells: IntArray) -> FloatArray:
-    """How far the angles of each cell (m,) stay from 0 and 180 degrees: its smallest angle, or 180 less its largest."""
-    angles = dihedral_angles(points, cells)
-    return np.minimum(angles.min(axis=1), 180.0 - angles.max(axis=1))
-
-
 def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
     """Three times inscribed over circumscribed radius (m,): 1 for a regular cell, 0 for a flat one."""
     a, b, c, d = (points[cells[:, i]] for i in range(4))
@@ -37,8 +31,18 @@ def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
     area = sum(0.5 * np.linalg.norm(np.cross(p, q), axis=1) for p, q in ((u, v), (v, w), (w, u), (c - b, d - b)))
     squares = [np.einsum("ij,ij->i", p, p)[:, None] for p in (u, v, w)]
     top = squares[0] * np.cross(v, w) + squares[1] * np.cross(w, u) + squares[2] * np.cross(u, v)
-    circumscribed = np.linalg.norm(top, axis=1) / (2.0 * six_volume)
-    return np.asarray(3.0 * (0.5 * six_volume / area) / circumscribed)
+    twelve_volume_radius = np.maximum(np.linalg.norm(top, axis=1), 1e-30)
+    return np.asarray(3.0 * six_volume**2 / (area * twelve_volume_radius))
+
+
+def shape(points: FloatArray, cells: IntArray) -> FloatArray:
+    """One figure of shape (m,) in degrees: how far a cell's angles stay from 0 and 180, and its radius ratio times 120.
+
+    A regular cell has 70. A cell with four points near a circle can have fair angles and a radius ratio near zero.
+    """
+    angles = dihedral_angles(points, cells)
+    ratio = radius_ratio(points, cells)
+    return np.minimum(np.minimum(angles.min(axis=1), 180.0 - angles.max(axis=1)), 120.0 * ratio)
 
 
 def describe(mesh: TetMesh, labels: Volume) -> dict[str, Any]:

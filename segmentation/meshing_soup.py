@@ -13,7 +13,7 @@ from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
 from palpate.segmentation.tetwild import Soup
 
 # Wished edge of each surface as a multiple of the organ's.
-EDGE_FACTOR = {ORGAN: 1.0, 5: 1.25, 6: 1.2, 4: 2.2, OUTSIDE: 2.8}
+EDGE_FACTOR = {ORGAN: 1.0, 5: 1.15, 6: 1.15, 4: 1.7, OUTSIDE: 2.8}
 # How far a surface runs on beyond the surface that ends it, so that the two are sewn together.
 LIP_MM = 0.5
 ORDERS = tuple(permutations(range(3)))
