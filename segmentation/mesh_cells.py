@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate.core.mesh import FACES_OF_CELL
-from palpate.segmentation.partition import HOLE_NAMES, ORGAN_IDS, OUTSIDE, TISSUE, Partition
-from palpate.segmentation.smooth_field import FloatArray, IntArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-KEPT = (*ORGAN_IDS, TISSUE)
+from palpate.core.mesh import FACES_OF_CELL
+from palpate.segmentation.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
+from palpate.segmentation.partition import HOLE_NAMES, Partition
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+
+KEPT = (*ORGAN_LABELS, SURROUNDING_TISSUE)
 # Barycentric points at which a cell is asked what it is: its centroid and four towards the corners.
 ASKED = np.vstack([np.full((1, 4), 0.25), 0.15 + 0.4 * np.eye(4)])
 
@@ -57,14 +59,14 @@ def clean_labels(cells: IntArray, labels: IntArray, n_points: int) -> IntArray:
     """
     labels = labels.copy()
     across = face_neighbours(cells)
-    for region in ORGAN_IDS:
+    for region in ORGAN_LABELS:
         loose = parts_of(across, labels == region) > 0
         _give_to_neighbours(labels, across, loose, [i for i in KEPT if i != region])
     holes = [*HOLE_NAMES, OUTSIDE]
     for _ in range(10):
         kept = np.isin(labels, KEPT)
         loose = parts_of(across, kept) > 0
-        loose |= (labels == TISSUE) & _hinged(cells, across, kept, n_points)
+        loose |= (labels == SURROUNDING_TISSUE) & _hinged(cells, across, kept, n_points)
         if not loose.any():
             break
         _give_to_neighbours(labels, across, loose, holes)

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
+from palpate.segmentation.labels import OUTSIDE
 from palpate.segmentation.mesh_cells import KEPT, clean_labels, face_neighbours, label_cells
 from palpate.segmentation.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
 from palpate.segmentation.meshing_fit import Interface, fit_interfaces, interface_report, interfaces_of
 from palpate.segmentation.meshing_improve import improve_cells, tangent_limits
 from palpate.segmentation.meshing_quality import describe
 from palpate.segmentation.meshing_soup import make_soup
-from palpate.segmentation.partition import HOLE_NAMES, OUTSIDE, Partition, make_partition
+from palpate.segmentation.partition import HOLE_NAMES, Partition, make_partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 from palpate.segmentation.tetwild import tetrahedralize
 from palpate.segmentation.volume import Volume

@@ -15,9 +15,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import cg
 
 from palpate.core.mesh import FACES_OF_CELL
+from palpate.segmentation.labels import ORGAN_LABELS, OUTSIDE
 from palpate.segmentation.mesh_cells import KEPT, face_neighbours
 from palpate.segmentation.meshing_quality import shape
-from palpate.segmentation.partition import HOLE_NAMES, ORGAN, ORGAN_IDS, OUTSIDE, Partition
+from palpate.segmentation.partition import HOLE_NAMES, ORGAN, Partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
 
 # A vertex may move by this share of its shortest surface edge in one fit.
@@ -47,11 +48,11 @@ def interfaces_of(cells: IntArray, labels: IntArray, partition: Partition) -> di
     across = face_neighbours(cells)
     beyond = np.where(across >= 0, labels[across], OUTSIDE)
     faces = cells[:, FACES_OF_CELL]
-    organ, other_organ = np.isin(labels, ORGAN_IDS)[:, None], np.isin(beyond, ORGAN_IDS)
+    organ, other_organ = np.isin(labels, ORGAN_LABELS)[:, None], np.isin(beyond, ORGAN_LABELS)
     found = {"organ": Interface(faces[organ & ~other_organ], partition.against_others(ORGAN))}
-    divide = (labels == ORGAN_IDS[0])[:, None] & (beyond == ORGAN_IDS[1])
+    divide = (labels == ORGAN_LABELS[0])[:, None] & (beyond == ORGAN_LABELS[1])
     if divide.any():
-        found["divide"] = Interface(faces[divide], partition.divide(*ORGAN_IDS))
+        found["divide"] = Interface(faces[divide], partition.divide(*ORGAN_LABELS))
     for label, name in HOLE_NAMES.items():
         wall = (labels == label)[:, None] & np.isin(beyond, KEPT)
         if wall.any():

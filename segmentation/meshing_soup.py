@@ -8,12 +8,13 @@ import numpy as np
 import pyvista as pv
 from scipy.spatial import cKDTree
 
-from palpate.segmentation.partition import ORGAN, ORGAN_IDS, OUTSIDE, Partition
+from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM
+from palpate.segmentation.partition import ORGAN, Partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
 from palpate.segmentation.tetwild import Soup
 
 # Wished edge of each surface as a multiple of the organ's.
-EDGE_FACTOR = {ORGAN: 1.0, 5: 1.15, 6: 1.15, 4: 1.7, OUTSIDE: 2.8}
+EDGE_FACTOR = {ORGAN: 1.0, BLADDER: 1.15, RECTUM: 1.15, BONE: 1.7, OUTSIDE: 2.8}
 # How far a surface runs on beyond the surface that ends it, so that the two are sewn together.
 LIP_MM = 0.5
 ORDERS = tuple(permutations(range(3)))
@@ -47,9 +48,9 @@ def _body(partition: Partition, key: int, edge_mm: float) -> tuple[FloatArray, I
 
 def _divide(partition: Partition, edge_mm: float) -> tuple[FloatArray, IntArray]:
     """The surface between the two organ regions, ending just outside the organ; no faces when there is one region."""
-    if not all(i in partition.regions for i in ORGAN_IDS):
+    if not all(i in partition.regions for i in ORGAN_LABELS):
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    field = partition.divide(*ORGAN_IDS)
+    field = partition.divide(*ORGAN_LABELS)
     points, faces = field.contour()
     inside = partition.bodies[ORGAN].at(points) > -LIP_MM
     return _decimated((points, faces[inside[faces].all(axis=1)]), field, edge_mm)

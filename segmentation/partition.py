@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+
 from palpate.core.errors import InputError
 from palpate.segmentation.extend_labels import crop, extend_labels, without_specks
+from palpate.segmentation.labels import BLADDER, BONE, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField, smooth_field
 from palpate.segmentation.surfaces import MARGIN_MM, region_fields
 from palpate.segmentation.volume import Volume
-from scipy import ndimage
 
-OUTSIDE, TISSUE = 0, 3
-ORGAN_IDS = (1, 2)
-HOLE_NAMES = {4: "bone", 5: "bladder", 6: "rectum"}
+HOLE_NAMES = {label: LABELS[label] for label in (BONE, BLADDER, RECTUM)}
 # Grid step of each field in mm: fine where the mesh is fine. -1 stands for the whole organ.
 ORGAN = -1
-STEP_MM = {ORGAN: 1.0, 5: 1.5, 6: 1.5, 4: 2.5, OUTSIDE: 3.0}
+STEP_MM = {ORGAN: 1.0, BLADDER: 1.5, RECTUM: 1.5, BONE: 2.5, OUTSIDE: 3.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Partition:
         values = np.stack([field.at(points) for field in self.bodies.values()])
         best = values.max(axis=0)
         label = np.array(list(self.bodies))[values.argmax(axis=0)]
-        label = np.where(self._tissue_score(points, best) > best, TISSUE, label)
+        label = np.where(self._tissue_score(points, best) > best, SURROUNDING_TISSUE, label)
         inside = np.stack([field.at(points) for field in self.regions.values()])
         label = np.where(label == ORGAN, np.array(list(self.regions))[inside.argmax(axis=0)], label)
         return np.asarray(np.where(self.outside.at(points) > 0.0, OUTSIDE, label), dtype=np.int64)
@@ -80,15 +80,15 @@ def make_partition(labels: Volume) -> Partition:
     """Smooth fields of a label volume. Raises InputError when the labels cannot be meshed."""
     check_labels(labels)
     full = extend_labels(labels)
-    bodies = {ORGAN: _field(full, without_specks(np.isin(full.array, ORGAN_IDS), 0.2), ORGAN)}
+    bodies = {ORGAN: _field(full, without_specks(np.isin(full.array, ORGAN_LABELS), 0.2), ORGAN)}
     for label in HOLE_NAMES:
         mask = without_specks(full.array == label)
         if mask.any():
             bodies[label] = _field(full, mask, label)
-    organ = np.isin(full.array, ORGAN_IDS)
+    organ = np.isin(full.array, ORGAN_LABELS)
     near = crop(full.with_array(np.where(organ, full.array, 0)), organ, MARGIN_MM)
-    present = [i for i in ORGAN_IDS if (near.array == i).any()]
-    distance = ndimage.distance_transform_edt(full.array != TISSUE, sampling=full.spacing)
+    present = [i for i in ORGAN_LABELS if (near.array == i).any()]
+    distance = ndimage.distance_transform_edt(full.array != SURROUNDING_TISSUE, sampling=full.spacing)
     return Partition(
         bodies=bodies,
         regions=region_fields(near, present),
@@ -100,10 +100,10 @@ def make_partition(labels: Volume) -> Partition:
 
 def check_labels(labels: Volume) -> None:
     """Raise InputError, in one line, when a label volume has no organ or no tissue or the organ runs into the edge."""
-    organ = np.isin(labels.array, ORGAN_IDS)
+    organ = np.isin(labels.array, ORGAN_LABELS)
     if not organ.any():
         raise InputError("label volume has no organ voxel (labels 1, 2); draw the organ or check the label values")
-    if not (labels.array == TISSUE).any():
+    if not (labels.array == SURROUNDING_TISSUE).any():
         raise InputError("label volume has no surrounding tissue (label 3); give the organ at least 10 mm of tissue")
     padded = np.pad(labels.array, 1, constant_values=OUTSIDE)
     beside = ndimage.binary_dilation(np.pad(organ, 1)) & (padded == OUTSIDE)

@@ -6,6 +6,8 @@ The library writes to standard output from C++ and can only be stopped by ending
 
 from __future__ import annotations
 
+import ctypes
+import signal
 import subprocess
 import sys
 import tempfile
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from palpate.core.errors import ConvergenceError
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 
@@ -58,8 +61,17 @@ def tetrahedralize(soup: Soup, timeout_s: float = 600.0) -> tuple[FloatArray, In
             return result["points"], result["cells"]
 
 
+def _die_with_parent() -> None:
+    """On Linux, have this process killed when the one that started it dies: C++ cannot be interrupted from Python."""
+    if sys.platform == "linux":
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
 def _child(given: str, made: str) -> None:
     import pytetwild
+
+    _die_with_parent()
 
     with np.load(given) as soup:
         diagonal = float(np.linalg.norm(np.ptp(soup["points"], axis=0)))
