@@ -85,3 +85,17 @@ def face_points(nodes: FloatArray, face_nodes: IntArray) -> PointSet:
     area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
     n = len(face_nodes)
     return PointSet(np.repeat(face_nodes, 3, axis=0), np.tile(shape, (n, 1)), np.repeat(area / 3.0, 3))
+
+
+def face_node_points(face_nodes: IntArray, nodes: FloatArray) -> PointSet:
+    """The nodes of faces (f, 3 or 6) themselves, each with an equal share of its faces' rest area, mm2.
+
+    One point per node constrains each node's normal once; more quadrature points than nodes would resist sliding along a
+    curved surface.
+    """
+    X = nodes[face_nodes[:, :3]]
+    area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
+    total = np.zeros(len(nodes))
+    np.add.at(total, face_nodes, (area / face_nodes.shape[1])[:, None])
+    used = np.unique(face_nodes)
+    return PointSet(used[:, None], np.ones((len(used), 1)), total[used])

@@ -1,6 +1,6 @@
 """A wall that must lie on a surface seen in the deformed scan and may slide along it.
 
-Only the normal part of a wall's motion is visible. Each quadrature point x = X + u is held at the distance from the deformed
+Only the normal part of a wall's motion is visible. Each wall point x = X + u is held at the distance from the deformed
 surface that it had from the rest surface, d(x) = d_rest(X); along the surface it is free, so mechanics chooses the motion of
 least energy. The constraint is a stiff penalty; under partial load the wanted distance goes from the present d(X) to the final one.
 """

@@ -1,0 +1,88 @@
+"""The `coupled` boundary: organ and tissue in one system, driven by the walls, the organ's own surface left to be predicted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.sensitivity import direct
+from palpate.core.fem.space import Space
+from palpate.core.fem.terms.base import face_node_points
+from palpate.core.fem.terms.wall import SlidingWall
+from palpate.core.identify.parameters import StiffnessParameters
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.observe.distance_field import SignedDistanceField
+from palpate.core.observe.surface_observation import SurfaceObservation
+
+FloatArray = NDArray[np.float64]
+
+# Wall stiffness over the tissue's shear modulus, 1/mm: tissue pulls on a wall with less than its modulus, so walls stay
+# within 0.02 mm of what was seen, a twentieth of contour noise.
+WALL_STIFFNESS = 50.0
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """How a problem is discretised. element : see core.fem.elements. solver : "auto", "pardiso" or "superlu"."""
+
+    element: str = "p2p1"
+    solver: str = "auto"
+    split_mu: bool = False
+
+
+class CoupledScene:
+    """One problem, ready to be solved for any stiffness.
+
+    Raises InputError when the problem has nothing that deforms the organ or nothing that holds it.
+    """
+
+    def __init__(self, problem: IdentificationProblem, options: SceneOptions | None = None) -> None:
+        options = options or SceneOptions()
+        self.problem = problem
+        self.parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
+        self.space = Space.of(problem.mesh, options.element)
+        self.walls = [
+            _wall(self.space, problem, name, pair)
+            for name, pair in problem.walls.items()
+            if name in problem.boundary and len(pair.rest.faces) and len(pair.deformed.faces)
+        ]
+        if not self.walls:
+            raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
+        free = np.ones((self.space.n_nodes, 3), dtype=bool)
+        free[self._held_nodes()] = False
+        if free.all():
+            raise InputError("the case has no bone and no fixed outer surface: nothing holds the organ in place")
+        self.assembler = Assembler(self.space, free.ravel(), self.walls, options.solver)
+        self.observation = SurfaceObservation.of(problem, self.space)
+
+    def solve(
+        self, theta: FloatArray, start: State | FloatArray | None = None, options: NewtonOptions | None = None
+    ) -> Equilibrium:
+        """Equilibrium at parameters theta."""
+        return solve_equilibrium(self.assembler, self.parameters.materials(theta), start=start, options=options)
+
+    def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
+        """du/dtheta (t, n, 3) mm; the factor must be that of `found` (a solve with its stability check leaves it)."""
+        return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
+
+    def _held_nodes(self) -> NDArray[np.int64]:
+        names = ("bone", "outer") if self.problem.facts.outer_fixed else ("bone",)
+        faces = [self.problem.boundary[n] for n in names if n in self.problem.boundary]
+        if not faces:
+            return np.zeros(0, dtype=np.int64)
+        return np.unique(self.space.face_nodes(np.vstack(faces)))
+
+
+def _wall(space: Space, problem: IdentificationProblem, name: str, pair: SurfacePair) -> SlidingWall:
+    points = face_node_points(space.face_nodes(problem.boundary[name]), space.nodes)
+    rest = points.positions(space.nodes)
+    at_rest, deformed = (
+        SignedDistanceField.from_surface(s.points, s.faces).value_and_gradient for s in (pair.rest, pair.deformed)
+    )
+    stiffness = WALL_STIFFNESS * problem.facts.tissue_shear_modulus_kpa
+    return SlidingWall.between(points, rest, at_rest, deformed, stiffness)

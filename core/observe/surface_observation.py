@@ -1,0 +1,111 @@
+"""What two scans show of the organ: how far its predicted surface is from the one that was seen, along the normal.
+
+The residual of a point X of the rest surface is d(X + u(X)), d the signed distance of the deformed organ's surface: the
+one-sided distance of paper Eqs 11 to 13 with a sign, so that its square is the paper's objective and its derivative exists.
+Points near the line where regions meet are left out, as the paper leaves out shared nodes (its section 3.2.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from palpate.core.fem.space import Space
+from palpate.core.problem import IdentificationProblem, Surface
+from palpate.core.observe.distance_field import SignedDistanceField
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Points closer than this to the dividing line of two regions are left out.
+RIM_MM = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceObservation:
+    """points : (q, 3) mm on the organ's rest surface; normals (q, 3); region (q,); area (q,) mm2 each stands for.
+
+    operator : (q, n) takes nodal displacements to the points. target : signed distance of the deformed surface.
+    landmarks : (k, 6), their operator (k, n).
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    region: IntArray
+    area: FloatArray
+    operator: sp.csr_matrix
+    target: SignedDistanceField
+    landmarks: FloatArray
+    landmark_operator: sp.csr_matrix
+
+    @classmethod
+    def of(cls, problem: IdentificationProblem, space: Space, spacing_mm: float = 2.0) -> SurfaceObservation:
+        """Sample the organ's rest surface about every `spacing_mm`."""
+        points, normals, region, area = sample_surface(problem.organ.rest, spacing_mm)
+        deformed = problem.organ.deformed
+        return cls(
+            points,
+            normals,
+            region,
+            area,
+            space.interpolation(points, problem.regions),
+            SignedDistanceField.from_surface(deformed.points, deformed.faces),
+            problem.landmarks,
+            space.interpolation(problem.landmarks[:, :3], problem.regions),
+        )
+
+    def residual(self, u: FloatArray) -> FloatArray:
+        """(q,) mm for nodal displacements u (n, 3)."""
+        return self.target.value_and_gradient(self.points + self.operator @ u)[0]
+
+    def residual_and_normal(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residual (q,) and its derivative in the points' displacement (q, 3)."""
+        return self.target.value_and_gradient(self.points + self.operator @ u)
+
+    def jacobian(self, u: FloatArray, sensitivities: FloatArray) -> FloatArray:
+        """(q, t) derivative of the residual for du/dtheta (t, n, 3)."""
+        _, normal = self.residual_and_normal(u)
+        return np.stack([((self.operator @ s) * normal).sum(axis=1) for s in sensitivities], axis=1)
+
+    def landmark_residual(self, u: FloatArray) -> FloatArray:
+        """(k, 3) mm, predicted minus seen position of interior points."""
+        return self.landmarks[:, :3] + self.landmark_operator @ u - self.landmarks[:, 3:]
+
+
+def sample_surface(surface: Surface, spacing_mm: float) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
+    """Points (q, 3), outward normals, regions and areas of a surface, about `spacing_mm` apart, away from dividing lines.
+
+    Triangle centres are gathered into cubes of that size; each cube gives its area-weighted centre's nearest triangle centre.
+    """
+    X = surface.points[surface.faces]
+    cross = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+    area = 0.5 * np.linalg.norm(cross, axis=1)
+    centre = X.mean(axis=1)
+    normal = cross / np.maximum(2.0 * area, 1e-30)[:, None]
+    keep = _away_from_rim(surface, centre)
+    area, centre, normal, region = area[keep], centre[keep], normal[keep], surface.region[keep]
+    cube = np.floor(centre / spacing_mm).astype(np.int64)
+    keys = np.column_stack([cube, region])
+    _, group = np.unique(keys, axis=0, return_inverse=True)
+    group = group.ravel()
+    total = np.bincount(group, area)
+    mean = np.stack([np.bincount(group, area * centre[:, i]) for i in range(3)], axis=1) / total[:, None]
+    _, nearest = cKDTree(centre).query(mean)
+    return centre[nearest], normal[nearest], region[nearest], total
+
+
+def _away_from_rim(surface: Surface, centre: FloatArray) -> NDArray[np.bool_]:
+    low = np.full(len(surface.points), np.iinfo(np.int64).max)
+    high = np.full(len(surface.points), -1)
+    for k in range(3):
+        np.minimum.at(low, surface.faces[:, k], surface.region)
+        np.maximum.at(high, surface.faces[:, k], surface.region)
+    rim = np.flatnonzero(low < high)
+    if len(rim) == 0:
+        return np.ones(len(centre), dtype=bool)
+    distance, _ = cKDTree(surface.points[rim]).query(centre)
+    return distance > RIM_MM

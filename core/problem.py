@@ -1,0 +1,131 @@
+"""Everything numerical that identification needs of a case, as plain arrays: it travels to the worker as one file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.mesh import TetMesh
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles with outward normals: points (n, 3) mm, faces (f, 3), region (f,) label of each face."""
+
+    points: FloatArray
+    faces: IntArray
+    region: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePair:
+    """One anatomical surface as the two scans show it, in one frame."""
+
+    rest: Surface
+    deformed: Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """Scalars of a case.
+
+    tissue_shear_modulus_kpa, tissue_poisson_ratio : of the surrounding tissue. bounds_kpa : of every region's G.
+    noise_sd_mm, noise_correlation_mm : of one contour, along its normal. outer_fixed : whether the outer surface is held.
+    organ_poisson_ratio : fixes the organ's bulk modulus relative to its G; not identified. voxel_mm : for reports.
+    """
+
+    tissue_shear_modulus_kpa: float = 20.0
+    tissue_poisson_ratio: float = 0.49
+    bounds_kpa: tuple[float, float] = (5.0, 500.0)
+    noise_sd_mm: float = 0.4
+    noise_correlation_mm: float = 7.0
+    outer_fixed: bool = True
+    organ_poisson_ratio: float = 0.495
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationProblem:
+    """A mesh at rest, what drives it and what it must look like.
+
+    mesh : regions 3 (tissue) and the organ's. boundary : "bone", "outer", "bladder", "rectum" -> faces (f, 3) of the mesh.
+    walls : of the hollow organs, by name. organ : outer surface of the organ, faces marked by region.
+    landmarks : (k, 6) mm, rest and deformed position of interior points, or (0, 6).
+    region_names : organ region id -> label name.
+    """
+
+    mesh: TetMesh
+    boundary: Mapping[str, IntArray]
+    walls: Mapping[str, SurfacePair]
+    organ: SurfacePair
+    facts: Facts
+    region_names: Mapping[int, str]
+    landmarks: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
+
+    @property
+    def regions(self) -> tuple[int, ...]:
+        """Organ region ids, ascending."""
+        return tuple(sorted(self.region_names))
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """For numpy.savez; `from_arrays` is the inverse."""
+        out: dict[str, NDArray[np.generic]] = {
+            "points": self.mesh.points,
+            "cells": self.mesh.cells,
+            "cell_regions": self.mesh.regions,
+            "landmarks": self.landmarks,
+        }
+        for name, faces in self.boundary.items():
+            out[f"boundary/{name}"] = faces
+        for name, pair in {**{f"walls/{k}": v for k, v in self.walls.items()}, "organ": self.organ}.items():
+            for state, surface in (("rest", pair.rest), ("deformed", pair.deformed)):
+                for key in ("points", "faces", "region"):
+                    out[f"{name}/{state}/{key}"] = getattr(surface, key)
+        scalars = {"format": FORMAT, "facts": self.facts.__dict__, "region_names": dict(self.region_names)}
+        out["scalars"] = np.frombuffer(json.dumps(scalars).encode(), dtype=np.uint8)
+        return out
+
+    @classmethod
+    def from_arrays(cls, data: Mapping[str, NDArray[np.generic]]) -> IdentificationProblem:
+        """Raises InputError when the arrays come from another version."""
+        scalars = json.loads(bytes(np.asarray(data["scalars"], dtype=np.uint8)).decode())
+        if scalars["format"] != FORMAT:
+            raise InputError(f"identification problem has format {scalars['format']}, not {FORMAT}; identify again")
+        facts = Facts(**{**scalars["facts"], "bounds_kpa": tuple(scalars["facts"]["bounds_kpa"])})
+        walls = sorted({k.split("/")[1] for k in data if k.startswith("walls/")})
+        return cls(
+            mesh=TetMesh(*(np.asarray(data[k]) for k in ("points", "cells", "cell_regions"))),
+            boundary={k.split("/")[1]: np.asarray(data[k]) for k in data if k.startswith("boundary/")},
+            walls={name: _pair(data, f"walls/{name}") for name in walls},
+            organ=_pair(data, "organ"),
+            facts=facts,
+            region_names={int(k): v for k, v in scalars["region_names"].items()},
+            landmarks=np.asarray(data["landmarks"], dtype=float),
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> IdentificationProblem:
+        """Raises InputError when the file is missing or not such a problem."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return cls.from_arrays({k: data[k] for k in data.files})
+        except (OSError, ValueError, KeyError) as error:
+            raise InputError(f"{path}: not a readable identification problem ({error}); run identify again") from error
+
+
+def _pair(data: Mapping[str, NDArray[np.generic]], name: str) -> SurfacePair:
+    rest, deformed = (
+        Surface(*(np.asarray(data[f"{name}/{state}/{key}"]) for key in ("points", "faces", "region")))
+        for state in ("rest", "deformed")
+    )
+    return SurfacePair(rest, deformed)
