@@ -26,6 +26,19 @@ FloatArray = NDArray[np.float64]
 WALL_STIFFNESS = 50.0
 
 
+# Walls have settled when a round moves them by less than this (rms), mm.
+SETTLED_MM = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The last equilibrium of `CoupledScene.settle`, the walls' last motion (rms mm) and the rounds it took."""
+
+    equilibrium: Equilibrium
+    last_motion_mm: float
+    rounds: int
+
+
 @dataclass(frozen=True)
 class SceneOptions:
     """How a problem is discretised. element : see core.fem.elements. solver : "auto", "pardiso" or "superlu"."""
@@ -66,6 +79,48 @@ class CoupledScene:
         """Equilibrium at parameters theta."""
         return solve_equilibrium(self.assembler, self.parameters.materials(theta), start=start, options=options)
 
+    def settle(self, theta: FloatArray, start: Equilibrium | None = None, rounds: int = 8) -> Settled:
+        """Let the walls find their place on the deformed surfaces for parameters theta: solve, linearise again, repeat.
+
+        Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at most,
+        which moves them off the surface by a thousandth.
+        """
+        found = start or self._approach(theta)
+        moved, pace, k = np.inf, 1.0, 0
+        target = found.u
+        while found.converged and k < rounds and moved >= SETTLED_MM:
+            k += 1
+            self._linearise(target)
+            again = self.solve(theta, State(found.u, found.p))
+            if not again.converged:
+                return Settled(again, moved, k)
+            before, moved = moved, self._wall_motion(again.u - target)
+            if moved > 0.8 * before:
+                pace = max(0.5 * pace, 0.2)  # they swing: go part of the way
+            target = target + pace * (again.u - target)
+            found = again
+        return Settled(found, moved, k)
+
+    def _approach(self, theta: FloatArray, stages: int = 4) -> Equilibrium:
+        """Bring the walls to their surfaces in equal stages, each with normals of its own."""
+        found: Equilibrium | None = None
+        for k in range(stages):
+            u = np.zeros((self.space.n_nodes, 3)) if found is None else found.u
+            self._linearise(u, 1.0 / (stages - k))
+            found = self.solve(theta, None if found is None else State(found.u, found.p))
+            if not found.converged:
+                break
+        assert found is not None
+        return found
+
+    def _linearise(self, u: FloatArray, way: float = 1.0) -> None:
+        self.walls = [w.linearised(u, way) for w in self.walls]
+        self.assembler.terms = tuple(self.walls)
+
+    def _wall_motion(self, change: FloatArray) -> float:
+        parts = [w.points.displacements(change) for w in self.walls]
+        return float(np.sqrt((np.vstack(parts) ** 2).sum(axis=1).mean()))
+
     def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
         """du/dtheta (t, n, 3) mm; the factor must be that of `found` (a solve with its stability check leaves it)."""
         return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
@@ -81,8 +136,11 @@ class CoupledScene:
 def _wall(space: Space, problem: IdentificationProblem, name: str, pair: SurfacePair) -> SlidingWall:
     points = face_node_points(space.face_nodes(problem.boundary[name]), space.nodes)
     rest = points.positions(space.nodes)
-    at_rest, deformed = (
-        SignedDistanceField.from_surface(s.points, s.faces).value_and_gradient for s in (pair.rest, pair.deformed)
+    at_rest, deformed = (SignedDistanceField.from_surface(s.points, s.faces) for s in (pair.rest, pair.deformed))
+    return SlidingWall.between(
+        points,
+        rest,
+        at_rest.value_and_gradient,
+        deformed.value_and_gradient,
+        WALL_STIFFNESS * problem.facts.tissue_shear_modulus_kpa,
     )
-    stiffness = WALL_STIFFNESS * problem.facts.tissue_shear_modulus_kpa
-    return SlidingWall.between(points, rest, at_rest, deformed, stiffness)

@@ -1,4 +1,9 @@
-"""Strain-energy laws by name. A new law is a new file that defines a `Law`, and a line here."""
+"""Strain-energy laws by name. A new law is a new file in this folder that defines a `Law`; nothing else changes."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
 
 from palpate.core.laws.base import Law, PointValues
 from palpate.core.laws.linear import LINEAR, bulk_modulus
@@ -6,7 +11,18 @@ from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, MOONEY_RIVLIN_PRINTED
 from palpate.core.laws.neo_hookean import NEO_HOOKEAN
 from palpate.core.laws.st_venant_kirchhoff import ST_VENANT_KIRCHHOFF
 
-LAWS = {law.name: law for law in (MOONEY_RIVLIN, MOONEY_RIVLIN_PRINTED, NEO_HOOKEAN, LINEAR, ST_VENANT_KIRCHHOFF)}
+
+def _find_laws() -> dict[str, Law]:
+    """Every `Law` that a module of this folder defines, by its name."""
+    laws: dict[str, Law] = {}
+    for module in sorted(m.name for m in pkgutil.iter_modules(__path__)):
+        for value in vars(importlib.import_module(f"{__name__}.{module}")).values():
+            if isinstance(value, Law) and laws.setdefault(value.name, value) is not value:
+                raise ImportError(f"two laws are named '{value.name}'; the second is in {module}.py")
+    return laws
+
+
+LAWS = _find_laws()
 
 __all__ = [
     "LAWS",

@@ -1,14 +1,15 @@
 """A wall that must lie on a surface seen in the deformed scan and may slide along it.
 
-Only the normal part of a wall's motion is visible. Each wall point x = X + u is held at the distance from the deformed
-surface that it had from the rest surface, d(x) = d_rest(X); along the surface it is free, so mechanics chooses the motion of
-least energy. The constraint is a stiff penalty; under partial load the wanted distance goes from the present d(X) to the final one.
+Only the normal part of a wall's motion is visible. Each wall point x = X + u is held at the distance from the deformed surface
+that it had from the rest surface, d(x) = d_rest(X); along the surface it is free, so mechanics chooses the motion of least energy.
+The constraint is linearised where the point now lies, n . u = s, held by a stiff spring, and linearised again until
+nothing moves: stable where the true constraint's curvature (contour noise has plenty) would make Newton's tangent indefinite.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,17 +21,18 @@ DistanceFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True, eq=False)
 class SlidingWall:
-    """Energy sum_q 1/2 stiffness measure_q (d(X_q + v_q) - offset_q)^2.
+    """Energy sum_q 1/2 stiffness measure_q (n_q . v_q - load s_q)^2.
 
-    rest : (q, 3) mm rest positions X. distance : signed distance of the deformed surface. offset : (q,) mm, wanted at full load.
-    start : (q,) mm, d(X): wanted at no load. stiffness : kPa/mm.
+    rest : (q, 3) mm rest positions X. distance : signed distance of the deformed surface. offset : (q,) mm, d wanted.
+    normal : (q, 3) unit, shift : (q,) mm, the present linearisation. stiffness : kPa/mm.
     """
 
     points: PointSet
     rest: FloatArray
     distance: DistanceFunction
     offset: FloatArray
-    start: FloatArray
+    normal: FloatArray
+    shift: FloatArray
     stiffness: float
 
     @classmethod
@@ -38,29 +40,41 @@ class SlidingWall:
         cls, points: PointSet, rest: FloatArray, at_rest: DistanceFunction, deformed: DistanceFunction, stiffness: float
     ) -> SlidingWall:
         """A wall seen in both scans: `at_rest` and `deformed` are the signed distances of its two surfaces."""
-        return cls(points, rest, deformed, at_rest(rest)[0], deformed(rest)[0], stiffness)
+        q = len(rest)
+        first = cls(points, rest, deformed, at_rest(rest)[0], np.zeros((q, 3)), np.zeros(q), stiffness)
+        return first.linearised_at(np.zeros((q, 3)))
 
     @property
     def unknowns(self) -> IntArray:
         """See `Term.unknowns`."""
         return self.points.unknowns
 
-    def gaps(self, u: FloatArray, load: float = 1.0) -> FloatArray:
-        """(q,) mm, what is left of the constraint."""
-        return self.distance(self.rest + self.points.displacements(u))[0] - self._wanted(load)
+    def gaps(self, u: FloatArray) -> FloatArray:
+        """(q,) mm, how far each point still is from where it belongs, d(x) - d_rest(X)."""
+        return self.distance(self.rest + self.points.displacements(u))[0] - self.offset
+
+    def linearised(self, u: FloatArray, way: float = 1.0) -> SlidingWall:
+        """The same wall linearised at nodal displacements u (n, 3); see `linearised_at`."""
+        return self.linearised_at(self.points.displacements(u), way)
+
+    def linearised_at(self, v: FloatArray, way: float = 1.0) -> SlidingWall:
+        """The same wall linearised where its points have moved by v (q, 3).
+
+        way : how much of the remaining distance to ask for, so that a large motion turns its normals a little at a time.
+        """
+        d, gradient = self.distance(self.rest + v)
+        length = np.maximum(np.linalg.norm(gradient, axis=1), 1e-6)
+        normal = gradient / length[:, None]
+        shift = np.einsum("qi,qi->q", normal, v) - way * (d - self.offset) / np.maximum(length, 0.5)
+        return replace(self, normal=normal, shift=shift)
 
     def evaluate(self, u: FloatArray, load: float, order: int) -> tuple[float, FloatArray, FloatArray]:
         """See `Term.evaluate`."""
-        d, normal = self.distance(self.rest + self.points.displacements(u))
-        gap = d - self._wanted(load)
+        gap = np.einsum("qi,qi->q", self.normal, self.points.displacements(u)) - load * self.shift
         w = self.stiffness * self.points.measure
-        gradient = self.points.spread((w * gap)[:, None] * normal)
+        gradient = self.points.spread((w * gap)[:, None] * self.normal)
         k = 3 * self.points.nodes.shape[1]
         if order < 2:
             return 0.5 * float(w @ gap**2), gradient, np.zeros((0, k, k))
-        # Without gap times the distance's curvature: the gap vanishes at the solution, and far from it that part is indefinite.
-        H = w[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        H = (w[:, None] * self.normal)[:, :, None] * self.normal[:, None, :]
         return 0.5 * float(w @ gap**2), gradient, self.points.spread_tangent(H)
-
-    def _wanted(self, load: float) -> FloatArray:
-        return (1.0 - load) * self.start + load * self.offset
