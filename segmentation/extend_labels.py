@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate.segmentation.volume import Volume
 from scipy import ndimage
+
+from palpate.segmentation.volume import Volume
 
 
 def extend_labels(labels: Volume, outside: int = 0) -> Volume:
@@ -35,6 +36,13 @@ def crop(labels: Volume, mask: NDArray[np.bool_], margin_mm: float) -> Volume:
     affine = labels.affine.copy()
     affine[:3, 3] = labels.to_lps(np.array([[s.start for s in slices]], dtype=float))[0]
     return Volume(labels.array[tuple(slices)], affine)
+
+
+def padded(labels: Volume, voxels: int, value: int) -> Volume:
+    """The volume with ``voxels`` more voxels of one value on every side."""
+    affine = labels.affine.copy()
+    affine[:3, 3] = labels.to_lps(np.full((1, 3), -float(voxels)))[0]
+    return Volume(np.pad(labels.array, voxels, constant_values=value), affine)
 
 
 def without_specks(mask: NDArray[np.bool_], share: float = 0.02) -> NDArray[np.bool_]:

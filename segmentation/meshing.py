@@ -16,17 +16,15 @@ from palpate.segmentation.mesh_file import Recipe, load_mesh, recipe_hash, save_
 from palpate.segmentation.meshing_fit import Interface, fit_interfaces, interface_report, interfaces_of
 from palpate.segmentation.meshing_improve import improve_cells, tangent_limits
 from palpate.segmentation.meshing_quality import describe
-from palpate.segmentation.meshing_soup import make_soup
+from palpate.segmentation.meshing_soup import make_scene
 from palpate.segmentation.partition import HOLE_NAMES, Partition, make_partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 from palpate.segmentation.tetwild import tetrahedralize
 from palpate.segmentation.volume import Volume
 
-# Cells of a pelvis with a 5 mm edge on the organ, and the power of the edge they fall with: measured on blind_dev.
-CELLS_AT_5_MM = 8500.0
+# Meshed again, once, when the number of cells is further from what is wanted than this factor.
+COUNT_TOLERANCE = 1.3
 EDGE_POWER = 2.4
-# Meshed again, at most twice, when the number of cells is further from what is wanted than this factor.
-COUNT_TOLERANCE = 1.25
 
 
 @dataclass(frozen=True)
@@ -101,13 +99,14 @@ def assemble(points: FloatArray, cells: IntArray, cell_labels: IntArray) -> tupl
 
 def _mesh_to_count(partition: Partition, options: MeshOptions) -> tuple[FloatArray, IntArray, float]:
     """Points, cells and organ edge of the mesh whose kept cells are about as many as wanted."""
-    edge = options.edge_mm or 5.0 * (options.target_tets / CELLS_AT_5_MM) ** (-1.0 / EDGE_POWER)
-    for attempt in range(3):
-        points, cells = tetrahedralize(make_soup(partition, edge, options.far_factor, options.grading))
-        excess = np.isin(label_cells(points, cells, partition), KEPT).sum() / options.target_tets
-        if options.edge_mm or attempt == 2 or 1.0 / COUNT_TOLERANCE < excess < COUNT_TOLERANCE:
-            break
+    scene = make_scene(partition)
+    grows = options.far_factor, options.grading
+    edge = options.edge_mm or scene.edge_for(options.target_tets, *grows)
+    points, cells = tetrahedralize(scene.soup(edge, *grows))
+    excess = np.isin(label_cells(points, cells, partition), KEPT).sum() / options.target_tets
+    if options.edge_mm is None and not 1.0 / COUNT_TOLERANCE < excess < COUNT_TOLERANCE:
         edge *= excess ** (1.0 / EDGE_POWER)
+        points, cells = tetrahedralize(scene.soup(edge, *grows))
     return points, cells, edge
 
 

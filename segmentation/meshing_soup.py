@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
 import pyvista as pv
+from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM
+from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.segmentation.partition import ORGAN, Partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
 from palpate.segmentation.tetwild import Soup
@@ -17,55 +20,106 @@ from palpate.segmentation.tetwild import Soup
 EDGE_FACTOR = {ORGAN: 1.0, BLADDER: 1.15, RECTUM: 1.15, BONE: 1.7, OUTSIDE: 2.8}
 # How far a surface runs on beyond the surface that ends it, so that the two are sewn together.
 LIP_MM = 0.5
+# The result may leave the triangles by this share of the organ's edge; it is fitted to the smooth surfaces afterwards.
+ENVELOPE = 0.12
+# Cells made per unit of volume / edge^3 and per triangle given, from 12 meshes of 4 anatomies (4,000 to 45,000 cells).
+CELLS_PER_CUBE, CELLS_PER_TRIANGLE = 8.5, 1.25
 ORDERS = tuple(permutations(range(3)))
 
 
-def make_soup(partition: Partition, edge_mm: float, far_factor: float, grading: float) -> Soup:
-    """Coarse triangles of all interfaces and a sizing field.
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that is known before the size of the mesh is chosen.
 
-    edge_mm : wished edge on the organ.  far_factor : how much longer edges may be far away.
-    grading : growth of the edge per mm of distance from the organ.
+    surfaces : (points (n, 3), faces (f, 3), field whose zero it is, factor of its edge) of each interface.
+    grid_points (s, 3), grid_cells (t, 4): background cells; grid_distance (s,) mm from the organ, infinite outside.
+    kept : background cells (t,) in organ or tissue. cube_mm3 : volume of a background cell.
     """
-    parts = [_body(partition, key, edge_mm * EDGE_FACTOR[key]) for key in partition.bodies]
-    parts.append(_decimated(partition.outside.contour(), partition.outside, edge_mm * EDGE_FACTOR[OUTSIDE]))
-    parts.append(_divide(partition, edge_mm))
-    starts = np.cumsum([0] + [len(points) for points, _ in parts])
-    points = np.concatenate([points for points, _ in parts])
-    faces = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
-    size_points, size_cells = _background(points)
-    distance = _distance_to_organ(partition, parts[0][0], size_points)
-    size = np.clip(edge_mm + grading * np.maximum(distance - 3.0, 0.0), edge_mm, far_factor * edge_mm)
-    size[partition.outside.at(size_points) > 2.0] = far_factor * edge_mm
-    return Soup(points, faces, size_points, size_cells, size, far_factor * edge_mm, 0.12 * edge_mm)
+
+    surfaces: list[tuple[FloatArray, IntArray, SmoothField, float]]
+    grid_points: FloatArray
+    grid_cells: IntArray
+    grid_distance: FloatArray
+    kept: NDArray[np.bool_]
+    cell_mm3: float
+
+    def size_mm(self, edge_mm: float, far_factor: float, grading: float) -> FloatArray:
+        """Wished edge (s,) at the background points."""
+        grown = edge_mm + grading * np.maximum(self.grid_distance - 3.0, 0.0)
+        return np.clip(grown, edge_mm, far_factor * edge_mm)
+
+    def expected_cells(self, edge_mm: float, far_factor: float, grading: float) -> float:
+        """About how many cells of organ and tissue a mesh will have."""
+        size = self.size_mm(edge_mm, far_factor, grading)[self.grid_cells[self.kept]].mean(axis=1)
+        cubes = self.cell_mm3 * float((size**-3.0).sum())
+        triangles = sum(_area(p, f) / _triangle(factor * edge_mm) for p, f, _, factor in self.surfaces)
+        return CELLS_PER_CUBE * cubes + CELLS_PER_TRIANGLE * triangles
+
+    def edge_for(self, target: float, far_factor: float, grading: float) -> float:
+        """The organ edge, 0.5 to 50 mm, with which about ``target`` cells come out."""
+        ends = [self.expected_cells(edge, far_factor, grading) for edge in (0.5, 50.0)]
+        wanted = float(np.clip(target, ends[1], ends[0]))
+        return float(brentq(lambda e: self.expected_cells(e, far_factor, grading) - wanted, 0.5, 50.0, rtol=1e-3))
+
+    def soup(self, edge_mm: float, far_factor: float, grading: float) -> Soup:
+        """Coarse triangles of all interfaces and the sizing field."""
+        parts = [_decimated(p, f, field, factor * edge_mm) for p, f, field, factor in self.surfaces]
+        starts = np.cumsum([0] + [len(points) for points, _ in parts])
+        return Soup(
+            points=np.concatenate([points for points, _ in parts]),
+            faces=np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)]),
+            size_points=self.grid_points,
+            size_cells=self.grid_cells,
+            size_mm=self.size_mm(edge_mm, far_factor, grading),
+            edge_mm=far_factor * edge_mm,
+            epsilon_mm=ENVELOPE * edge_mm,
+        )
 
 
-def _body(partition: Partition, key: int, edge_mm: float) -> tuple[FloatArray, IntArray]:
+def make_scene(partition: Partition) -> Scene:
+    """The interfaces of a partition and the background on which edge lengths are wished."""
+    surfaces = [_body(partition, key) for key in partition.bodies]
+    surfaces.append((*partition.outside.contour(), partition.outside, EDGE_FACTOR[OUTSIDE]))
+    if all(i in partition.regions for i in ORGAN_LABELS):
+        surfaces.append(_divide(partition))
+    surfaces = [surface for surface in surfaces if len(surface[1])]
+    points, cells, cell_mm3 = _background(np.concatenate([p[np.unique(f)] for p, f, _, _ in surfaces]))
+    distance, _ = cKDTree(surfaces[0][0]).query(points)
+    distance[partition.bodies[ORGAN].at(points) > 0.0] = 0.0
+    distance[partition.outside.at(points) > 2.0] = np.inf
+    kept = np.isin(partition.classify(points[cells].mean(axis=1)), (*ORGAN_LABELS, SURROUNDING_TISSUE))
+    return Scene(surfaces, points, cells, distance, kept, cell_mm3)
+
+
+def _body(partition: Partition, key: int) -> tuple[FloatArray, IntArray, SmoothField, float]:
     """The surface of one body, without what lies outside the modelled region."""
     field = partition.against_others(key)
     points, faces = field.contour()
-    return _decimated((points, faces[(partition.outside.at(points) < 3.0)[faces].any(axis=1)]), field, edge_mm)
+    return points, faces[(partition.outside.at(points) < 3.0)[faces].any(axis=1)], field, EDGE_FACTOR[key]
 
 
-def _divide(partition: Partition, edge_mm: float) -> tuple[FloatArray, IntArray]:
-    """The surface between the two organ regions, ending just outside the organ; no faces when there is one region."""
-    if not all(i in partition.regions for i in ORGAN_LABELS):
-        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+def _divide(partition: Partition) -> tuple[FloatArray, IntArray, SmoothField, float]:
+    """The surface between the two organ regions, ending just outside the organ."""
     field = partition.divide(*ORGAN_LABELS)
     points, faces = field.contour()
     inside = partition.bodies[ORGAN].at(points) > -LIP_MM
-    return _decimated((points, faces[inside[faces].all(axis=1)]), field, edge_mm)
+    return points, faces[inside[faces].all(axis=1)], field, EDGE_FACTOR[ORGAN]
 
 
-def _decimated(
-    triangles: tuple[FloatArray, IntArray], field: SmoothField, edge_mm: float
-) -> tuple[FloatArray, IntArray]:
+def _area(points: FloatArray, faces: IntArray) -> float:
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def _triangle(edge_mm: float) -> float:
+    return float(np.sqrt(3.0) / 4.0 * edge_mm**2)
+
+
+def _decimated(points: FloatArray, faces: IntArray, field: SmoothField, edge_mm: float) -> tuple[FloatArray, IntArray]:
     """A surface with triangles of about ``edge_mm``, its vertices on the zero of the field."""
-    points, faces = triangles
-    if len(faces) == 0:
-        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     used, inverse = np.unique(faces, return_inverse=True)
     surface = pv.PolyData(points[used], np.insert(inverse.reshape(-1, 3), 0, 3, axis=1).ravel())
-    share = surface.area / (np.sqrt(3.0) / 4.0 * edge_mm**2) / len(faces)
+    share = surface.area / _triangle(edge_mm) / len(faces)
     if share < 1.0:
         surface = surface.decimate(1.0 - share, volume_preservation=True)
     found = np.asarray(surface.points, dtype=np.float64)
@@ -76,7 +130,8 @@ def _decimated(
     return found, np.asarray(surface.regular_faces, dtype=np.int64)
 
 
-def _background(points: FloatArray, step_mm: float = 6.0) -> tuple[FloatArray, IntArray]:
+def _background(points: FloatArray, step_mm: float = 6.0) -> tuple[FloatArray, IntArray, float]:
+    """Points, cells and cell volume of a regular mesh of the box around the points."""
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
     count = np.ceil((high - low) / step_mm).astype(int) + 1
     number = np.arange(count.prod()).reshape(count)
@@ -85,10 +140,5 @@ def _background(points: FloatArray, step_mm: float = 6.0) -> tuple[FloatArray, I
     walks = [np.cumsum([0, *(int(number[tuple(step)]) for step in np.eye(3, dtype=int)[list(way)])]) for way in ORDERS]
     axes = [np.linspace(low[i], high[i], count[i]) for i in range(3)]
     place = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    return place.reshape(-1, 3), (corner + np.array(walks)).reshape(-1, 4)
-
-
-def _distance_to_organ(partition: Partition, organ_points: FloatArray, points: FloatArray) -> FloatArray:
-    """Distance (n,) mm from the organ, zero inside it."""
-    distance, _ = cKDTree(organ_points).query(points)
-    return np.where(partition.bodies[ORGAN].at(points) > 0.0, 0.0, distance)
+    cells = (corner + np.array(walks)).reshape(-1, 4)
+    return place.reshape(-1, 3), cells, float(np.prod((high - low) / (count - 1)) / len(ORDERS))

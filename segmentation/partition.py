@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.core.errors import InputError
-from palpate.segmentation.extend_labels import crop, extend_labels, without_specks
+from palpate.segmentation.extend_labels import crop, extend_labels, padded, without_specks
 from palpate.segmentation.labels import BLADDER, BONE, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField, smooth_field
 from palpate.segmentation.surfaces import MARGIN_MM, region_fields
@@ -79,6 +79,8 @@ class Partition:
 def make_partition(labels: Volume) -> Partition:
     """Smooth fields of a label volume. Raises InputError when the labels cannot be meshed."""
     check_labels(labels)
+    # Where the labels run to the end of the grid, outside begins there.
+    labels = padded(labels, 2, OUTSIDE)
     full = extend_labels(labels)
     bodies = {ORGAN: _field(full, without_specks(np.isin(full.array, ORGAN_LABELS), 0.2), ORGAN)}
     for label in HOLE_NAMES:
