@@ -115,7 +115,7 @@ def test_far_grid_values_that_were_interpolated_stay_close_to_exact():
     near, everywhere = (SignedDistanceField.from_surface(points, faces, band_mm=b) for b in (5.0, 1e3))
     x = np.random.default_rng(9).uniform(-SEMI_AXES - 11, SEMI_AXES + 11, (5000, 3))
     a, b = near.value_and_gradient(x)[0], everywhere.value_and_gradient(x)[0]
-    assert np.abs(a - b)[np.abs(b) < 4.0].max() < 1e-3
+    assert np.abs(a - b)[np.abs(b) < 4.0].max() < 2e-3
     assert np.abs(a - b)[b > 0].max() < 0.03
 
 
