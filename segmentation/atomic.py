@@ -92,6 +92,11 @@ def sweep(folder: Path) -> None:
                 leftover.unlink(missing_ok=True)
 
 
+def is_leftover(path: Path) -> bool:
+    """Whether the name is one of a temporary."""
+    return _LEFTOVER.match(path.name) is not None
+
+
 def _beside(path: Path, kind: str) -> Path:
     return path.with_name(f".{kind}-{os.getpid()}-{secrets.token_hex(4)}-{path.name}")
 

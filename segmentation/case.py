@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from palpate.core.errors import InputError
 from palpate.segmentation import atomic
 from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.dicom_series import SeriesFacts, read_series
 from palpate.segmentation.grid import in_lps_order
 from palpate.segmentation.itksnap import label_description, label_values
 from palpate.segmentation.landmarks import Landmarks, read_landmarks
@@ -55,14 +57,10 @@ class CaseFolder:
         Raises InputError when the folder exists, is no case and is not empty, or cannot be written.
         """
         folder = Path(path)
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder} is a file; choose a new folder for the case with -o")
-        if folder.is_dir():
-            atomic.sweep(folder)
-            if not (folder / "case.json").exists() and any(folder.iterdir()):
-                raise InputError(f"{folder} is not empty and no case; choose a new folder for the case with -o")
+        check_new_case(folder)
         with atomic.writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
+        atomic.sweep(folder)
         with atomic.atomic_path(folder / "case.json") as temporary:
             temporary.write_text(_as_json(facts.to_dict()), encoding="utf-8")
         return cls(folder)
@@ -105,6 +103,11 @@ class CaseFolder:
             np.savez_compressed(temporary, **arrays)
         return self.file(name)
 
+    def remove(self, name: str) -> None:
+        """Removes a file where it is there."""
+        with atomic.writing(self.file(name)):
+            self.file(name).unlink(missing_ok=True)
+
     def save_facts(self, facts: CaseFacts) -> None:
         """Replaces case.json."""
         self.write_json("case.json", facts.to_dict())
@@ -145,6 +148,15 @@ class CaseFolder:
         """
         values = label_values(self.file("labels.txt")) if self.has("labels.txt") else None
         return in_lps_order(read_labels(self.file(f"{_known(state)}.nii.gz"), values))
+
+    def ct(self, state: str) -> Volume:
+        """The CT of a state in HU (int16 or float32), in the rest frame, axes in LPS order; nothing is resampled."""
+        volume, _ = self.series(state)
+        return in_lps_order(volume.moved(self.deformed_to_rest()) if state == "deformed" else volume)
+
+    def series(self, state: str) -> tuple[Volume, SeriesFacts]:
+        """The CT of a state in its scanner's own frame, slices in the files' order, and what else its files say."""
+        return read_series(self.file(f"{_known(state)}_ct"))
 
     def write_labels(self, state: str, labels: Volume) -> Path:
         """Writes the label volume of a state, which must be in the rest frame, and labels.txt beside it."""
@@ -203,6 +215,19 @@ class CaseFolder:
         if not isinstance(state, dict):
             raise InputError(f"{self.file('state.json')} holds no JSON object; remove it and run the steps again")
         return state
+
+
+def check_new_case(folder: Path) -> None:
+    """Raises InputError unless ``folder`` can become, or is, a case: no file, not full of other things, writable."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; choose a new folder for the case with -o")
+    if folder.is_dir() and not (folder / "case.json").exists():
+        others = [entry for entry in folder.iterdir() if not atomic.is_leftover(entry)]
+        if others:
+            raise InputError(f"{folder} is not empty and no case; choose a new folder for the case with -o")
+    standing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    if not os.access(standing, os.W_OK | os.X_OK):
+        raise InputError(f"{folder} cannot be written (no permission in {standing}); choose a writable place with -o")
 
 
 def file_sha256(path: Path) -> str:

@@ -63,7 +63,7 @@ def find_dicom(folder: Path, notes: list[str]) -> list[DicomFile]:
     Raises InputError when ``folder`` is no folder, holds no DICOM file, or a file named as DICOM is none.
     """
     found, others = [], []
-    for path in _files(folder):
+    for path in list_files(folder):
         header = read_file(path, stop_before_pixels=True)
         if header is None or not _is_object(header):
             others.append(path)
@@ -79,7 +79,8 @@ def find_dicom(folder: Path, notes: list[str]) -> list[DicomFile]:
     return found
 
 
-def _files(folder: Path) -> list[Path]:
+def list_files(folder: Path) -> list[Path]:
+    """The files under a folder, sorted. Raises InputError when there is none, or so many that it is the wrong folder."""
     if not folder.exists():
         raise InputError(f"{folder} is not there; give the folder of a DICOM series")
     if not folder.is_dir():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,3 +66,14 @@ def _numbers(row: dict[str, str], path: Path, line: int) -> list[float]:
             raise InputError(f"{path} line {line}: {column} is {row[column]!r}; a number in mm is needed")
         numbers.append(number)
     return numbers
+
+
+def landmarks_csv(points: Landmarks, deformed_to_rest: NDArray[np.float64]) -> str:
+    """The text of landmarks.csv, the deformed points (own frame) moved by a rigid transform (4, 4) into the rest frame."""
+    moved = points.deformed @ deformed_to_rest[:3, :3].T + deformed_to_rest[:3, 3]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for name, rest, deformed in zip(points.names, points.rest, moved, strict=True):
+        writer.writerow([name, *(f"{value:.4f}" for value in (*rest, *deformed))])
+    return stream.getvalue()

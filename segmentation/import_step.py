@@ -1,0 +1,214 @@
+"""From two scans, or two label volumes, to a case folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation.alignment import Alignment, align_ct, align_labels
+from palpate.segmentation.case import STATES, CaseFolder, check_new_case, file_sha256
+from palpate.segmentation.case_facts import Vector
+from palpate.segmentation.dicom_files import list_files
+from palpate.segmentation.dicom_pair import check_pair
+from palpate.segmentation.dicom_series import read_series
+from palpate.segmentation.import_write import (
+    gravity_of,
+    open_or_create,
+    write_alignment,
+    write_landmarks,
+    write_scan,
+    write_user_labels,
+)
+from palpate.segmentation.itksnap import label_values
+from palpate.segmentation.labels import BONE
+from palpate.segmentation.landmarks import read_landmarks
+from palpate.segmentation.nifti_labels import read_labels
+from palpate.segmentation.user_labels import read_user_labels
+
+STEP = "import"
+_NIFTI = (".nii", ".nii.gz")
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """How to import. Each pair is (rest, deformed).
+
+    name : the case's name; the folder's where None. series : which series of a folder that holds several.
+    labels : label volume (NIfTI) or structure set (RTSTRUCT) drawn on that scan. roi : organ -> structure names.
+    landmarks : CSV of matched points, each in its own scan's coordinates. same_patient : the caller vouches for it.
+    align : False takes both states as lying in one frame already.
+    """
+
+    name: str | None = None
+    series: tuple[str | None, str | None] = (None, None)
+    labels: tuple[Path | None, Path | None] = (None, None)
+    roi: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    landmarks: Path | None = None
+    same_patient: bool = False
+    align: bool = True
+
+
+@dataclass(frozen=True)
+class _Job:
+    paths: tuple[Path, Path]
+    folder: Path
+    options: ImportOptions
+    progress: Progress
+    sources: dict[str, str]
+    inputs: str
+
+
+def run_import(
+    rest: Path | str,
+    deformed: Path | str,
+    case_path: Path | str,
+    options: ImportOptions | None = None,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Makes the case folder of a pair: two folders with a DICOM CT each, or two NIfTI label volumes.
+
+    Returns what import.json holds: case, sources_sha256, residual_mm, notes. Nothing is written before everything has
+    been read and checked; a rerun with the same inputs does nothing. Raises InputError (file, what, remedy).
+    """
+    options = options or ImportOptions()
+    paths, folder = (Path(rest), Path(deformed)), Path(case_path)
+    check_new_case(folder)
+    _check_kinds(paths)
+    sources = {state: _sha256_of(path) for state, path in zip(STATES, paths, strict=True)}
+    job = _Job(paths, folder, options, progress, sources, _inputs_sha256(sources, options))
+    earlier = _earlier(job)
+    if earlier is not None:
+        progress(1.0, "already imported")
+        return earlier
+    return _import_scans(job) if paths[0].is_dir() else _import_labels(job)
+
+
+def _import_scans(job: _Job) -> dict[str, Any]:
+    options, scans = job.options, []
+    for index, state in enumerate(STATES):
+        job.progress(0.2 * index, f"reading the {state} scan")
+        scans.append(read_series(job.paths[index], options.series[index]))
+    notes = [f"{state}: {note}" for state, scan in zip(STATES, scans, strict=True) for note in scan[1].notes]
+    notes += check_pair(scans[0], scans[1], options.same_patient)
+    drawn = {
+        state: read_user_labels(path, *scan, options.roi)
+        for state, path, scan in zip(STATES, options.labels, scans, strict=True)
+        if path is not None
+    }
+    notes += [f"{state}: {note}" for state, labels in drawn.items() for note in labels.notes]
+    points = read_landmarks(options.landmarks) if options.landmarks else None
+    job.progress(0.4, "aligning on bone")
+    alignment = align_ct(scans[0][0], scans[1][0]) if options.align else None
+    job.progress(0.8, "writing the case")
+    case = _begun(job, [gravity_of(facts.patient_position) for _, facts in scans])
+    outputs = ["case.json", "alignment.json"]
+    for state, (_, facts) in zip(STATES, scans, strict=True):
+        outputs += write_scan(case, state, facts.files)
+    matrix = write_alignment(case, alignment)
+    outputs += write_user_labels(case, drawn, matrix) + write_landmarks(case, points, matrix)
+    return _finish(job, case, alignment, notes, outputs)
+
+
+def _import_labels(job: _Job) -> dict[str, Any]:
+    job.progress(0.1, "reading the label volumes")
+    volumes = [read_labels(path, _values_beside(path)) for path in job.paths]
+    if np.array_equal(volumes[0].array, volumes[1].array) and np.allclose(volumes[0].affine, volumes[1].affine):
+        raise InputError(
+            f"{job.paths[0]} and {job.paths[1]} hold the same labels; give one of the organ at rest and one deformed"
+        )
+    points = read_landmarks(job.options.landmarks) if job.options.landmarks else None
+    notes: list[str] = []
+    alignment = None
+    if job.options.align and all((volume.array == BONE).any() for volume in volumes):
+        job.progress(0.3, "aligning on bone")
+        alignment = align_labels(volumes[0], volumes[1])
+    else:
+        notes.append("the label volumes were taken as aligned on bone already")
+    job.progress(0.8, "writing the case")
+    case = _begun(job, [None, None])
+    matrix = write_alignment(case, alignment)
+    case.write_labels("rest", volumes[0])
+    case.write_labels("deformed", volumes[1].moved(matrix))
+    outputs = ["case.json", "rest.nii.gz", "deformed.nii.gz", "labels.txt", "alignment.json"]
+    return _finish(job, case, alignment, notes, outputs + write_landmarks(case, points, matrix))
+
+
+def _begun(job: _Job, gravity: Sequence[Vector | None]) -> CaseFolder:
+    """The case, noted as this import's own before anything is written into it, so that a rerun may go on."""
+    case = open_or_create(job.folder, job.options.name, gravity)
+    case.write_json("import.json", {"case": str(case.path), "sources_sha256": job.sources})
+    return case
+
+
+def _finish(
+    job: _Job, case: CaseFolder, alignment: Alignment | None, notes: list[str], outputs: list[str]
+) -> dict[str, Any]:
+    summary = {
+        "case": str(case.path),
+        "sources_sha256": job.sources,
+        "residual_mm": None if alignment is None else round(alignment.residual_mm, 3),
+        "notes": notes + list(alignment.notes if alignment else ()),
+    }
+    case.write_json("import.json", summary)
+    case.mark_done(STEP, job.inputs, [*outputs, "import.json"])
+    job.progress(1.0, "imported")
+    return summary
+
+
+def _earlier(job: _Job) -> dict[str, Any] | None:
+    """The summary of an import of the same inputs that ran to its end; InputError where the case is another's."""
+    if not (job.folder / "case.json").exists():
+        return None
+    case = CaseFolder(job.folder)
+    if not case.has("import.json"):
+        if any(case.has(f"{state}{kind}") for state in STATES for kind in ("_ct", ".nii.gz")):
+            raise InputError(f"{job.folder} is a case that was not imported; choose a new folder for the case with -o")
+        return None
+    summary: dict[str, Any] = case.read_json("import.json")
+    if summary.get("sources_sha256") != job.sources:
+        raise InputError(f"{job.folder} is the case of other scans; choose a new folder for the case with -o")
+    return summary if case.step_is_done(STEP, job.inputs) else None
+
+
+def _check_kinds(paths: tuple[Path, Path]) -> None:
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
+        if path.is_file() and not path.name.lower().endswith(_NIFTI):
+            raise InputError(f"{path} is no folder and no NIfTI file; give the folder that holds the slices of the CT")
+    if paths[0].is_dir() != paths[1].is_dir():
+        raise InputError(
+            f"{paths[0]} and {paths[1]} are a folder and a file; give two DICOM folders or two NIfTI files"
+        )
+
+
+def _sha256_of(path: Path) -> str:
+    if path.is_file():
+        return file_sha256(path)
+    return hashlib.sha256("".join(file_sha256(file) for file in list_files(path)).encode()).hexdigest()
+
+
+def _inputs_sha256(sources: Mapping[str, str], options: ImportOptions) -> str:
+    files = [path for path in (*options.labels, options.landmarks) if path is not None]
+    missing = [path for path in files if not path.is_file()]
+    if missing:
+        raise InputError(f"{missing[0]} is not there; correct the path of the labels or landmarks")
+    content = {
+        "sources": dict(sources),
+        "files": [[file_sha256(path) if path else None for path in (*options.labels, options.landmarks)]],
+        "options": [options.series, {k: list(v) for k, v in options.roi.items()}, options.align, options.same_patient],
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _values_beside(path: Path) -> dict[int, int] | None:
+    description = path.parent / "labels.txt"
+    return label_values(description) if description.is_file() else None
