@@ -1,0 +1,78 @@
+"""What the data say about the stiffness: Laplace's approximation in log-stiffness within the given bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Normal in theta = ln G, cut at the bounds.
+
+    mean (t,), covariance (t, t); singular_values (t,) of the whitened Jacobian: 1 / value is the standard deviation of ln G along
+    that direction. scale : factor by which the noise was widened because the misfit exceeds what the noise explains (at least 1).
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    singular_values: FloatArray
+    scale: float
+    bounds: FloatArray
+
+    @property
+    def sd(self) -> FloatArray:
+        """(t,) standard deviation of ln G."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def interval(self, level: float = 0.95) -> FloatArray:
+        """(t, 2) central interval of G, kPa, of the normal cut at the bounds."""
+        tail = 0.5 * (1.0 - level)
+        low, high = ((self.bounds[:, k] - self.mean) / self.sd for k in (0, 1))
+        cut = stats.truncnorm(low, high, loc=self.mean, scale=self.sd)
+        return np.exp(np.stack([cut.ppf(tail), cut.ppf(1.0 - tail)], axis=1))
+
+    def sd_kpa(self) -> FloatArray:
+        """(t,) kPa, half the central 68 % interval of G."""
+        interval = self.interval(0.6827)
+        return 0.5 * (interval[:, 1] - interval[:, 0])
+
+
+def laplace(
+    theta: FloatArray, residual: FloatArray, jacobian: FloatArray, bounds: FloatArray, effective_data: float
+) -> Posterior:
+    """Posterior at an optimum from the whitened residual (q,) and Jacobian (q, t).
+
+    A misfit above its expectation means errors the noise model does not know; the covariance is widened by that ratio, as a
+    least-squares fit would. effective_data : independent looks in the data, for the ratio's expectation.
+    """
+    singular = np.linalg.svd(jacobian, compute_uv=False)
+    ratio = float(residual @ residual) / max(len(residual) - len(theta), 1)
+    scale = max(1.0, ratio) if effective_data > len(theta) else 1.0
+    # A direction the data do not see at all keeps the width of a flat prior over the bounds.
+    prior = np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
+    covariance = np.linalg.inv(jacobian.T @ jacobian / scale + prior)
+    return Posterior(theta, covariance, singular, float(np.sqrt(scale)), bounds)
+
+
+def verdict(names: tuple[str, ...], posterior: Posterior) -> str:
+    """In words: which regions' stiffness this pair of scans tells, and how well."""
+    parts = []
+    for name, sd, (low, high), bounds in zip(
+        names, posterior.sd, posterior.interval(), np.exp(posterior.bounds), strict=True
+    ):
+        label = name.replace("_", " ")
+        if low < 1.3 * bounds[0] and high > bounds[1] / 1.3:
+            parts.append(f"{label}: not identifiable, the interval spans all that was allowed")
+        elif sd < 0.2:
+            parts.append(f"{label}: known to {100 * (np.exp(sd) - 1):.0f} %")
+        else:
+            parts.append(f"{label}: known to a factor of {np.exp(sd):.1f} only")
+    parts.append("mu1 and mu2 cannot be told apart by one pair; only G = 2 (mu1 + mu2) is identified")
+    parts.append("all stiffness is relative to the assumed stiffness of the surrounding tissue")
+    return "; ".join(parts)
