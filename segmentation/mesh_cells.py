@@ -66,7 +66,8 @@ def clean_labels(cells: IntArray, labels: IntArray, n_points: int) -> IntArray:
     for _ in range(10):
         kept = np.isin(labels, KEPT)
         loose = parts_of(across, kept) > 0
-        loose |= (labels == SURROUNDING_TISSUE) & _hinged(cells, across, kept, n_points)
+        if not loose.any():
+            loose = (labels == SURROUNDING_TISSUE) & _hinged(cells, across, kept, n_points)
         if not loose.any():
             break
         _give_to_neighbours(labels, across, loose, holes)

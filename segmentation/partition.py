@@ -11,7 +11,7 @@ from scipy import ndimage
 from palpate.core.errors import InputError
 from palpate.segmentation.extend_labels import crop, extend_labels, padded, without_specks
 from palpate.segmentation.labels import BLADDER, BONE, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
-from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField, smooth_field
+from palpate.segmentation.smooth_field import CLIP_MM, FloatArray, IntArray, SmoothField, smooth_field
 from palpate.segmentation.surfaces import MARGIN_MM, region_fields
 from palpate.segmentation.volume import Volume
 
@@ -57,8 +57,10 @@ class Partition:
         near = np.abs(values) < 3.0
         points = own.grid.to_lps(np.argwhere(near).astype(float))
         mine = values[near]
-        rest = [field.at(points) for key, field in self.bodies.items() if key != body]
-        others = np.max(rest, axis=0) if rest else np.full(len(points), -np.inf)
+        others = np.full(len(points), -CLIP_MM)
+        for key, field in self.bodies.items():
+            if key != body:
+                np.maximum(others, field.at(points), out=others)
         tissue = self._tissue_score(points, np.maximum(mine, others))
         values[near] = 0.5 * (mine - np.maximum(others, tissue))
         return SmoothField(own.grid.with_array(values))
