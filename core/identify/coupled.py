@@ -12,12 +12,11 @@ from palpate.core.fem.assembly import Assembler, State
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
-from palpate.core.fem.terms.base import face_node_points
-from palpate.core.fem.terms.wall import SlidingWall
+from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.identify.parameters import StiffnessParameters
-from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.observe.distance_field import SignedDistanceField
 from palpate.core.observe.surface_observation import SurfaceObservation
+from palpate.core.problem import IdentificationProblem, SurfacePair
 
 FloatArray = NDArray[np.float64]
 
@@ -72,6 +71,7 @@ class CoupledScene:
             raise InputError("the case has no bone and no fixed outer surface: nothing holds the organ in place")
         self.assembler = Assembler(self.space, free.ravel(), self.walls, options.solver)
         self.observation = SurfaceObservation.of(problem, self.space)
+        self.linearised_at = np.zeros((self.space.n_nodes, 3))
 
     def solve(
         self, theta: FloatArray, start: State | FloatArray | None = None, options: NewtonOptions | None = None
@@ -90,7 +90,7 @@ class CoupledScene:
         target = found.u
         while found.converged and k < rounds and moved >= SETTLED_MM:
             k += 1
-            self._linearise(target)
+            self.linearise(target)
             again = self.solve(theta, State(found.u, found.p))
             if not again.converged:
                 return Settled(again, moved, k)
@@ -106,14 +106,16 @@ class CoupledScene:
         found: Equilibrium | None = None
         for k in range(stages):
             u = np.zeros((self.space.n_nodes, 3)) if found is None else found.u
-            self._linearise(u, 1.0 / (stages - k))
+            self.linearise(u, 1.0 / (stages - k))
             found = self.solve(theta, None if found is None else State(found.u, found.p))
             if not found.converged:
                 break
         assert found is not None
         return found
 
-    def _linearise(self, u: FloatArray, way: float = 1.0) -> None:
+    def linearise(self, u: FloatArray, way: float = 1.0) -> None:
+        """Linearise the walls at nodal displacements u (n, 3); way as in `SlidingWall.linearised_at`."""
+        self.linearised_at = u
         self.walls = [w.linearised(u, way) for w in self.walls]
         self.assembler.terms = tuple(self.walls)
 
@@ -134,7 +136,7 @@ class CoupledScene:
 
 
 def _wall(space: Space, problem: IdentificationProblem, name: str, pair: SurfacePair) -> SlidingWall:
-    points = face_node_points(space.face_nodes(problem.boundary[name]), space.nodes)
+    points = wall_points(space.face_nodes(problem.boundary[name]), space.nodes)
     rest = points.positions(space.nodes)
     at_rest, deformed = (SignedDistanceField.from_surface(s.points, s.faces) for s in (pair.rest, pair.deformed))
     return SlidingWall.between(

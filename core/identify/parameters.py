@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from palpate.core.fem.materials import Material
 from palpate.core.fem.sensitivity import Direction
-from palpate.core.problem import Facts
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
+from palpate.core.problem import Facts
 
 FloatArray = NDArray[np.float64]
 

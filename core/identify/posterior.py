@@ -43,20 +43,17 @@ class Posterior:
         return 0.5 * (interval[:, 1] - interval[:, 0])
 
 
-def laplace(
-    theta: FloatArray, residual: FloatArray, jacobian: FloatArray, bounds: FloatArray, effective_data: float
-) -> Posterior:
+def laplace(theta: FloatArray, residual: FloatArray, jacobian: FloatArray, bounds: FloatArray) -> Posterior:
     """Posterior at an optimum from the whitened residual (q,) and Jacobian (q, t).
 
     A misfit above its expectation means errors the noise model does not know; the covariance is widened by that ratio, as a
-    least-squares fit would. effective_data : independent looks in the data, for the ratio's expectation.
+    least-squares fit would.
     """
-    singular = np.linalg.svd(jacobian, compute_uv=False)
-    ratio = float(residual @ residual) / max(len(residual) - len(theta), 1)
-    scale = max(1.0, ratio) if effective_data > len(theta) else 1.0
+    singular: FloatArray = np.linalg.svd(jacobian, compute_uv=False)
+    scale = max(1.0, float(residual @ residual) / max(len(residual) - len(theta), 1))
     # A direction the data do not see at all keeps the width of a flat prior over the bounds.
     prior = np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
-    covariance = np.linalg.inv(jacobian.T @ jacobian / scale + prior)
+    covariance: FloatArray = np.linalg.inv(jacobian.T @ jacobian / scale + prior)
     return Posterior(theta, covariance, singular, float(np.sqrt(scale)), bounds)
 
 

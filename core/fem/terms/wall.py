@@ -78,3 +78,17 @@ class SlidingWall:
             return 0.5 * float(w @ gap**2), gradient, np.zeros((0, k, k))
         H = (w[:, None] * self.normal)[:, :, None] * self.normal[:, None, :]
         return 0.5 * float(w @ gap**2), gradient, self.points.spread_tangent(H)
+
+
+def wall_points(face_nodes: IntArray, nodes: FloatArray) -> PointSet:
+    """The nodes of a wall's faces (f, 3 or 6) themselves, each with an equal share of its faces' rest area, mm2.
+
+    One point per node constrains each node's normal once; more quadrature points than nodes would resist sliding along a
+    curved surface.
+    """
+    X = nodes[face_nodes[:, :3]]
+    area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
+    total = np.zeros(len(nodes))
+    np.add.at(total, face_nodes, (area / face_nodes.shape[1])[:, None])
+    used = np.unique(face_nodes)
+    return PointSet(used[:, None], np.ones((len(used), 1)), total[used])

@@ -1,0 +1,47 @@
+"""What a person may choose about an identification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from palpate.core.errors import InputError
+from palpate.core.fem.elements import ELEMENTS
+
+METHODS = ("swarm", "gauss-newton")
+BOUNDARIES = ("coupled", "contact-force")
+
+
+@dataclass(frozen=True)
+class IdentifyOptions:
+    """method, boundary : see METHODS, BOUNDARIES. element : of the forward model.
+
+    particles, iterations : of the swarm (the paper's M = 40; it stops earlier when it has collapsed). seed : of the swarm.
+    workers : processes that evaluate particles; the answer does not depend on it. starts : of Gauss-Newton.
+    Raises InputError for values out of range.
+    """
+
+    method: str = "swarm"
+    boundary: str = "coupled"
+    element: str = "p1p1"
+    particles: int = 40
+    iterations: int = 50
+    seed: int = 1
+    workers: int = 1
+    starts: int = 3
+
+    def __post_init__(self) -> None:
+        for name, value, allowed in (
+            ("method", self.method, METHODS),
+            ("boundary", self.boundary, BOUNDARIES),
+            ("element", self.element, tuple(ELEMENTS)),
+        ):
+            if value not in allowed:
+                raise InputError(f"{name} '{value}' is unknown; choose one of {', '.join(allowed)}")
+        for name, number, low, high in (
+            ("particles", self.particles, 4, 1000),
+            ("iterations", self.iterations, 1, 10000),
+            ("workers", self.workers, 1, 256),
+            ("starts", self.starts, 1, 64),
+        ):
+            if not low <= number <= high:
+                raise InputError(f"{name} = {number} is out of range; give {low} to {high}")

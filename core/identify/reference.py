@@ -1,0 +1,117 @@
+"""The reference of an identification: walls settled, noise carried through, the optimum by Gauss-Newton from several starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import ConvergenceError
+from palpate.core.fem.assembly import State
+from palpate.core.fem.newton import Equilibrium
+from palpate.core.identify.coupled import CoupledScene
+from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
+from palpate.core.identify.misfit import Misfit, wall_response
+from palpate.core.worker.progress import Progress
+
+FloatArray = NDArray[np.float64]
+
+# Starts whose optima differ by less than this in ln G are the same optimum.
+SAME_OPTIMUM = 0.05
+
+
+@dataclass
+class Counter:
+    """Work done so far."""
+
+    solves: int = 0
+    factorisations: int = 0
+    failed: int = 0
+
+    def add(self, found: Equilibrium) -> None:
+        """Count one equilibrium."""
+        self.solves += 1
+        self.factorisations += found.factorisations
+        self.failed += 0 if found.converged else 1
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """fit : of the best start. equilibrium : there, walls settled. others : (starts, t) theta of every start that ended."""
+
+    fit: GaussNewtonResult
+    equilibrium: Equilibrium
+    others: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def agree(self) -> bool:
+        """Whether all starts ended at the same optimum."""
+        return bool((np.abs(self.others - self.fit.theta) < SAME_OPTIMUM).all())
+
+
+def middle(bounds: FloatArray) -> FloatArray:
+    """A start (t,) in the lower middle of the bounds, where sensitivities are largest."""
+    return bounds[:, 0] + 0.4 * (bounds[:, 1] - bounds[:, 0])
+
+
+def settle_first(scene: CoupledScene, count: Counter) -> tuple[Equilibrium, Misfit]:
+    """Settle the walls at a middling stiffness and weigh the data. Raises ConvergenceError when the model has no equilibrium there."""
+    theta = middle(scene.parameters.bounds)
+    settled = scene.settle(theta)
+    count.add(settled.equilibrium)
+    if not settled.equilibrium.converged:
+        raise ConvergenceError(
+            f"the rest anatomy cannot be deformed into what the second scan shows: {settled.equilibrium.reason}; "
+            "look at the contours of bladder and rectum, or mesh more finely"
+        )
+    return settled.equilibrium, Misfit.of(scene, wall_response(scene, settled.equilibrium.u))
+
+
+def find_optimum(
+    scene: CoupledScene, misfit: Misfit, first: Equilibrium, starts: FloatArray, count: Counter, progress: Progress
+) -> Optimum:
+    """Gauss-Newton from each start (s, t). Raises ConvergenceError when none ends."""
+    bounds = scene.parameters.bounds
+    best: tuple[GaussNewtonResult, Equilibrium] | None = None
+    ends = []
+    for k, start in enumerate(starts):
+        progress(k / len(starts), f"Gauss-Newton, start {k + 1} of {len(starts)}")
+        walk = Walk(scene, misfit, first, count)
+        fit = gauss_newton(walk.linearise, start, bounds)
+        if fit is None or walk.best is None:
+            continue
+        ends.append(fit.theta)
+        if best is None or fit.misfit < best[0].misfit:
+            best = fit, walk.best
+    if best is None:
+        raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
+    return Optimum(best[0], best[1], np.array(ends))
+
+
+class Walk:
+    """Linearises the misfit along a path of thetas, each equilibrium started from the one before."""
+
+    def __init__(self, scene: CoupledScene, misfit: Misfit, first: Equilibrium, count: Counter) -> None:
+        self.scene, self.misfit, self.last, self.count = scene, misfit, first, count
+        self.best: Equilibrium | None = None
+        self._lowest = np.inf
+
+    def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Whitened residual and Jacobian at theta, walls settled; None when there is no equilibrium."""
+        settled = self.scene.settle(theta, self.last, rounds=3)
+        found = settled.equilibrium
+        self.count.add(found)
+        if not found.converged:
+            return None
+        self.last = found
+        residual = self.misfit.residual(found.u)
+        if residual @ residual < self._lowest:
+            self._lowest, self.best = float(residual @ residual), found
+        sensitivities = self.scene.displacement_sensitivities(theta, found)
+        return residual, self.misfit.jacobian(found.u, sensitivities)
+
+
+def state_of(found: Equilibrium) -> State:
+    """The state to warm-start a neighbour from."""
+    return State(found.u, found.p)
