@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.errors import InputError
 from palpate.core.fem import kernels
 from palpate.core.fem.linear_solvers import SymmetricSolver, make_solver
 from palpate.core.fem.materials import Material, MaterialGroup, group_by_law
 from palpate.core.fem.pattern import Pattern, scatter
 from palpate.core.fem.space import Space
-from palpate.core.fem.terms.base import Term
+from palpate.core.fem.terms.base import Particular, Term
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -48,13 +49,17 @@ class Residual:
 class Assembler:
     """Assembles one space with its terms and constrained unknowns; materials may change at no symbolic cost.
 
-    free : (3 n,) True for displacement unknowns that are solved for. Raises InputError for materials that do not fit the mesh.
+    free : (3 n,) True for displacement unknowns that are solved for. Raises InputError for materials that do not fit the mesh and
+    for loads that have no energy under these constraints.
     """
 
     def __init__(self, space: Space, free: BoolArray, terms: Sequence[Term] = (), solver: str = "auto") -> None:
         self.space = space
         self.terms = tuple(terms)
         self.free = np.asarray(free, dtype=bool)
+        for why in (t.refusal(self.free) for t in self.terms if isinstance(t, Particular)):
+            if why is not None:
+                raise InputError(why)
         e = space.element
         u_unknowns = (3 * space.cell_nodes[:, :, None] + np.arange(3)).reshape(len(space.cell_nodes), -1)
         self._cell_unknowns = np.hstack([u_unknowns, space.n_displacements + space.cell_pressures])

@@ -29,7 +29,7 @@ def split_hexahedra(points: FloatArray, hexahedra: IntArray, regions: IntArray) 
     turned = np.take_along_axis(faces, (first[..., None] + np.arange(4)) % 4, axis=2)
     triangles = np.stack([turned[..., [0, 1, 2]], turned[..., [0, 2, 3]]], axis=2).reshape(len(hexahedra), 12, 3)
     apex = hexahedra.min(axis=1)
-    far = np.all(triangles != apex[:, None, None], axis=2)  # six of twelve triangles do not touch the apex
+    far = (triangles != apex[:, None, None]).all(axis=2)  # six of twelve triangles do not touch the apex
     cells = np.hstack([np.repeat(apex, 6)[:, None], triangles[far]])
     X = points[cells]
     flipped = np.einsum("ij,ij->i", np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), X[:, 3] - X[:, 0]) < 0.0
@@ -51,7 +51,7 @@ def box(lengths: ArrayLike, divisions: tuple[int, int, int], jitter: float = 0.0
     """Box [0, lengths] mm of region 1; inner points are moved by up to `jitter` of a cell's size to make the mesh irregular."""
     points, hexahedra = _grid(divisions)
     if jitter > 0.0:
-        inner = ((points > 1e-9) & (points < 1.0 - 1e-9)).all(axis=1)
+        inner = np.abs(points - 0.5).max(axis=1) < 0.5 - 1e-9
         move = np.random.default_rng(seed).uniform(-jitter, jitter, size=points.shape) / np.array(divisions)
         points = np.where(inner[:, None], points + move, points)
     points = points * np.asarray(lengths, dtype=float)

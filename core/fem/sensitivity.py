@@ -34,3 +34,26 @@ def adjoint(assembler: Assembler, state: State, directions: Sequence[Direction],
     rhs[: gradient.size] = gradient.reshape(-1)
     multiplier = assembler.solver.solve(rhs[assembler.kept])
     return np.array([-float(multiplier @ assembler.parameter_force(state, d)) for d in directions])
+
+
+def response_to_forces(assembler: Assembler, forces: FloatArray) -> FloatArray:
+    """du/ds (r, n, 3) mm when dead nodal forces (r, n, 3) mN per unit of s act in addition. The tangent must be factorised."""
+    n = assembler.space.n_displacements
+    rhs = np.zeros((n + assembler.space.n_pressures, len(forces)))
+    rhs[:n] = np.asarray(forces, dtype=float).reshape(len(forces), -1).T
+    full = np.zeros_like(rhs)
+    full[assembler.kept] = assembler.solver.solve(rhs[assembler.kept])
+    return full[:n].T.reshape(len(forces), -1, 3)
+
+
+def response_to_moves(assembler: Assembler, state: State, moves: FloatArray, load: float = 1.0) -> FloatArray:
+    """du/ds (r, n, 3) mm when constrained unknowns move by moves (r, n, 3) mm per unit of s. The tangent must be factorised."""
+    n = assembler.space.n_displacements
+    held = ~assembler.free
+    out = np.zeros((len(moves), n))
+    for row, move in zip(out, np.asarray(moves, dtype=float).reshape(len(moves), -1), strict=True):
+        along = np.where(held, move, 0.0)
+        full = np.zeros(n + assembler.space.n_pressures)
+        full[assembler.kept] = -assembler.solver.solve(assembler.tangent(state, load, along)[1])
+        row[:] = full[:n] + along
+    return out.reshape(len(moves), -1, 3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 class Term(Protocol):
@@ -25,6 +26,14 @@ class Term(Protocol):
 
         u : (n, 3) nodal displacements, mm. load : fraction of the full load, 0 to 1.
         """
+
+
+@runtime_checkable
+class Particular(Protocol):
+    """A term that has an energy only under some constraints."""
+
+    def refusal(self, free: BoolArray) -> str | None:
+        """Why it has none with these free unknowns (3 n,), or None."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,28 +83,31 @@ class PointSet:
         return cls(nodes, matrix.data.reshape(shape), ones if measure is None else measure)
 
 
-def face_points(nodes: FloatArray, face_nodes: IntArray) -> PointSet:
-    """Three-point quadrature (exact for degree 2) of faces (f, 3 or 6 nodes) of the rest mesh; measure is area, mm2."""
-    L = np.array([[2, 1 / 2, 1 / 2], [1 / 2, 2, 1 / 2], [1 / 2, 1 / 2, 2]]) / 3.0
+def triangle_quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Barycentric points (q, 3) and weights (q,) that sum to 1, exact to total degree 2 or 4 (Dunavant 1985)."""
+    if degree <= 2:
+        return np.array([[2, 1 / 2, 1 / 2], [1 / 2, 2, 1 / 2], [1 / 2, 1 / 2, 2]]) / 3.0, np.full(3, 1.0 / 3.0)
+    rows, weights = [], []
+    for a, w in ((0.445948490915964886, 0.223381589678011466), (0.0915762135097707435, 0.109951743655321868)):
+        for k in range(3):
+            rows.append(np.where(np.arange(3) == k, 1.0 - 2.0 * a, a))
+            weights.append(w)
+    return np.array(rows), np.array(weights)
+
+
+def face_points(nodes: FloatArray, face_nodes: IntArray, degree: int = 2) -> PointSet:
+    """Quadrature points of faces (f, 3 or 6 nodes) of the rest mesh; measure is area, mm2.
+
+    degree : 2 gives three points a face; 4 gives six, which hold every node of a quadratic face.
+    """
+    L, weights = triangle_quadrature(degree)
     if face_nodes.shape[1] == 3:
         shape = L
     else:
         shape = np.hstack([L * (2 * L - 1), 4 * L * np.roll(L, -1, axis=1)])
     X = nodes[face_nodes[:, :3]]
     area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
-    n = len(face_nodes)
-    return PointSet(np.repeat(face_nodes, 3, axis=0), np.tile(shape, (n, 1)), np.repeat(area / 3.0, 3))
-
-
-def face_node_points(face_nodes: IntArray, nodes: FloatArray) -> PointSet:
-    """The nodes of faces (f, 3 or 6) themselves, each with an equal share of its faces' rest area, mm2.
-
-    One point per node constrains each node's normal once; more quadrature points than nodes would resist sliding along a
-    curved surface.
-    """
-    X = nodes[face_nodes[:, :3]]
-    area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
-    total = np.zeros(len(nodes))
-    np.add.at(total, face_nodes, (area / face_nodes.shape[1])[:, None])
-    used = np.unique(face_nodes)
-    return PointSet(used[:, None], np.ones((len(used), 1)), total[used])
+    q = len(L)
+    return PointSet(
+        np.repeat(face_nodes, q, axis=0), np.tile(shape, (len(face_nodes), 1)), np.outer(area, weights).ravel()
+    )

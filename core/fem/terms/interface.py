@@ -53,12 +53,14 @@ def interface_springs(
 
     Tied: both large. Sliding: tangential 0. The tangential compliance (mm/kPa) is the inverse of `tangential_stiffness`.
     """
-    inner = face_points(space.nodes, space.face_nodes(split.inner))
-    outer = face_points(space.nodes, space.face_nodes(split.outer))
+    degree = 2 * space.element.degree  # fewer points would leave some nodes of a quadratic face untied
+    inner = face_points(space.nodes, space.face_nodes(split.inner), degree)
+    outer = face_points(space.nodes, space.face_nodes(split.outer), degree)
     jump = PointSet(np.hstack([inner.nodes, outer.nodes]), np.hstack([inner.weights, -outer.weights]), inner.measure)
     X = space.nodes[split.inner]
     normal: FloatArray = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    normal = np.repeat(normal / np.linalg.norm(normal, axis=1)[:, None], 3, axis=0)
+    points_a_face = len(jump.measure) // len(split.inner)
+    normal = np.repeat(normal / np.linalg.norm(normal, axis=1)[:, None], points_a_face, axis=0)
     nn = normal[:, :, None] * normal[:, None, :]
     S = normal_stiffness * nn + tangential_stiffness * (np.eye(3) - nn)
     return Springs(jump, S, np.zeros((len(normal), 3)))

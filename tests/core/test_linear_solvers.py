@@ -1,0 +1,106 @@
+"""Both direct solvers give the same answers and inertia; what cannot be factorised is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.linear_solvers import FactorisationError, make_solver
+from palpate.core.fem.materials import Material
+from palpate.core.fem.meshes import box
+from palpate.core.fem.newton import solve_equilibrium
+from palpate.core.fem.pattern import Pattern
+from palpate.core.fem.space import Space
+from palpate.core.fem.terms.loads import traction
+from palpate.core.laws import MOONEY_RIVLIN, mooney_rivlin_parameters
+
+SOLVERS = ["pardiso", "superlu"]
+
+
+def available(name: str, pattern: Pattern):  # type: ignore[no-untyped-def]
+    try:
+        return make_solver(pattern, name)
+    except (ImportError, OSError) as error:
+        pytest.skip(f"{name} is not on this machine: {error}")
+
+
+def assembler_of(element: str, solver: str) -> Assembler:
+    space = Space.of(box([10.0, 8.0, 6.0], (3, 3, 3), jitter=0.2), element)
+    faces, _ = space.mesh.boundary
+    top = faces[np.isclose(space.mesh.points[faces][:, :, 2], 6.0).all(axis=1)]
+    free = np.repeat(~np.isclose(space.nodes[:, 2], 0.0), 3)
+    available(solver, Pattern.of([np.array([[0, 1]])], np.arange(2)))
+    return Assembler(space, free, [traction(space, top, np.array([3.0, 1.0, -4.0]))], solver)
+
+
+MATERIAL = {1: Material(MOONEY_RIVLIN, mooney_rivlin_parameters(40.0, 2000.0))}
+
+
+@pytest.mark.parametrize("element", ["p1", "p1p1", "p2p0", "p2p1"])
+def test_solvers_agree_on_solution_and_inertia(element: str) -> None:
+    found, signs = [], []
+    for name in SOLVERS:
+        assembler = assembler_of(element, name)
+        found.append(solve_equilibrium(assembler, MATERIAL))
+        assert found[-1].converged, f"{name}: {found[-1].reason}"
+        signs.append(assembler.solver.n_negative())
+        # A state squeezed in one direction by a third: the tangent of the plain problem has lost definiteness.
+        squeezed = assembler.space.nodes * [0.0, 0.0, -0.3] * np.sin(assembler.space.nodes[:, :1])
+        rough = State(squeezed, np.linspace(-500.0, 300.0, assembler.space.n_pressures))
+        assembler.solver.factorise(assembler.tangent(rough, 1.0)[0])
+        signs.append(assembler.solver.n_negative())
+    scale = np.abs(found[0].u).max()
+    assert np.abs(found[0].u - found[1].u).max() < 1e-7 * scale
+    assert signs[:2] == signs[2:]
+    assert signs[0] == assembler.space.n_pressures
+
+
+def random_matrix(seed: int, n: int = 40) -> tuple[Pattern, np.ndarray, np.ndarray]:
+    """A sparse symmetric matrix of small blocks: pattern, upper values, dense form."""
+    rng = np.random.default_rng(seed)
+    blocks = np.stack([rng.choice(n, 5, replace=False) for _ in range(30)])
+    pattern = Pattern.of([blocks], np.arange(n))
+    values = rng.normal(size=len(pattern.indices))
+    upper = pattern.matrix(values).toarray()
+    diagonal = np.where(np.arange(n) < n // 3, -6.0, 8.0)
+    dense = upper + np.triu(upper, 1).T + np.diag(diagonal)
+    values[pattern.indptr[:-1]] += diagonal  # the diagonal leads every row
+    return pattern, values, dense
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_indefinite_systems_with_many_right_hand_sides(name: str) -> None:
+    pattern, values, dense = random_matrix(1)
+    solver = available(name, pattern)
+    solver.factorise(values)
+    b = np.random.default_rng(2).normal(size=(pattern.n, 3))
+    np.testing.assert_allclose(dense @ solver.solve(b), b, atol=1e-9)
+    np.testing.assert_allclose(dense @ solver.solve(b[:, 0]), b[:, 0], atol=1e-9)
+    assert solver.n_negative() == int((np.linalg.eigvalsh(dense) < 0.0).sum())
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_values_that_are_not_finite_are_refused(name: str) -> None:
+    pattern, values, _ = random_matrix(3)
+    solver = available(name, pattern)
+    values[5] = np.nan
+    with pytest.raises(FactorisationError, match="not finite"):
+        solver.factorise(values)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_solver_survives_a_refused_matrix(name: str) -> None:
+    pattern, values, dense = random_matrix(4)
+    solver = available(name, pattern)
+    with pytest.raises(FactorisationError, match="not finite"):
+        solver.factorise(np.full_like(values, np.inf))
+    solver.factorise(values)
+    b = np.ones(pattern.n)
+    np.testing.assert_allclose(dense @ solver.solve(b), b, atol=1e-9)
+
+
+def test_superlu_says_that_it_has_no_factor_yet() -> None:
+    pattern, _, _ = random_matrix(5)
+    with pytest.raises(FactorisationError, match="before factorise"):
+        make_solver(pattern, "superlu").solve(np.ones(pattern.n))
