@@ -1,0 +1,50 @@
+"""Checkpoints: arrays in one file that is whole or not there, and that knows which job it belongs to."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+
+Arrays = dict[str, NDArray[np.generic]]
+
+_FINGERPRINT = "job_fingerprint"
+
+
+def save_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], fingerprint: str) -> None:
+    """Write arrays without pickle, atomically: a kill leaves the checkpoint before or this one.
+
+    Raises InputError when the file cannot be written, TypeError for an array that only pickle could hold.
+    """
+    if any(np.asarray(a).dtype.hasobject for a in arrays.values()):
+        raise TypeError(f"a checkpoint holds numbers and text, no objects: {sorted(arrays)}")
+    content: dict[str, Any] = {_FINGERPRINT: np.array(fingerprint), **arrays}
+    temporary = path.with_name(f".part-{os.getpid()}-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("wb") as stream:
+            np.savez(stream, **content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose a writable place with -o") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def load_checkpoint(path: Path, fingerprint: str) -> Arrays | None:
+    """The arrays, or None when there is no checkpoint of this very job to go on from."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays: Arrays = {k: data[k] for k in data.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return None
+    return arrays if str(arrays.pop(_FINGERPRINT, "")) == fingerprint else None

@@ -1,0 +1,89 @@
+"""What a worker process is asked to do: one JSON file."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from palpate.core.errors import InputError
+from palpate.core.worker.messages import Reporter
+
+FORMAT = 1
+
+# Any dotted name would let a job file run whatever Python finds on its path.
+_KIND = re.compile(r"palpate(\.[A-Za-z_]\w*)+:[A-Za-z_]\w*")
+
+# A kind of job: gets the job and tells through the reporter; what it returns must fit into JSON.
+JobFunction = Callable[["Job", Reporter], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Job:
+    """kind : "palpate.module:function", found by name, so a new kind is a new file. folder : where the job may write
+    (checkpoint, messages, traceback). paths : files it reads, by role. options : whatever its kind takes. workers : processes,
+    which never change the answer.
+    """
+
+    kind: str
+    folder: str
+    paths: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    workers: int = 1
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.kind, str) or not _KIND.fullmatch(self.kind):
+            raise InputError(f"job kind {self.kind!r} is not of the form palpate.module:function")
+        if not isinstance(self.workers, int) or self.workers < 1:
+            raise InputError(f"a job needs at least one worker, not {self.workers!r}")
+
+    def function(self) -> JobFunction:
+        """The function that does this kind of job; raises InputError when there is none."""
+        module, name = self.kind.split(":")
+        try:
+            return getattr(importlib.import_module(module), name)
+        except (ModuleNotFoundError, AttributeError) as error:
+            if isinstance(error, ModuleNotFoundError) and not module.startswith(error.name or " "):
+                raise  # a package that the module needs is missing, which is another trouble
+            raise InputError(f"no job kind {self.kind!r} in this version of Palpate") from error
+
+    def fingerprint(self) -> str:
+        """SHA-256 of all that the answer depends on: kind, options, seed and the files' contents; not the workers.
+
+        Raises InputError when a file cannot be read.
+        """
+        content = {name: _sha256(Path(path)) for name, path in self.paths.items()}
+        stated = {"kind": self.kind, "options": dict(self.options), "seed": self.seed, "content": content}
+        return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write atomically."""
+        temporary = path.with_name(f".{path.name}-{os.getpid()}")
+        temporary.write_text(json.dumps({"format": FORMAT, **asdict(self)}, indent=1), encoding="utf-8")
+        os.replace(temporary, path)
+
+    @classmethod
+    def load(cls, path: Path) -> Job:
+        """Raises InputError when the file is not a job."""
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            if data.pop("format") != FORMAT:
+                raise InputError(f"{path}: job of another version of Palpate; start the command again")
+            return cls(**data)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path}: not a readable job ({type(error).__name__}); start the command again") from error
+
+
+def _sha256(path: Path) -> str:
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); run the step that makes it again") from error

@@ -1,0 +1,51 @@
+"""A worker process ends at once when it is asked to, and when the process that started it is gone."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import stat
+import sys
+import threading
+from collections.abc import Callable
+from types import FrameType
+
+_PR_SET_PDEATHSIG = 1
+
+
+def watch(stop: Callable[[bool], None]) -> None:
+    """Calls ``stop(asked)`` from a thread of its own: asked by a cancel message or SIGTERM or SIGINT, or not asked: parent gone.
+
+    Signal handlers run between two Python instructions of the main thread, which may be long inside a solver; the interpreter
+    writes to the wake-up pipe at once.
+    """
+    woken, wake = os.pipe()
+    os.set_blocking(wake, False)
+    signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _leave_to_the_thread)
+    threading.Thread(target=_wait_for_signal, args=(woken, stop), daemon=True).start()
+    if stat.S_ISFIFO(os.fstat(0).st_mode):  # a terminal or /dev/null says nothing about a parent
+        die_with_parent()
+        threading.Thread(target=_wait_for_message, args=(0, stop), daemon=True).start()
+
+
+def die_with_parent() -> None:
+    """Linux: the kernel kills this process when the thread that started it ends, even while Python code cannot run."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+def _wait_for_signal(woken: int, stop: Callable[[bool], None]) -> None:
+    os.read(woken, 1)
+    stop(True)
+
+
+def _wait_for_message(source: int, stop: Callable[[bool], None]) -> None:
+    """Any line is a cancel, since there is no other message; the end of the pipe is the parent's end."""
+    stop(bool(os.read(source, 1)))
+
+
+def _leave_to_the_thread(number: int, frame: FrameType | None) -> None:
+    pass
