@@ -158,6 +158,11 @@ class CaseFolder:
         """The CT of a state in its scanner's own frame, slices in the files' order, and what else its files say."""
         return read_series(self.file(f"{_known(state)}_ct"))
 
+    def user_labels(self, state: str) -> Volume | None:
+        """What a person drew on a state's CT (rest frame, LPS order), None where nothing; user_labels.json says more."""
+        name = f"{_known(state)}_user.nii.gz"
+        return in_lps_order(read_labels(self.file(name))) if self.has(name) else None
+
     def write_labels(self, state: str, labels: Volume) -> Path:
         """Writes the label volume of a state, which must be in the rest frame, and labels.txt beside it."""
         name = f"{_known(state)}.nii.gz"

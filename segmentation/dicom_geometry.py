@@ -48,7 +48,7 @@ def in_order(slices: Sequence[Slice], folder: object) -> tuple[list[Slice], NDAr
 
     Raises InputError when they differ in size, pixel spacing or orientation, or all lie at one position.
     """
-    first = slices[0]
+    first = _usual(slices)
     for other in slices:
         if other.shape != first.shape:
             raise InputError(
@@ -69,6 +69,12 @@ def in_order(slices: Sequence[Slice], folder: object) -> tuple[list[Slice], NDAr
     return [slices[i] for i in order], positions[order]
 
 
+def _usual(slices: Sequence[Slice]) -> Slice:
+    """A slice like most of the others, so that a message names the odd one."""
+    kinds = [(s.shape, np.round([*s.spacing, *s.right, *s.down], 2).tolist()) for s in slices]
+    return slices[max(range(len(slices)), key=lambda index: kinds.count(kinds[index]))]
+
+
 def stack(slices: Sequence[Slice], positions: NDArray[np.float64], folder: object) -> Stack:
     """The slices, sorted and each position once, as a stack.
 
@@ -87,10 +93,10 @@ def stack(slices: Sequence[Slice], positions: NDArray[np.float64], folder: objec
             f"{folder}: the gap between {slices[at].path.name} and {slices[at + 1].path.name} is {gaps[at]:.2f} mm where "
             f"{usual:.2f} mm is usual; up to {WIDEST_GAP:g} times is interpolated; give a reconstruction with even gaps"
         )
-    even_gap = float((positions[-1] - positions[0]) / len(gaps))
-    drift = positions - (positions[0] + even_gap * np.arange(len(positions)))
-    even = bool(np.abs(drift).max() <= max(EVEN_WITHIN_MM, 0.01 * even_gap))
-    return Stack(tuple(slices), positions, _step(slices, positions), even, even_gap if even else usual)
+    count = np.arange(len(positions))
+    even_gap, start = np.polyfit(count, positions, 1)
+    even = bool(np.abs(positions - start - even_gap * count).max() <= max(EVEN_WITHIN_MM, 0.01 * even_gap))
+    return Stack(tuple(slices), positions, _step(slices, positions), even, float(even_gap) if even else usual)
 
 
 def _refuse_missing(slices: Sequence[Slice], positions: NDArray[np.float64], usual: float) -> None:
