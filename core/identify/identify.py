@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable
-from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.fem.newton import Equilibrium
+from palpate.core.identify import particles
 from palpate.core.identify.coupled import CoupledScene, SceneOptions
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
@@ -20,10 +18,11 @@ from palpate.core.identify.posterior import Posterior, laplace
 from palpate.core.identify.reference import Counter, Optimum, Walk, find_optimum, middle, settle_first
 from palpate.core.identify.search import SwarmOutcome, run_swarm
 from palpate.core.problem import IdentificationProblem
-from palpate.core.worker.progress import Progress
+from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
+from palpate.core.worker.executors import make_executor
+from palpate.core.worker.messages import Reporter
 
 FloatArray = NDArray[np.float64]
-MakeExecutor = Callable[[int, Callable[..., None], tuple[object, ...]], Executor]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,63 +51,59 @@ class Identification:
         return 0.0 if self.swarm is None else float(np.abs(self.swarm.theta - self.optimum.fit.theta).max())
 
 
-def identify(
-    folder: Path,
-    options: IdentifyOptions,
-    make_executor: MakeExecutor,
-    progress: Progress,
-    cancelled: Callable[[], None],
-) -> Identification:
-    """Identify the problem in folder/problem.npz; checkpoints go beside it and a rerun goes on from them.
+def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter: Reporter) -> Identification:
+    """Identify the problem in folder/problem.npz; checkpoints go beside it, and a rerun with the same fingerprint goes on.
 
-    Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved, Cancelled.
+    Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
     """
     began = time.perf_counter()
     count = Counter()
-    problem_file, reference_file = folder / "problem.npz", folder / "reference.npz"
-    progress(0.0, "building the model")
-    scene = CoupledScene(IdentificationProblem.load(problem_file), SceneOptions(element=options.element))
-    cancelled()
-    progress(0.05, "settling the walls")
+    reporter.progress(0.0, "building the model")
+    problem = IdentificationProblem.load(folder / "problem.npz")
+    scene = CoupledScene(problem, SceneOptions(element=options.element))
+    reporter.progress(0.05, "settling the walls")
     first, misfit = settle_first(scene, count)
-    cancelled()
-    optimum = find_optimum(
-        scene, misfit, first, _starts(scene, options), count, lambda f, m: progress(0.1 + 0.2 * f, m)
-    )
-    cancelled()
+    starts = _starts(scene, options)
+    optimum = find_optimum(scene, misfit, first, starts, count, lambda f, m: reporter.progress(0.1 + 0.2 * f, m))
     swarm = None
     theta = optimum.fit.theta
     if options.method == "swarm":
-        if not (folder / "swarm.npz").exists() or not reference_file.exists():
-            _save_reference(reference_file, scene, optimum)
-        arguments = (str(problem_file), str(reference_file), options.element)
-        from palpate.core.identify import particles
-
-        with make_executor(options.workers, particles.initialise, arguments) as executor:
-            swarm = run_swarm(
-                executor,
-                scene.parameters.bounds,
-                options,
-                folder / "swarm.npz",
-                lambda f, m: progress(0.3 + 0.6 * f, m),
-                cancelled,
-            )
+        swarm = _swarm(folder, scene, optimum, options, fingerprint, reporter)
         theta = swarm.theta
         count.solves += swarm.evaluations
         count.factorisations += swarm.factorisations
         count.failed += swarm.failed
-    progress(0.92, "uncertainty")
+    reporter.progress(0.92, "uncertainty")
     walk = Walk(scene, misfit, optimum.equilibrium, count)
-    linear = walk.linearise(theta)
-    if linear is None or walk.best is None:  # the swarm's best lies where the settled walls have no equilibrium
+    linear, best = walk.linearise(theta), walk.best
+    if linear is None or best is None:  # the swarm's best has no equilibrium once the walls have settled anew
         theta, linear, best = optimum.fit.theta, (optimum.fit.residual, optimum.fit.jacobian), optimum.equilibrium
-    else:
-        best = walk.best
     posterior = laplace(theta, *linear, scene.parameters.bounds)
     seconds = time.perf_counter() - began
+    residual, jacobian = linear
     return Identification(
-        scene, misfit, theta, best, linear[0], linear[1], posterior, optimum, swarm, replace(count), seconds
+        scene, misfit, theta, best, residual, jacobian, posterior, optimum, swarm, count, seconds
     )
+
+
+def _swarm(
+    folder: Path,
+    scene: CoupledScene,
+    optimum: Optimum,
+    options: IdentifyOptions,
+    fingerprint: str,
+    reporter: Reporter,
+) -> SwarmOutcome:
+    """The swarm around the reference: one file tells every process where the walls are and where to start from."""
+    reference = folder / "reference.npz"
+    if load_checkpoint(reference, fingerprint) is None:
+        found = optimum.equilibrium
+        arrays = {"theta": optimum.fit.theta, "u": found.u, "p": found.p, "walls_u": scene.linearised_at}
+        save_checkpoint(reference, arrays, fingerprint)
+    arguments = (str(folder / "problem.npz"), str(reference), options.element)
+    with make_executor(options.workers, particles.initialise, arguments) as executor:
+        bounds = scene.parameters.bounds
+        return run_swarm(executor, bounds, options, folder / "swarm.npz", fingerprint, reporter)
 
 
 def _starts(scene: CoupledScene, options: IdentifyOptions) -> FloatArray:
@@ -127,10 +122,3 @@ def _plastic(n: int) -> float:
     for _ in range(60):
         x = (1.0 + x) ** (1.0 / (n + 1))
     return x
-
-
-def _save_reference(path: Path, scene: CoupledScene, optimum: Optimum) -> None:
-    found = optimum.equilibrium
-    temporary = path.with_name(f".{path.name}.tmp.npz")
-    np.savez(temporary, theta=optimum.fit.theta, u=found.u, p=found.p, walls_u=found.u)
-    os.replace(temporary, path)

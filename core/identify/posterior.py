@@ -49,11 +49,11 @@ def laplace(theta: FloatArray, residual: FloatArray, jacobian: FloatArray, bound
     A misfit above its expectation means errors the noise model does not know; the covariance is widened by that ratio, as a
     least-squares fit would.
     """
-    singular: FloatArray = np.linalg.svd(jacobian, compute_uv=False)
+    singular = np.asarray(np.linalg.svd(jacobian, compute_uv=False), dtype=np.float64)
     scale = max(1.0, float(residual @ residual) / max(len(residual) - len(theta), 1))
     # A direction the data do not see at all keeps the width of a flat prior over the bounds.
     prior = np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
-    covariance: FloatArray = np.linalg.inv(jacobian.T @ jacobian / scale + prior)
+    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian / scale + prior), dtype=np.float64)
     return Posterior(theta, covariance, singular, float(np.sqrt(scale)), bounds)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +14,8 @@ from palpate.core.identify import particles
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.particles import ParticleValue
 from palpate.core.identify.swarm import Swarm, SwarmOptions
-from palpate.core.worker.progress import Progress
+from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
+from palpate.core.worker.messages import Reporter
 
 FloatArray = NDArray[np.float64]
 
@@ -41,27 +40,33 @@ def run_swarm(
     bounds: FloatArray,
     options: IdentifyOptions,
     checkpoint: Path,
-    progress: Progress,
-    cancelled: Callable[[], None],
+    fingerprint: str,
+    reporter: Reporter,
 ) -> SwarmOutcome:
-    """Search bounds (t, 2) with `particles.evaluate` in the executor's processes; goes on from `checkpoint` if there is one.
+    """Search bounds (t, 2) with `particles.evaluate` in the executor's processes.
 
-    cancelled : raises Cancelled when somebody asked for a stop. Raises ConvergenceError when every particle failed.
+    Goes on from `checkpoint` if it belongs to the same job (fingerprint). Raises ConvergenceError when every particle failed.
     """
     swarm_options = SwarmOptions(
         particles=options.particles, max_iterations=options.iterations, collapse=1e-3, patience=15, keep_positions=True
     )
-    swarm = _resume(checkpoint) or Swarm(bounds[:, 0], bounds[:, 1], options.seed, swarm_options)
+    swarm = _resume(checkpoint, fingerprint) or Swarm(bounds[:, 0], bounds[:, 1], options.seed, swarm_options)
     work = failed = 0
     while not swarm.should_stop():
-        cancelled()
-        answers: list[ParticleValue] = list(executor.map(particles.evaluate, list(swarm.ask())))
+        asked = swarm.ask()
+        answers: list[ParticleValue] = list(executor.map(particles.evaluate, list(asked)))
         work += sum(a.factorisations for a in answers)
         failed += sum(not np.isfinite(a.value) for a in answers)
         swarm.tell([a.value for a in answers])
-        _save(checkpoint, swarm)
-        done = swarm.iteration / options.iterations
-        progress(done, f"swarm, iteration {swarm.iteration}, best misfit {swarm.best_value:.4g}")
+        save_checkpoint(checkpoint, swarm.state(), fingerprint)
+        reporter.checkpoint(checkpoint, swarm.iteration)
+        reporter.progress(
+            0.3 + 0.6 * swarm.iteration / options.iterations,
+            f"swarm, iteration {swarm.iteration}, best misfit {swarm.best_value:.5g}",
+            best=swarm.best_value,
+            iteration=swarm.iteration,
+            particles=np.exp(asked),
+        )
     if not np.isfinite(swarm.best_value):
         raise ConvergenceError("no particle of the swarm has an equilibrium; look at the mesh and at the contours")
     positions, values = swarm.track
@@ -78,15 +83,6 @@ def run_swarm(
     )
 
 
-def _resume(checkpoint: Path) -> Swarm | None:
-    if not checkpoint.exists():
-        return None
-    with np.load(checkpoint, allow_pickle=False) as data:
-        return Swarm.from_state({k: data[k] for k in data.files})
-
-
-def _save(checkpoint: Path, swarm: Swarm) -> None:
-    """Whole or not at all: a kill leaves the checkpoint of the iteration before."""
-    temporary = checkpoint.with_name(f".{checkpoint.name}.tmp.npz")
-    np.savez(temporary, **swarm.state())
-    os.replace(temporary, checkpoint)
+def _resume(checkpoint: Path, fingerprint: str) -> Swarm | None:
+    state = load_checkpoint(checkpoint, fingerprint)
+    return None if state is None else Swarm.from_state(state)

@@ -1,0 +1,166 @@
+"""Identification as a job of the worker process: problem file in, result and fields out."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.identify.identify import Identification, identify
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.posterior import verdict
+from palpate.core.observe.surface_distance import surface_misfit
+from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.worker.checkpoint import save_checkpoint
+from palpate.core.worker.executors import one_thread
+from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Reporter
+
+FloatArray = NDArray[np.float64]
+
+# Swarm and Gauss-Newton name the same optimum when their ln G differ by less than this share of a standard deviation.
+AGREEMENT_SD = 0.25
+# A stiffness this close to a bound (in ln G) is reported as at the bound.
+AT_BOUND = 0.02
+
+
+def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+    """Job kind "palpate.core.identify.job:run"; options as `IdentifyOptions`. Writes fields.npz into the job's folder.
+
+    Returns result.json without versions and inputs, which the case knows.
+    """
+    one_thread()  # the order of sums, and with it the last bits, must not depend on the machine's cores
+    options = IdentifyOptions(**{**job.options, "seed": job.seed, "workers": job.workers})
+    fingerprint = job.fingerprint()
+    found = identify(Path(job.folder), options, fingerprint, reporter)
+    save_checkpoint(Path(job.folder) / "fields.npz", _fields(found), fingerprint)
+    return _result(found, options)
+
+
+def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
+    names = tuple(found.scene.problem.region_names[r] for r in found.scene.problem.regions)
+    return {
+        "parameters": _parameters(found, names),
+        "identifiability": {
+            "singular_values": found.posterior.singular_values,
+            "mu1_mu2_separable": False,
+            "verdict": verdict(names, found.posterior),
+        },
+        "misfit": _misfit(found),
+        "solver": {
+            "forward_solves": found.count.solves,
+            "newton_iterations": found.count.factorisations,
+            "failed": found.count.failed,
+            "seconds": round(found.seconds, 2),
+            "element": options.element,
+            "unknowns": found.scene.assembler.pattern.n,
+            "linear_solver": found.scene.assembler.solver.name,
+        },
+        "method": options.method,
+        "boundary": options.boundary,
+        "seed": options.seed,
+        "options": asdict(options),
+        "convergence": _convergence(found),
+        "agreement": _agreement(found, names),
+        "notes": _notes(found, names),
+    }
+
+
+def _parameters(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
+    parameters, posterior = found.scene.parameters, found.posterior
+    G, mu = parameters.shear_moduli(found.theta), parameters.mu(found.theta)
+    low, high = parameters.bounds.T
+    near = (found.theta < low + AT_BOUND) | (found.theta > high - AT_BOUND)
+    return {
+        name: {
+            "G_kpa": G[k],
+            "mu1_kpa": mu[k, 0],
+            "mu2_kpa": mu[k, 1],
+            "mu_mean_kpa": mu[k].mean(),
+            "sd_kpa": posterior.sd_kpa()[k],
+            "ci95_kpa": posterior.interval()[k],
+            "sd_ln_G": posterior.sd[k],
+            "at_bound": bool(near[k]),
+        }
+        for k, name in enumerate(names)
+    }
+
+
+def _misfit(found: Identification) -> dict[str, Any]:
+    """Eqs 10 to 13: every point to its own region's surface, points near the dividing line left out."""
+    observation, deformed = found.scene.observation, found.scene.problem.organ.deformed
+    targets = {
+        r: TriangleTree.of(deformed.points, deformed.faces[deformed.region == r])
+        for r in found.scene.problem.regions
+        if (deformed.region == r).any()
+    }
+    seen = np.isin(observation.region, list(targets))
+    start = surface_misfit(observation.points[seen], observation.region[seen], targets)
+    moved = observation.points + observation.operator @ found.equilibrium.u
+    end = surface_misfit(moved[seen], observation.region[seen], targets)
+    facts = found.scene.problem.facts
+    return {
+        "rms_mm": end.rms_mm,
+        "p95_mm": end.p95_mm,
+        "hausdorff_mm": end.hausdorff_mm,
+        "objective_mm2": end.objective_mm2,
+        "points": end.points,
+        "rms_before_mm": start.rms_mm,
+        "expected_noise_rms_mm": float(np.sqrt(np.trace(found.misfit.surface.covariance) / len(observation.points))),
+        "contour_noise_sd_mm": facts.noise_sd_mm,
+        "weighted": float(found.residual @ found.residual),
+        "weighted_expected": len(found.residual),
+    }
+
+
+def _convergence(found: Identification) -> list[float]:
+    return found.swarm.history.tolist() if found.swarm is not None else found.optimum.fit.history
+
+
+def _agreement(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "gauss_newton_G_kpa": dict(zip(names, np.exp(found.optimum.fit.theta).tolist(), strict=True)),
+        "starts_agree": found.optimum.agree,
+        "largest_ln_G_difference": found.agreement,
+        "same_optimum": bool(found.agreement < AGREEMENT_SD * found.posterior.sd.max()),
+    }
+
+
+def _notes(found: Identification, names: tuple[str, ...]) -> list[str]:
+    notes = []
+    if not _agreement(found, names)["same_optimum"]:
+        notes.append("swarm and Gauss-Newton end at different stiffnesses: the misfit has more than one low place")
+    if not found.optimum.agree:
+        notes.append("Gauss-Newton ends at different stiffnesses from different starts")
+    if found.posterior.scale > 1.0:
+        notes.append(
+            f"the misfit is {found.posterior.scale:.2f} times what the stated noise explains; intervals are widened by that factor"
+        )
+    for name, values in _parameters(found, names).items():
+        if values["at_bound"]:
+            notes.append(
+                f"{name} lies at the edge of the allowed stiffness: it may absorb an effect that is not modelled"
+            )
+    return notes
+
+
+def _fields(found: Identification) -> dict[str, NDArray[np.generic]]:
+    """What pictures need, in the rest frame, mm."""
+    observation, space = found.scene.observation, found.scene.space
+    vertices = len(space.mesh.points)
+    fields: dict[str, NDArray[np.generic]] = {
+        "mesh_displacement": found.equilibrium.u[:vertices],
+        "surface_points": observation.points,
+        "surface_displacement": observation.operator @ found.equilibrium.u,
+        "surface_region": observation.region,
+        "surface_residual": observation.residual(found.equilibrium.u),
+        "theta": found.theta,
+        "covariance": found.posterior.covariance,
+    }
+    if found.swarm is not None:
+        fields["swarm_positions"] = found.swarm.positions
+        fields["swarm_values"] = found.swarm.values
+    return fields

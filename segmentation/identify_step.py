@@ -1,0 +1,150 @@
+"""The identify step of a case: mesh and surfaces to stiffness, in a worker process."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.core.errors import InputError
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
+from palpate.core.worker.job import Job
+from palpate.core.worker.process import run_job
+from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.labels import LABELS
+from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
+from palpate.segmentation.surfaces import TriSurface
+
+INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
+# Standard deviation of a contour when nobody says: about what two observers of one CT differ by (DESIGN.md).
+DEFAULT_NOISE_MM = 0.4
+_WALLS = ("bladder", "rectum")
+_ORGAN = (1, 2)
+_PACKAGES = (
+    "palpate",
+    "numpy",
+    "scipy",
+    "numba",
+    "pypardiso",
+    "vtk",
+    "pyvista",
+    "pytetwild",
+    "scikit-image",
+    "SimpleITK",
+)
+
+
+@dataclass(frozen=True)
+class IdentifyStepOptions:
+    """identify : what the worker does. on_message : sees every message of the worker. cancel : set it to stop."""
+
+    identify: IdentifyOptions = field(default_factory=IdentifyOptions)
+    cancel: threading.Event | None = None
+
+
+def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+    """Write result.json and identify/ of a case; return what result.json says.
+
+    Nothing is done when inputs and options are those of the last run; a run that was killed goes on from its checkpoint.
+    Raises InputError when the mesh step has not been run, ConvergenceError when nothing could be solved, Cancelled.
+    """
+    options = options or IdentifyStepOptions()
+    chosen = {k: v for k, v in asdict(options.identify).items() if k != "workers"}
+    inputs = case.inputs_sha256(INPUTS, chosen)
+    if case.step_is_done("identify", inputs):
+        done: dict[str, Any] = case.read_json("result.json")
+        return done
+    folder = case.file("identify")
+    _write_problem(case, folder)
+    found = run_job(_job(case, options.identify), lambda m: _tell(m, progress), options.cancel)
+    result = {**found, "versions": versions(), "inputs_sha256": _input_hashes(case)}
+    if case.facts.other.get("simulated"):
+        result["simulated"] = True
+    case.write_json("result.json", result)
+    case.mark_done("identify", inputs, ("result.json", "identify/fields.npz"))
+    progress(1.0, "stiffness found")
+    return result
+
+
+def problem_of(case: CaseFolder) -> IdentificationProblem:
+    """The case's mesh, walls and organ surfaces as one numerical problem. Raises InputError when a step before is missing."""
+    meshed = load_meshed(case)
+    rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
+    for state, surfaces in (("rest", rest), ("deformed", deformed)):
+        if ORGAN_NAME not in surfaces:
+            raise InputError(f"{case.file('surfaces.npz')} has no organ in the {state} state; run `palpate mesh` again")
+    walls = {n: SurfacePair(_plain(rest[n]), _plain(deformed[n])) for n in _WALLS if n in rest and n in deformed}
+    present = sorted(set(np.unique(meshed.mesh.regions).tolist()) & set(_ORGAN))
+    marks = case.landmarks()
+    landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
+    return IdentificationProblem(
+        meshed.mesh,
+        meshed.boundary,
+        walls,
+        SurfacePair(_plain(rest[ORGAN_NAME]), _plain(deformed[ORGAN_NAME])),
+        _facts(case),
+        {r: LABELS[r] for r in present},
+        landmarks,
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that an answer depends on."""
+    out = {}
+    for name in _PACKAGES:
+        try:
+            out[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            out[name] = "absent"
+    return out
+
+
+def _facts(case: CaseFolder) -> Facts:
+    facts = case.facts
+    return Facts(
+        tissue_shear_modulus_kpa=facts.tissue_shear_modulus_kpa,
+        tissue_poisson_ratio=facts.tissue_poisson_ratio,
+        bounds_kpa=facts.organ_shear_modulus_bounds_kpa,
+        noise_sd_mm=facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM,
+        outer_fixed=facts.outer_surface == "fixed",
+    )
+
+
+def _plain(surface: TriSurface) -> Surface:
+    return Surface(surface.points, surface.faces, surface.region)
+
+
+def _write_problem(case: CaseFolder, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    case.write_npz("identify/problem.npz", **problem_of(case).arrays())
+
+
+def _job(case: CaseFolder, options: IdentifyOptions) -> Job:
+    chosen = {k: v for k, v in asdict(options).items() if k not in ("seed", "workers")}
+    folder = case.file("identify")
+    job = Job(
+        "palpate.core.identify.job:run",
+        str(folder),
+        {"problem": str(folder / "problem.npz")},
+        chosen,
+        options.seed,
+        options.workers,
+    )
+    job.save(folder / "job.json")
+    return job
+
+
+def _tell(message: dict[str, Any], progress: Progress) -> None:
+    if message.get("type") == "progress":
+        progress(0.98 * float(message["fraction"]), str(message["message"]))
+
+
+def _input_hashes(case: CaseFolder) -> dict[str, str]:
+    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS)
+    return {name: case.inputs_sha256([name]) for name in names if case.has(name)}
