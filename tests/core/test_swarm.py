@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from palpate.core.errors import InputError
-from palpate.core.identify.swarm import ATTRACTION, INERTIA, Swarm, SwarmOptions, sample_sphere, sphere_centre
+from palpate.core.identify.swarm import ATTRACTION, INERTIA, REBOUND, Swarm, SwarmOptions, sample_sphere, sphere_centre
 from palpate.core.identify.swarm_search import search
 from palpate.core.identify.topology import draw_informants, neighbourhood_best
 from palpate.core.worker.executors import make_executor
@@ -46,6 +46,7 @@ def assert_same(a: Swarm, b: Swarm) -> None:
 def test_constants_are_those_of_the_paper():
     assert pytest.approx(1.1931471805599454, rel=1e-15) == ATTRACTION
     assert pytest.approx(0.7213475204444817, rel=1e-15) == INERTIA
+    assert REBOUND == -0.5
     assert SwarmOptions().particles == 40
     assert SwarmOptions().informed == 3
 
@@ -200,7 +201,7 @@ def test_stopping_rules_are_named():
     assert run(sphere, 1, SwarmOptions(max_iterations=3)).stop_reason() == "iterations"
     collapsed = run(sphere, 1, SwarmOptions(max_iterations=1000, collapse=1e-3))
     assert collapsed.stop_reason() == "collapse"
-    assert np.abs(collapsed.best_position - [1.5, -0.7]).max() < 0.012
+    assert np.abs(collapsed.best_position - [1.5, -0.7]).max() < 0.05
     stuck = run(lambda x: np.ones(len(x)), 1, SwarmOptions(max_iterations=1000, patience=12))
     assert (stuck.stop_reason(), stuck.iteration) == ("stagnation", 13)
 
