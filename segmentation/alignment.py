@@ -19,6 +19,8 @@ from palpate.segmentation.volume import Volume
 PARTNER_WITHIN_MM = 10.0
 MIN_OVERLAP = 0.25
 DOUBTFUL_MM = 1.5
+# Measured: 0.2 to 0.7 mm for one patient, 3.6 mm for two.
+MAX_RESIDUAL_MM = 2.5
 MAX_UNMATCHED = 0.35
 # Noise alone leaves 0.2 to 0.7 mm; above, parts are looked at one by one.
 SUSPECT_MM = 0.5
@@ -27,6 +29,8 @@ SUSPECT_MM = 0.5
 MOVED_MM = 1.0
 MOVED_TIMES = 2.5
 PARTS = ("right", "centre", "left")
+# Of the surface; smaller parts say nothing.
+SMALLEST_PART = 0.05
 SIDES = ("right", "left")
 
 
@@ -78,65 +82,68 @@ def _align(rest: BoneField, deformed: BoneField) -> Alignment:
     everything = register(rest, deformed, mask, start)
     first, _ = _measured(everything, surfaces, rest, deformed)
     if first.residual_mm < SUSPECT_MM:
-        return first
+        return _accepted(first)
     # A part that moved by itself pulls the whole after it and hides: judge by an alignment on the middle alone, the
     # pelvic ring, and leave out what did not come along.
-    _, moved = _measured(
-        register(rest, deformed, _without(mask, SIDES, surfaces[0]), everything), surfaces, rest, deformed
-    )
+    inner = register(rest, deformed, _without(mask, SIDES, surfaces[0]), everything)
+    _, off = _measured(inner, surfaces, rest, deformed)
+    moved = [part for part in SIDES if off[part] > max(MOVED_MM, MOVED_TIMES * off["centre"])]
     if not moved:
-        return first
-    again, _ = _measured(
-        register(rest, deformed, _without(mask, moved, surfaces[0]), everything), surfaces, rest, deformed
-    )
+        return _accepted(first)
+    transform = register(rest, deformed, _without(mask, moved, surfaces[0]), everything)
+    found, off = _measured(transform, surfaces, rest, deformed)
     notes = tuple(
-        f"the bones on the {part} did not move with the others ({again.part_residual_mm[part]:.1f} mm rms, the middle "
-        f"{again.part_residual_mm['centre']:.1f} mm) and were left out of the alignment: a leg lay differently"
+        f"the bones on the {part} did not move with the others (a quarter is {off[part]:.1f} mm off or more, in the middle "
+        f"{off['centre']:.1f} mm) and were left out of the alignment: a leg lay differently"
         for part in moved
     )
-    return replace(again, notes=notes)
+    return _accepted(replace(found, notes=notes))
 
 
 def _measured(
     transform: sitk.Euler3DTransform, surfaces: tuple[Surface, Surface], rest: BoneField, deformed: BoneField
-) -> tuple[Alignment, list[str]]:
-    """What a transform, rest point to deformed point, achieves, and the parts of the bones that moved by themselves."""
-    matrix = np.asarray(np.linalg.inv(matrix_of(transform)), dtype=np.float64)
+) -> tuple[Alignment, dict[str, float]]:
+    """What a transform, rest point to deformed point, achieves; and for each part how far off a quarter of it is, mm."""
+    back = matrix_of(transform)
+    matrix = np.asarray(np.linalg.inv(back), dtype=np.float64)
+    overlap = float(_inside(surfaces[0].points @ back[:3, :3].T + back[:3, 3], deformed.mask).mean())
     points = surfaces[1].points @ matrix[:3, :3].T + matrix[:3, 3]
     points = points[_inside(points, rest.mask)]
-    back = np.linalg.inv(matrix)
-    overlap = float(_inside(surfaces[0].points @ back[:3, :3].T + back[:3, 3], deformed.mask).mean())
-    if overlap < MIN_OVERLAP or len(points) < 100:
+    if len(points) < 100:
+        raise InputError("the two scans show no common bone; give two scans of the same region of one patient")
+    along, far = surfaces[0].distances(points)
+    partner, parts = far < PARTNER_WITHIN_MM, _part_of(points, surfaces[0])
+    away = np.where(partner, np.abs(along), PARTNER_WITHIN_MM)
+    residuals, off = {}, dict.fromkeys(PARTS, 0.0)
+    for index, name in enumerate(PARTS):
+        if (parts == index).mean() > SMALLEST_PART:
+            off[name] = float(np.percentile(away[parts == index], 75))
+            residuals[name] = _rms(along[partner & (parts == index)])
+    return Alignment(matrix, _rms(along[partner]), residuals, float(1.0 - partner.mean()), overlap), off
+
+
+def _accepted(found: Alignment) -> Alignment:
+    """The alignment, with a note where it is doubtful. Raises InputError when it cannot be two scans of one pelvis."""
+    if found.overlap < MIN_OVERLAP:
         raise InputError(
-            f"the two scans have {100 * overlap:.0f} % of the bone in common, {100 * MIN_OVERLAP:.0f} % is needed; "
+            f"the two scans have {100 * found.overlap:.0f} % of the bone in common, {100 * MIN_OVERLAP:.0f} % is needed; "
             "give two scans of the same region of one patient"
         )
-    along, far = surfaces[0].distances(points)
-    partner = far < PARTNER_WITHIN_MM
-    unmatched = float(1.0 - partner.mean())
-    if unmatched > MAX_UNMATCHED:
+    middle = found.part_residual_mm.get("centre", found.residual_mm)
+    if found.unmatched > MAX_UNMATCHED or middle > MAX_RESIDUAL_MM:
         raise InputError(
-            f"after alignment {100 * unmatched:.0f} % of the bone surface has no partner within {PARTNER_WITHIN_MM:.0f} mm; "
-            "give two scans of one patient"
+            f"after alignment the bones lie {middle:.1f} mm rms apart (up to {MAX_RESIDUAL_MM:g} mm is one patient's) and "
+            f"{100 * found.unmatched:.0f} % has no partner within {PARTNER_WITHIN_MM:.0f} mm; give two scans of one patient"
         )
-    groups = {name: along[partner & (_part_of(points, surfaces[0]) == index)] for index, name in enumerate(PARTS)}
-    groups = {name: values for name, values in groups.items() if len(values) > 0.05 * len(points)}
-    residuals = {name: _rms(values) for name, values in groups.items()}
-    residual = _rms(along[partner])
-    notes = (f"the bones agree to {residual:.1f} mm rms only: look at the alignment",) if residual > DOUBTFUL_MM else ()
-    found = Alignment(matrix, residual, residuals, unmatched, overlap, notes)
-    return found, [name for name in groups if name != "centre" and _moved(groups[name], groups.get("centre"))]
+    if middle > DOUBTFUL_MM:
+        return replace(
+            found, notes=(*found.notes, f"the bones agree to {middle:.1f} mm rms only: look at the alignment")
+        )
+    return found
 
 
 def _rms(values: NDArray[np.float64]) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _moved(side: NDArray[np.float64], centre: NDArray[np.float64] | None) -> bool:
-    if centre is None:
-        return False
-    off, usual = (float(np.percentile(np.abs(values), 75)) for values in (side, centre))
-    return off > MOVED_MM and off > MOVED_TIMES * usual
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float(PARTNER_WITHIN_MM)
 
 
 def _limits(surface: Surface) -> NDArray[np.float64]:
