@@ -22,7 +22,7 @@ class IdentifyOptions:
 
     method: str = "swarm"
     boundary: str = "coupled"
-    element: str = "p1p1"
+    element: str = "p2p1"
     particles: int = 40
     iterations: int = 50
     seed: int = 1
