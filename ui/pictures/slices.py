@@ -1,0 +1,128 @@
+"""The slice pictures of a case: stiffness on the scan, rest against deformed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import StrMethodFormatter
+
+from palpate.segmentation.labels import BLADDER, RECTUM
+from palpate.ui.pictures.colours import OUTLINES, STIFFNESS_LABEL, StiffnessScale
+from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.planes import AXIAL, PLANES, Plane, Window, reach_of
+from palpate.ui.pictures.slice_axes import (
+    BONES,
+    ORGAN,
+    WALLS,
+    Outline,
+    draw_background,
+    draw_outlines,
+    draw_place,
+    draw_stiffness,
+)
+
+DPI = 160
+matplotlib.rcParams["font.family"] = "DejaVu Sans"
+
+
+def stiffness_planes(images: CaseImages) -> Figure:
+    """Axial, sagittal and coronal slice through the organ's centre: above the scan, below the stiffness on it."""
+    figure = Figure(figsize=(7.6, 5.3), layout="constrained")
+    grid = figure.subplots(2, 3)
+    for column, plane in enumerate(PLANES):
+        window = images.window(plane)
+        draw_background(grid[0, column], images, plane, window)
+        for other in PLANES:
+            if other is not plane:
+                draw_place(grid[0, column], plane, other, images.window(other))
+        _outline_rest(grid[0, column], images, plane, window)
+        draw_background(grid[1, column], images, plane, window)
+        draw_stiffness(grid[1, column], images, plane, window)
+        _outline_rest(grid[1, column], images, plane, window)
+        grid[1, column].set_title("")
+    _colour_bar(figure, images, list(grid[1]))
+    _legend(figure, images, deformed=False)
+    return figure
+
+
+def stiffness_series(images: CaseImages, count: int = 6) -> Figure:
+    """Axial slices from the organ's lower to its upper end with the stiffness on them."""
+    low, high = reach_of(images.rest, images.organ)[:, 2]
+    middle = images.window(AXIAL)
+    figure = Figure(figsize=(7.6, 5.3), layout="constrained")
+    grid = figure.subplots(2, count // 2)
+    shares = (np.arange(count) + 0.5) / count
+    for axes, share in zip(grid.ravel(), shares, strict=True):
+        window = replace(middle, centre=(*middle.centre[:2], float(low + share * (high - low))))
+        draw_background(axes, images, AXIAL, window)
+        draw_stiffness(axes, images, AXIAL, window)
+        _outline_rest(axes, images, AXIAL, window)
+    _colour_bar(figure, images, list(grid.ravel()))
+    _legend(figure, images, deformed=False)
+    return figure
+
+
+def deformation_planes(images: CaseImages) -> Figure:
+    """Outlines at rest (solid) and deformed (dashed) on the scan at rest. ``images.deformed`` must be there."""
+    if images.deformed is None:
+        raise ValueError("deformation_planes needs the deformed labels")
+    figure = Figure(figsize=(7.6, 3.1), layout="constrained")
+    for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
+        window = images.window(plane, margin_mm=40.0)
+        draw_background(axes, images, plane, window)
+        for labels, dashed in ((images.rest, False), (images.deformed, True)):
+            draw_outlines(axes, labels, plane, window, _outlines(images), dashed)
+    _legend(figure, images, deformed=True)
+    return figure
+
+
+def stiffness_bar(figure: Figure, axes: list[Axes], scale: StiffnessScale, shrink: float) -> Colorbar:
+    """The colour bar of stiffness beside some axes, its ticks in plain kPa."""
+    bar = figure.colorbar(ScalarMappable(scale.norm, scale.colormap), ax=axes, shrink=shrink, pad=0.02, aspect=24)
+    bar.set_label(STIFFNESS_LABEL, fontsize=8)
+    bar.ax.tick_params(which="both", labelsize=7)
+    if scale.log:
+        bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        bar.ax.yaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
+    return bar
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Writes a figure as PNG, without the date and the program's name in it."""
+    figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
+    return path
+
+
+def _outline_rest(axes: Axes, images: CaseImages, plane: Plane, window: Window) -> None:
+    draw_outlines(axes, images.rest, plane, window, _outlines(images))
+
+
+def _outlines(images: CaseImages) -> tuple[Outline, ...]:
+    walls = tuple(w for w, label in zip(WALLS, (BLADDER, RECTUM), strict=True) if (images.rest.array == label).any())
+    return (ORGAN, *walls) if images.ct is not None else (ORGAN, *walls, BONES)
+
+
+def _colour_bar(figure: Figure, images: CaseImages, axes: list[Axes]) -> None:
+    bar = stiffness_bar(figure, axes, images.scale, 0.95)
+    for label, G in images.stiffness_kpa.items():
+        if label not in images.untold:
+            bar.ax.axhline(G, color="white", linewidth=2.4)
+            bar.ax.axhline(G, color="black", linewidth=1.2)
+
+
+def _legend(figure: Figure, images: CaseImages, deformed: bool) -> None:
+    # On paper white lines are nothing: the legend stands on a dark ground, as the outlines do.
+    lines = [Line2D([], [], color=OUTLINES[o.name], linewidth=1.4, label=o.name) for o in _outlines(images)]
+    if deformed:
+        for style, state in (("-", "at rest"), ("--", "deformed")):
+            lines.append(Line2D([], [], color="white", linewidth=1.4, linestyle=style, label=state))  # type: ignore[arg-type]
+    box = figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), fontsize=7, labelcolor="white")
+    box.get_frame().set(facecolor="#303030", edgecolor="none")

@@ -1,0 +1,97 @@
+"""The 3D pictures of a case: anatomy with the organ's stiffness, and the misfit on the organ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from palpate.segmentation.surfaces import TriSurface
+from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.offscreen import render
+from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
+from palpate.ui.pictures.slice_axes import LETTER_FONT
+from palpate.ui.pictures.slices import stiffness_bar
+
+# Red, green, blue and opacity of what stands around the organ.
+_AROUND = {
+    "bone": (0.93, 0.89, 0.78, 0.25),
+    "bladder": (1.0, 0.82, 0.2, 0.4),
+    "rectum": (0.8, 0.45, 0.25, 0.4),
+}
+_UNTOLD = (0.6, 0.6, 0.6)
+
+
+@dataclass(frozen=True, eq=False)
+class MisfitMap:
+    """The deformed organ as the model predicts it, and how far each point lies outside (+) or inside (-) what the scan shows.
+
+    points (n, 3) mm LPS, faces (f, 3), distance (n,) mm. noise_mm : what the contours' own repeatability gives; None unknown.
+    """
+
+    points: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    distance: NDArray[np.float64]
+    noise_mm: float | None = None
+
+
+def anatomy(surfaces: Mapping[str, TriSurface], stiffness: Mapping[int, float], scale: StiffnessScale) -> Figure:
+    """The organ coloured by stiffness (grey where it is not told), bones, bladder and rectum translucent, from two sides.
+
+    Raises OffscreenError where this machine cannot draw 3D pictures.
+    """
+    organ = surfaces["organ"]
+    colour = {label: scale.rgb(G) for label, G in stiffness.items()}
+    rgb = np.array([colour.get(int(region), _UNTOLD) for region in organ.region])
+    bodies = {"organ": Body(organ.points, organ.faces, rgb)}
+    for name, (r, g, b, opacity) in _AROUND.items():
+        if name in surfaces:
+            wall = surfaces[name]
+            bodies[name] = Body(wall.points, wall.faces, np.tile([r, g, b], (len(wall.faces), 1)), opacity)
+    views = (ANTERIOR, OBLIQUE)
+    figure = Figure(figsize=(7.6, 3.7), layout="constrained")
+    axes = figure.subplots(1, 2)
+    for ax, picture, view in zip(axes, render(Scene(bodies, views, (800, 800), "organ")), views, strict=True):
+        _show(ax, picture, view)
+    stiffness_bar(figure, list(axes), scale, 0.85)
+    return figure
+
+
+def misfit(found: MisfitMap) -> Figure:
+    """The misfit on the predicted organ from four sides. Raises OffscreenError where this machine cannot draw it."""
+    limit = max(float(np.percentile(np.abs(found.distance), 98)), 0.5, found.noise_mm or 0.0)
+    limit = float(np.ceil(limit / 0.5) * 0.5)
+    norm, colours = Normalize(-limit, limit), colormaps["RdBu_r"]
+    rgb = colours(norm(found.distance[found.faces].mean(axis=1)))[:, :3]
+    views = (ANTERIOR, POSTERIOR, LEFT, RIGHT)
+    scene = Scene({"organ": Body(found.points, found.faces, rgb)}, views, (500, 500))
+    figure = Figure(figsize=(7.6, 2.5), layout="constrained")
+    axes = figure.subplots(1, 4)
+    for ax, picture, view in zip(axes, render(scene), views, strict=True):
+        _show(ax, picture, view)
+    bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), shrink=0.95, aspect=18)
+    bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=7)
+    bar.ax.tick_params(labelsize=7)
+    for sign in (-1.0, 1.0):
+        if found.noise_mm is not None and found.noise_mm < limit:
+            bar.ax.axhline(sign * found.noise_mm, color="black", linewidth=0.8)
+    return figure
+
+
+def _show(axes: Axes, picture: NDArray[np.uint8], view: View) -> None:
+    axes.imshow(picture)
+    axes.set_axis_off()
+    axes.set_title(view.name, fontsize=8)
+    places = ((view.left, 0.02, 0.5), (view.right, 0.98, 0.5), (view.top, 0.5, 0.97), (view.bottom, 0.5, 0.03))
+    for letter, x, y in places:
+        axes.text(
+            x, y, letter, transform=axes.transAxes, fontsize=9, fontweight="bold", ha="center", va="center",
+            family=LETTER_FONT,
+        )  # fmt: skip

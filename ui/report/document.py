@@ -1,0 +1,73 @@
+"""What a report says, before it is a page: the same for HTML and PDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+RESEARCH_USE = "Research use only \N{EN DASH} not for diagnosis"
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Plain text. weight : "normal", "lead" for what must be read first, "small" for notes."""
+
+    text: str
+    weight: str = "normal"
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A boxed text that must not be overlooked."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list of plain texts."""
+
+    items: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Table:
+    """header and rows of plain text; columns after the first are aligned right where ``numbers``."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    numbers: bool = True
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG file with a caption; ``says`` tells a person who cannot see it what it shows. width : share of the page's."""
+
+    path: Path
+    caption: str
+    says: str
+    width: float = 1.0
+
+
+Block = Paragraph | Notice | Bullets | Table | Picture
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands under it."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Document:
+    """title, subtitle : of the first page. notices : boxed, above everything else. footer : on every page."""
+
+    title: str
+    subtitle: str
+    sections: Sequence[Section]
+    notices: Sequence[Notice] = field(default=())
+    footer: str = RESEARCH_USE

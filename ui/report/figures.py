@@ -1,0 +1,120 @@
+"""The pictures of a report: drawn from the case's files, each with its caption."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from palpate.core.worker.progress import Progress
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
+from palpate.segmentation.volume import Volume
+from palpate.ui.pictures import slices, solids
+from palpate.ui.pictures.convergence import convergence
+from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.offscreen import OffscreenError, polydata
+from palpate.ui.report.document import Picture
+from palpate.ui.report.record import CaseRecord
+
+_PLANES_CAPTION = (
+    "Slices through the organ ({ground}). Above, dotted lines show where the other slices lie; below, the shear modulus "
+    "in colour; hatched or grey where this pair does not tell it. The sagittal slice goes through the stiffest region. "
+    "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS)."
+)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """pictures : by name. missing : what could not be drawn and why, one line each."""
+
+    pictures: dict[str, Picture] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+
+    def add(self, name: str, folder: Path, figure: Figure, caption: str, says: str, width: float = 1.0) -> None:
+        """Saves a figure as folder/name.png."""
+        path = slices.save(figure, folder / f"{name}.png")
+        self.pictures[name] = Picture(path, caption, says, width)
+
+
+def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], folder: Path, progress: Progress) -> Drawn:
+    """All pictures of a case, as PNG files in ``folder``. What this machine cannot draw is listed, not an error."""
+    images = _images(case, record, labels)
+    drawn = Drawn()
+    progress(0.1, "slices")
+    _slices(drawn, images, folder)
+    best = record.result.get("convergence")
+    if best:
+        drawn.add("convergence", folder, convergence(best), "Search for the stiffness: the best objective after each "
+                  "iteration.", "A falling curve of the objective against the iteration.", 0.6)  # fmt: skip
+    if case.has("surfaces.npz"):
+        progress(0.4, "three dimensions")
+        _or_missing(drawn, "the 3D view", lambda: _anatomy(drawn, case, record, images, folder))
+    if case.has("surfaces.npz") and case.has("identify/fields.npz"):
+        progress(0.7, "misfit on the organ")
+        _or_missing(drawn, "the misfit on the organ", lambda: _misfit(drawn, case, record, folder))
+    return drawn
+
+
+def misfit_map(case: CaseFolder, noise_mm: float | None) -> solids.MisfitMap:
+    """The organ of the mesh moved as identified, and the signed distance of its points from the deformed scan's surface."""
+    mesh = load_meshed(case).mesh
+    moved = mesh.points + case.read_npz("identify/fields.npz")["mesh_displacement"]
+    organ = tuple(sorted(set(np.unique(mesh.regions).tolist()) & {1, 2}))
+    faces, _ = mesh.region_boundary(organ)
+    used, inverse = np.unique(faces, return_inverse=True)
+    target = load_surfaces(case, "deformed")[ORGAN_NAME]
+    seen = polydata(target.points, target.faces)
+    distance = polydata(moved[used], inverse.reshape(-1, 3)).compute_implicit_distance(seen)["implicit_distance"]
+    return solids.MisfitMap(moved[used], inverse.reshape(-1, 3), np.asarray(distance, dtype=float), noise_mm)
+
+
+def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume]) -> CaseImages:
+    ct = case.ct("rest") if case.has("rest_ct") else None
+    stiffness = {region.label: region.G for region in record.regions}
+    untold = frozenset(region.label for region in record.regions if not region.told)
+    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold)
+
+
+def _slices(drawn: Drawn, images: CaseImages, folder: Path) -> None:
+    ground = "CT at rest, window 40/400 HU" if images.ct is not None else "no CT: labels at rest in grey and colour"
+    told = ", ".join(f"label {label}: {G:.3g} kPa" for label, G in images.stiffness_kpa.items())
+    says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
+    # A little narrower than the page, so that it stands on the first one, under the summary.
+    drawn.add(
+        "stiffness_planes", folder, slices.stiffness_planes(images), _PLANES_CAPTION.format(ground=ground), says, 0.86
+    )
+    caption = "Axial slices from the organ's lower to its upper end."
+    drawn.add("stiffness_series", folder, slices.stiffness_series(images), caption, f"Six axial slices. {says}")
+    if images.deformed is not None:
+        caption = "Outlines at rest (solid) and deformed (dashed) on the anatomy at rest, after alignment on bone."
+        says = "Slices in three planes with the outlines of organ, bladder and rectum in both states."
+        drawn.add("deformation_planes", folder, slices.deformation_planes(images), caption, says)
+
+
+def _anatomy(drawn: Drawn, case: CaseFolder, record: CaseRecord, images: CaseImages, folder: Path) -> None:
+    told = {label: G for label, G in images.stiffness_kpa.items() if label not in images.untold}
+    figure = solids.anatomy(load_surfaces(case, "rest"), told, images.scale)
+    caption = (
+        "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (brown) translucent."
+    )
+    drawn.add("anatomy", folder, figure, caption, "Two three-dimensional views of the organ among its neighbours.")
+
+
+def _misfit(drawn: Drawn, case: CaseFolder, record: CaseRecord, folder: Path) -> None:
+    figure = solids.misfit(misfit_map(case, record.expected_misfit_mm))
+    caption = (
+        "Where the model's deformed organ lies outside (red) or inside (blue) the surface that the deformed scan shows. "
+        "Black lines in the colour bar: what the contours' own error would leave (one standard deviation)."
+    )
+    drawn.add("misfit", folder, figure, caption, "Four views of the organ coloured by signed distance in mm.")
+
+
+def _or_missing(drawn: Drawn, what: str, draw_it: Callable[[], None]) -> None:
+    try:
+        draw_it()
+    except OffscreenError as error:
+        drawn.missing.append(f"{what}, because {error}")

@@ -1,0 +1,148 @@
+"""A report as PDF, A4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
+
+import matplotlib
+from PIL import Image as PillowImage
+from reportlab.lib import colors
+from reportlab.lib.pagesizes import A4
+from reportlab.lib.styles import ParagraphStyle
+from reportlab.lib.units import mm
+from reportlab.pdfbase import pdfmetrics
+from reportlab.pdfbase.ttfonts import TTFont
+from reportlab.pdfgen.canvas import Canvas
+from reportlab.platypus import (
+    Flowable,
+    Image,
+    KeepTogether,
+    ListFlowable,
+    Paragraph,
+    SimpleDocTemplate,
+    Spacer,
+    Table,
+    TableStyle,
+)
+
+from palpate.ui.report import document as doc
+
+# matplotlib brings a free font that has Greek letters; PDF's own fonts have none.
+_FONT, _BOLD = "DejaVuSans", "DejaVuSans-Bold"
+_MARGIN = 17.0 * mm
+_WIDTH = A4[0] - 2.0 * _MARGIN
+_INK, _QUIET = colors.HexColor("#1b1f24"), colors.HexColor("#3d4650")
+
+
+def write_pdf(document: doc.Document, path: Path) -> Path:
+    """Writes the report; its footer stands on every page."""
+    _register_fonts()
+    template = SimpleDocTemplate(
+        str(path), pagesize=A4, leftMargin=_MARGIN, rightMargin=_MARGIN, topMargin=18.0 * mm, bottomMargin=18.0 * mm,
+        title=f"{document.title}: {document.subtitle}", author="Palpate", subject=document.footer, lang="en",
+    )  # fmt: skip
+    decorate = partial(_decorate, document)
+    template.build(_story(document), onFirstPage=decorate, onLaterPages=decorate)
+    return path
+
+
+def _story(document: doc.Document) -> list[Flowable]:
+    story: list[Flowable] = [Paragraph(escape(document.title), _style(18, bold=True, after=1))]
+    story.append(Paragraph(escape(document.subtitle), _style(9, colour=_QUIET, after=3)))
+    story += [_notice(doc.Notice(document.footer)), *(_notice(notice) for notice in document.notices)]
+    for section in document.sections:
+        heading = Paragraph(escape(section.title), _style(13, bold=True, before=4, after=1.5))
+        first, *others = [_flowable(block) for block in section.blocks]
+        story += [KeepTogether([heading, first]), *others]
+    return story
+
+
+def _flowable(block: doc.Block) -> Flowable:
+    make: Callable[[Any], Flowable] = _MAKERS[type(block)]
+    return make(block)
+
+
+def _paragraph(block: doc.Paragraph) -> Flowable:
+    size, colour = {"lead": (11, _INK), "small": (8, _QUIET)}.get(block.weight, (9.5, _INK))
+    return Paragraph(escape(block.text), _style(size, colour=colour, after=1.5))
+
+
+def _notice(block: doc.Notice) -> Flowable:
+    table = Table([[Paragraph(escape(block.text), _style(10, bold=True))]], colWidths=[_WIDTH], spaceAfter=2 * mm)
+    box = [("BOX", (0, 0), (-1, -1), 1.2, colors.HexColor("#b35900")), ("BACKGROUND", (0, 0), (-1, -1), "#fff4e5")]
+    table.setStyle(TableStyle(box))
+    return table
+
+
+def _bullets(block: doc.Bullets) -> Flowable:
+    items = [Paragraph(escape(text), _style(8, colour=_QUIET)) for text in block.items]
+    return ListFlowable(items, bulletType="bullet", bulletFontSize=6, leftIndent=10, spaceAfter=2 * mm)
+
+
+def _table(block: doc.Table) -> Flowable:
+    right = _style(8.5, align=2) if block.numbers else _style(8.5)
+    cells = [[Paragraph(escape(c), _style(8.5) if i == 0 else right) for i, c in enumerate(row)] for row in block.rows]
+    lines = [("LINEBELOW", (0, 0), (-1, -1), 0.4, colors.HexColor("#c8cfd6")), ("VALIGN", (0, 0), (-1, -1), "TOP")]
+    if any(block.header):
+        bold = [_style(8.5, bold=True), _style(8.5, bold=True, align=2 if block.numbers else 0)]
+        cells.insert(0, [Paragraph(escape(c), bold[min(i, 1)]) for i, c in enumerate(block.header)])
+    pads = [("TOPPADDING", (0, 0), (-1, -1), 1.5), ("BOTTOMPADDING", (0, 0), (-1, -1), 2)]
+    table = Table(cells, colWidths=_column_widths(block), repeatRows=int(any(block.header)), spaceAfter=2.5 * mm)
+    table.setStyle(TableStyle(lines + pads))
+    return table
+
+
+def _column_widths(block: doc.Table) -> list[float]:
+    """Shares of the page by the longest text of each column, within reason."""
+    rows = [block.header, *block.rows]
+    lengths = [min(max(len(row[i]) for row in rows), 60) + 3 for i in range(len(block.header))]
+    return [_WIDTH * length / sum(lengths) for length in lengths]
+
+
+def _picture(block: doc.Picture) -> Flowable:
+    with PillowImage.open(block.path) as image:
+        width, height = image.size
+    shown = _WIDTH * block.width
+    drawn = Image(str(block.path), width=shown, height=shown * height / width, hAlign="LEFT")
+    caption = Paragraph(escape(block.caption), _style(8, colour=_QUIET, after=3))
+    return KeepTogether([drawn, Spacer(1, 1 * mm), caption])
+
+
+def _decorate(document: doc.Document, canvas: Canvas, template: SimpleDocTemplate) -> None:
+    canvas.saveState()
+    canvas.setFont(_BOLD, 8)
+    canvas.drawString(_MARGIN, 10 * mm, document.footer)
+    canvas.setFont(_FONT, 8)
+    canvas.drawRightString(A4[0] - _MARGIN, 10 * mm, f"page {template.page}")
+    for notice in document.notices:
+        canvas.drawString(_MARGIN, A4[1] - 12 * mm, notice.text[:110])
+    canvas.restoreState()
+
+
+def _style(
+    size: float, bold: bool = False, colour: colors.Color = _INK, before: float = 0, after: float = 0, align: int = 0
+) -> ParagraphStyle:
+    return ParagraphStyle(
+        f"{size}{bold}{align}", fontName=_BOLD if bold else _FONT, fontSize=size, leading=1.35 * size, textColor=colour,
+        spaceBefore=before * mm, spaceAfter=after * mm, alignment=align, splitLongWords=True, wordWrap="LTR",
+    )  # fmt: skip
+
+
+def _register_fonts() -> None:
+    folder = Path(matplotlib.get_data_path(), "fonts", "ttf")
+    for name in (_FONT, _BOLD):
+        if name not in pdfmetrics.getRegisteredFontNames():
+            pdfmetrics.registerFont(TTFont(name, str(folder / f"{name}.ttf")))
+
+
+_MAKERS: dict[type, Callable[[Any], Flowable]] = {
+    doc.Paragraph: _paragraph,
+    doc.Notice: _notice,
+    doc.Bullets: _bullets,
+    doc.Table: _table,
+    doc.Picture: _picture,
+}

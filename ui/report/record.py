@@ -1,0 +1,189 @@
+"""What the files of a case say, read once for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pydicom
+from numpy.typing import NDArray
+from pydicom.errors import InvalidDicomError
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import STATES, CaseFacts, CaseFolder
+from palpate.segmentation.labels import LABEL_VALUES, LABELS
+from palpate.segmentation.volume import Volume
+
+# Two contours, one per scan, each with its own error.
+TWO_CONTOURS = float(np.sqrt(2.0))
+
+
+@dataclass(frozen=True)
+class RegionStiffness:
+    """One region of result.json: G, sd, mu in kPa; ci is the 95 % interval. None where unknown.
+
+    words : the name as a person says it.
+    told : whether the pair tells this stiffness at all: not at a bound, and its interval does not span what was allowed.
+    """
+
+    name: str
+    words: str
+    G: float
+    sd: float | None
+    ci: tuple[float, float] | None
+    mu1: float
+    mu2: float
+    mu_mean: float
+    at_bound: bool
+    told: bool
+
+    @property
+    def label(self) -> int:
+        """The label's value; 0 for a name that is no label."""
+        return LABEL_VALUES.get(self.name, 0)
+
+    @property
+    def ln_sd(self) -> float | None:
+        """Standard deviation of ln G, from the interval; None where unknown."""
+        if self.ci is None:
+            return None if self.sd is None else self.sd / self.G
+        return float(np.log(self.ci[1] / self.ci[0]) / (2.0 * 1.96))
+
+
+@dataclass(frozen=True, eq=False)
+class CaseRecord:
+    """facts : case.json. result : result.json. The others are the JSON files of their steps, empty where absent.
+
+    simulated : None, or in words what of this pair was computed rather than scanned. volumes_cc : of labels, by state.
+    ln_covariance : (t, t) of ln G, regions in the order of their labels; None where unknown.
+    """
+
+    facts: CaseFacts
+    result: Mapping[str, Any]
+    alignment: Mapping[str, Any]
+    segmentation: Mapping[str, Any]
+    mesh: Mapping[str, Any]
+    imported: Mapping[str, Any]
+    history: tuple[Mapping[str, Any], ...] = ()
+    simulated: str | None = None
+    volumes_cc: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    ln_covariance: NDArray[np.float64] | None = None
+
+    @cached_property
+    def regions(self) -> tuple[RegionStiffness, ...]:
+        """The regions of result.json, in the order of their labels."""
+        parameters = self.result["parameters"]
+        found = [_region(name, p, self.facts, len(parameters) == 1) for name, p in parameters.items()]
+        return tuple(sorted(found, key=lambda region: region.label))
+
+    def ln_ratio_sd(self, a: RegionStiffness, b: RegionStiffness) -> float | None:
+        """Standard deviation of ln (G of a / G of b); of independent errors where the covariance is unknown."""
+        if a.ln_sd is None or b.ln_sd is None:
+            return None
+        if self.ln_covariance is None or self.ln_covariance.shape != (len(self.regions),) * 2:
+            return float(np.hypot(a.ln_sd, b.ln_sd))
+        i, j = self.regions.index(a), self.regions.index(b)
+        c = self.ln_covariance
+        return float(np.sqrt(max(c[i, i] + c[j, j] - 2.0 * c[i, j], 0.0)))
+
+    @property
+    def noise_sd_mm(self) -> float | None:
+        """Repeatability of one contour, mm: what the case states, else what identification assumed."""
+        stated = self.facts.boundary_noise_sd_mm
+        return stated if stated is not None else self.result["misfit"].get("contour_noise_sd_mm")
+
+    @property
+    def expected_misfit_mm(self) -> float | None:
+        """The rms misfit that noise alone would leave, mm; None where the noise is unknown."""
+        expected = self.result["misfit"].get("expected_noise_rms_mm")
+        if expected is not None:
+            return float(expected)
+        return None if self.noise_sd_mm is None else TWO_CONTOURS * self.noise_sd_mm
+
+
+def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
+    """The record of a case that has been identified; ``labels`` are its label volumes by state.
+
+    Raises InputError when result.json is missing or not in its form.
+    """
+    result = case.read_json("result.json")
+    _check(result, str(case.file("result.json")))
+    return CaseRecord(
+        case.facts,
+        result,
+        _optional(case, "alignment.json"),
+        _optional(case, "segmentation.json"),
+        _optional(case, "mesh.json"),
+        _optional(case, "import.json"),
+        tuple(_optional(case, "history.json").get("commands", ())),
+        simulated(case, result),
+        {state: _volumes(volume) for state, volume in labels.items()},
+        case.read_npz("identify/fields.npz").get("covariance") if case.has("identify/fields.npz") else None,
+    )
+
+
+def simulated(case: CaseFolder, result: Mapping[str, Any]) -> str | None:
+    """What of the pair was computed rather than scanned, in words; None for two real scans."""
+    stated = case.facts.other.get("simulated") or result.get("simulated")
+    if isinstance(stated, str):
+        return stated
+    made = [state for state in STATES if _made_by_palpate(case, state)]
+    if stated or made:
+        what = "both states were" if len(made) == 2 else f"the {(made or ['deformed'])[0]} state was"
+        return f"{what} computed, not scanned"
+    return None
+
+
+def region_words(name: str, alone: bool = False) -> str:
+    """``prostate_left`` as a person says it: left half of the prostate; where it stands alone, the whole prostate."""
+    organ, _, side = name.rpartition("_")
+    if not organ or side not in ("left", "right"):
+        return name.replace("_", " ")
+    return organ if alone else f"{side} half of the {organ}"
+
+
+def _made_by_palpate(case: CaseFolder, state: str) -> bool:
+    """Whether the scan's own header says that `palpate simulate` wrote it."""
+    first = next(iter(sorted(case.file(f"{state}_ct").glob("*.dcm"))), None)
+    if first is None:
+        return False
+    try:
+        header = pydicom.dcmread(first, stop_before_pixels=True)
+    except (InvalidDicomError, OSError) as error:
+        raise InputError(f"{first} is not readable as DICOM; run `palpate import` again") from error
+    return (header.get("Manufacturer"), header.get("ManufacturerModelName")) == ("Palpate", "simulate")
+
+
+def _region(name: str, p: Mapping[str, Any], facts: CaseFacts, alone: bool) -> RegionStiffness:
+    ci = None if p["ci95_kpa"] is None else (float(p["ci95_kpa"][0]), float(p["ci95_kpa"][1]))
+    low, high = facts.organ_shear_modulus_bounds_kpa
+    spans = ci is not None and ci[0] < 1.3 * low and ci[1] > high / 1.3
+    mu1, mu2 = float(p["mu1_kpa"]), float(p["mu2_kpa"])
+    sd = None if p["sd_kpa"] is None else float(p["sd_kpa"])
+    mean = float(p.get("mu_mean_kpa", 0.5 * (mu1 + mu2)))
+    at_bound = bool(p["at_bound"])
+    words, told = region_words(name, alone), not (at_bound or spans)
+    return RegionStiffness(name, words, float(p["G_kpa"]), sd, ci, mu1, mu2, mean, at_bound, told)
+
+
+def _check(result: Any, source: str) -> None:
+    needed = ("parameters", "identifiability", "misfit", "solver", "method", "boundary", "seed", "versions")
+    missing = [key for key in needed if not isinstance(result, Mapping) or key not in result]
+    if missing or not result["parameters"]:
+        raise InputError(f"{source} has no {(missing or ['parameters'])[0]}; run `palpate identify` again")
+
+
+def _optional(case: CaseFolder, name: str) -> Mapping[str, Any]:
+    found = case.read_json(name) if case.has(name) else {}
+    if not isinstance(found, Mapping):
+        raise InputError(f"{case.file(name)} holds no JSON object; run the step that writes it again")
+    return found
+
+
+def _volumes(labels: Volume) -> dict[str, float]:
+    voxel_cc = float(np.prod(labels.spacing)) / 1000.0
+    counts = np.bincount(labels.array.ravel(), minlength=len(LABELS))
+    return {name: float(counts[value]) * voxel_cc for value, name in LABELS.items() if value and counts[value]}

@@ -1,0 +1,71 @@
+"""The report step of a case: pictures, one HTML page and a PDF."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation.case import STATES, CaseFolder
+from palpate.ui.report.figures import draw
+from palpate.ui.report.html_page import html
+from palpate.ui.report.pdf import write_pdf
+from palpate.ui.report.record import read_record
+from palpate.ui.report.sections import document
+
+STEP = "report"
+INPUTS = (
+    "case.json", "rest.nii.gz", "deformed.nii.gz", "rest_ct", "alignment.json", "segmentation.json", "mesh.json",
+    "import.json", "result.json", "surfaces.npz", "identify/fields.npz",
+)  # fmt: skip
+FOLDER = "report"
+
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """pdf : whether to write the PDF beside the HTML page."""
+
+    pdf: bool = True
+
+
+def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+    """Writes report/ of a case: report.html, report.pdf and the pictures. Returns what was written, and what could not be.
+
+    Nothing is done when nothing it shows has changed. Raises InputError when the case has no result or no labels.
+    """
+    options = options or ReportOptions()
+    version = metadata.version("palpate")
+    inputs = case.inputs_sha256(INPUTS, [asdict(options), version])
+    if case.step_is_done(STEP, inputs):
+        progress(1.0, "the report is up to date")
+        return _written(case)
+    if not case.has_labels("rest"):
+        raise InputError(f"{case.file('rest.nii.gz')} is not there; run `palpate segment` or put labels there")
+    labels = {state: case.labels(state) for state in STATES if case.has_labels(state)}
+    record = read_record(case, labels)
+    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    with case.atomic_folder(FOLDER) as folder:
+        drawn = draw(case, record, labels, folder, lambda f, m: progress(0.9 * f, m))
+        pages = document(record, drawn, date, version)
+        progress(0.95, "pages")
+        Path(folder, "report.html").write_text(html(pages), encoding="utf-8")
+        if options.pdf:
+            write_pdf(pages, Path(folder, "report.pdf"))
+    case.write_json(f"{FOLDER}/missing.json", drawn.missing)
+    case.mark_done(STEP, inputs, [f"{FOLDER}/report.html", *([f"{FOLDER}/report.pdf"] if options.pdf else [])])
+    progress(1.0, "report written")
+    return _written(case)
+
+
+def _written(case: CaseFolder) -> dict[str, Any]:
+    folder = case.file(FOLDER)
+    return {
+        "html": str(folder / "report.html"),
+        "pdf": str(folder / "report.pdf") if (folder / "report.pdf").exists() else None,
+        "pictures": sorted(str(path) for path in folder.glob("*.png")),
+        "missing": case.read_json(f"{FOLDER}/missing.json"),
+    }

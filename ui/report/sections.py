@@ -1,0 +1,188 @@
+"""The sections of a report, from what the case's files say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from palpate.segmentation.labels import LABELS
+from palpate.ui.report.document import Block, Bullets, Document, Notice, Paragraph, Picture, Section, Table
+from palpate.ui.report.figures import Drawn
+from palpate.ui.report.record import CaseRecord, RegionStiffness
+from palpate.ui.report.summary import number, summary
+
+MU_NOTE = (
+    "G = 2 (\u03bc1 + \u03bc2) is the small-strain shear modulus. The kPa of the MaterialCloning paper are \u03bc: its value "
+    "compares with the mean of \u03bc1 and \u03bc2 here, a quarter of G. One pair cannot separate \u03bc1 from \u03bc2; they are "
+    "set equal unless said otherwise."
+)
+# From its first separator to the word after its last one, spaces included.
+_ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")
+_DASH = "\N{EN DASH}"
+
+
+def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Document:
+    """The whole report. date : of this report, as text."""
+    pictures = drawn.pictures
+    notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
+    sections = (
+        Section("Summary", [Paragraph(text, "lead") for text in summary(record)]),
+        _stiffness(record, pictures),
+        _fit(record, pictures),
+        _quality(record, drawn.missing),
+        _provenance(record, date, version),
+    )
+    subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"
+    return Document("Stiffness from two CT scans", subtitle, sections, notices)
+
+
+def _stiffness(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
+    header = (
+        "region",
+        "G, kPa",
+        "sd, kPa",
+        "95 % interval, kPa",
+        "\u03bc1, kPa",
+        "\u03bc2, kPa",
+        "mean \u03bc, kPa",
+        "",
+    )
+    rows = [_stiffness_row(region) for region in record.regions]
+    identifiability = record.result["identifiability"]
+    values = ", ".join(f"{v:.3g}" for v in identifiability["singular_values"])
+    blocks: list[Block] = [
+        Table(header, rows),
+        Paragraph(MU_NOTE, "small"),
+        Paragraph(f"What this pair can tell: {_sentence(str(identifiability['verdict']))}"),
+        Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
+        *_shown(pictures, "stiffness_planes", "stiffness_series", "anatomy"),
+    ]
+    return Section("Stiffness", blocks)
+
+
+def _stiffness_row(region: RegionStiffness) -> tuple[str, ...]:
+    ci = _DASH if region.ci is None else f"{number(region.ci[0])} to {number(region.ci[1])}"
+    note = "at bound" if region.at_bound else "" if region.told else "not told"
+    sd = _DASH if region.sd is None else number(region.sd)
+    return region.words, number(region.G), sd, ci, number(region.mu1), number(region.mu2), number(region.mu_mean), note
+
+
+def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
+    misfit = record.result["misfit"]
+    rows = [
+        ("rms distance of predicted from observed surface", f"{misfit['rms_mm']:.2f} mm"),
+        ("95 % of the surface is closer than", f"{misfit['p95_mm']:.2f} mm"),
+        ("greatest distance (one-sided Hausdorff)", f"{misfit['hausdorff_mm']:.2f} mm"),
+        ("objective, sum of squared distances (Eq 13)", f"{number(misfit['objective_mm2'])} mm\u00b2"),
+    ]
+    if "rms_before_mm" in misfit:
+        rows.insert(
+            0, ("rms distance of the two observed surfaces, for comparison", f"{misfit['rms_before_mm']:.2f} mm")
+        )
+    noise, expected = record.noise_sd_mm, record.expected_misfit_mm
+    stated = "as the case states" if record.facts.boundary_noise_sd_mm is not None else "assumed, the case states none"
+    rows.append(
+        ("repeatability of one contour (sd)", "not known" if noise is None else f"{noise:.2f} mm, {stated}"),
+    )
+    if expected is not None:
+        rows.append(("rms distance that this noise alone would leave", f"{expected:.2f} mm"))
+    blocks: list[Block] = [
+        Table(("misfit", ""), rows),
+        *_shown(pictures, "deformation_planes", "misfit", "convergence"),
+    ]
+    return Section("Fit", blocks)
+
+
+def _quality(record: CaseRecord, missing: Sequence[str]) -> Section:
+    blocks: list[Block] = [Table(("label", "rest, cc", "deformed, cc", "where from"), _label_rows(record))]
+    blocks += _alignment(record) + _mesh(record)
+    notes = [*record.imported.get("notes", ()), *record.segmentation.get("notes", ())]
+    notes += [*record.alignment.get("notes", ()), *record.result.get("notes", ())]
+    if notes:
+        blocks.append(Bullets([without_paths(str(note)) for note in dict.fromkeys(notes)]))
+    blocks += [Paragraph(f"Left out: {reason}.", "small") for reason in missing]
+    return Section("Quality of what it rests on", blocks)
+
+
+def _label_rows(record: CaseRecord) -> list[tuple[str, ...]]:
+    rows = []
+    for name in LABELS.values():
+        volumes = [record.volumes_cc.get(state, {}).get(name) for state in ("rest", "deformed")]
+        if any(v is not None for v in volumes):
+            rows.append((name.replace("_", " "), *(_cc(v) for v in volumes), _origin(record.segmentation, name)))
+    return rows
+
+
+def _origin(segmentation: Mapping[str, Any], name: str) -> str:
+    """How a label came about and how sure that is, where segmentation.json says so for either state."""
+    texts = []
+    for state in ("rest", "deformed"):
+        found = segmentation.get(state, {})
+        found = found.get("labels", found) if isinstance(found, Mapping) else {}
+        entry = found.get(name)
+        if isinstance(entry, Mapping) and "method" in entry:
+            sure = entry.get("confidence")
+            texts.append(str(entry["method"]) + (f", confidence {sure:.2f}" if isinstance(sure, int | float) else ""))
+    return "; ".join(dict.fromkeys(texts)) or "given with the case"
+
+
+def _alignment(record: CaseRecord) -> list[Block]:
+    residual = record.alignment.get("residual_mm")
+    if residual is None:
+        return [Paragraph("The two states were taken as lying in one frame already; no alignment on bone was made.")]
+    parts = record.alignment.get("part_residual_mm", {})
+    detail = ", ".join(f"{part} {value:.2f} mm" for part, value in parts.items())
+    return [Paragraph(f"Alignment on bone: {residual:.2f} mm rms" + (f" ({detail})." if detail else "."))]
+
+
+def _mesh(record: CaseRecord) -> list[Block]:
+    mesh = record.mesh
+    if not mesh:
+        return []
+    text = f"Mesh: {mesh['cells']} tetrahedra, {mesh['points']} points"
+    if "min_dihedral_deg" in mesh:
+        text += f", smallest dihedral angle {mesh['min_dihedral_deg']:.0f}\N{DEGREE SIGN}"
+    organ = mesh.get("surfaces", {}).get("organ", {})
+    if "p95_mm" in organ:
+        text += f"; organ surface within {organ['p95_mm']:.2f} mm of the contours (95 %)"
+    return [Paragraph(text + ".")]
+
+
+def _provenance(record: CaseRecord, date: str, version: str) -> Section:
+    result, facts = record.result, record.facts
+    solver = result["solver"]
+    low, high = facts.organ_shear_modulus_bounds_kpa
+    rows = [
+        ("method", f"{result['method']}, boundary {result['boundary']}, seed {result['seed']}"),
+        ("work", f"{solver['forward_solves']} equilibria ({solver['failed']} failed), {solver['seconds']:.0f} s"),
+        ("assumed", f"tissue G {number(facts.tissue_shear_modulus_kpa)} kPa, Poisson's ratio {facts.tissue_poisson_ratio:g}; "
+                    f"organ G within {number(low)} to {number(high)} kPa"),
+        ("versions", ", ".join(f"{name} {v}" for name, v in result["versions"].items())),
+        ("report", f"{date}, Palpate {version}"),
+    ]  # fmt: skip
+    rows += [("command", _command(entry)) for entry in record.history]
+    rows += [(f"sha256 of {name}", str(value)) for name, value in result["inputs_sha256"].items()]
+    return Section("Provenance", [Table(("", ""), rows, numbers=False)])
+
+
+def _command(entry: Mapping[str, Any]) -> str:
+    return f"{entry.get('date', '')} palpate {entry.get('command', '')} {entry.get('options', '')}".strip()
+
+
+def without_paths(text: str) -> str:
+    """The text with absolute paths left out: a folder's name may hold a patient's."""
+    return _ABSOLUTE_PATH.sub("(path)", text)
+
+
+def _shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
+    return [pictures[name] for name in names if name in pictures]
+
+
+def _cc(value: float | None) -> str:
+    return _DASH if value is None else f"{value:.1f}"
+
+
+def _sentence(text: str) -> str:
+    text = text.strip()
+    return text if text.endswith(".") else f"{text}."

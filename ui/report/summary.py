@@ -1,0 +1,82 @@
+"""The few sentences that a clinician reads in a minute."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.ui.report.record import CaseRecord, RegionStiffness
+
+# About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
+MISFIT_TOLERANCE = 1.26
+
+
+def number(value: float) -> str:
+    """Three figures, without an exponent."""
+    if value == 0.0 or not np.isfinite(value):
+        return f"{value:g}"
+    places = max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    return f"{value:.{places}f}"
+
+
+def stiffness_text(region: RegionStiffness) -> str:
+    """``148 kPa (95 % interval 120 to 182)``."""
+    if region.ci is None:
+        return f"{number(region.G)} kPa (error not known)"
+    return f"{number(region.G)} kPa (95 % interval {number(region.ci[0])} to {number(region.ci[1])})"
+
+
+def summary(record: CaseRecord) -> list[str]:
+    """What was found, relative to what, and whether to believe it: three or four sentences."""
+    regions = [region for region in record.regions if region.told]
+    sentences = [_found(regions, record)] if regions else []
+    sentences += [_untold(region, record) for region in record.regions if not region.told]
+    if regions:
+        G = record.facts.tissue_shear_modulus_kpa
+        sentences.append(
+            f"All stiffness is relative to the surrounding tissue, which was taken to have G = {number(G)} kPa, not measured."
+        )
+    return [*sentences, misfit_verdict(record)]
+
+
+def misfit_verdict(record: CaseRecord) -> str:
+    """Whether the model explains the deformed scan as well as the contours' own error allows."""
+    misfit, expected = record.result["misfit"], record.expected_misfit_mm
+    rms = f"The model meets the deformed organ's surface to {misfit['rms_mm']:.2f} mm rms"
+    if expected is None:
+        return f"{rms}; how repeatable the contours are is not known, so whether this is good enough is not either."
+    if misfit["rms_mm"] <= MISFIT_TOLERANCE * expected:
+        return f"{rms}, which the contours' own error explains ({expected:.2f} mm expected)."
+    return (
+        f"{rms}, more than the contours' own error explains ({expected:.2f} mm expected): something is left out of the "
+        "model, and the stiffness may have absorbed it."
+    )
+
+
+def _found(regions: list[RegionStiffness], record: CaseRecord) -> str:
+    if len(regions) == 1:
+        return f"The stiffness of the {regions[0].words} is G = {stiffness_text(regions[0])}."
+    soft, stiff = (f(regions, key=lambda region: region.G) for f in (min, max))
+    values = f"G = {stiffness_text(stiff)} against {stiffness_text(soft)}"
+    ln_ratio, sd = float(np.log(stiff.G / soft.G)), record.ln_ratio_sd(stiff, soft)
+    if sd is None:
+        return f"The {stiff.words} came out stiffer than the {soft.words}: {values}; how certain this is is not known."
+    if ln_ratio < 1.96 * sd:
+        return (
+            f"This pair does not tell which is stiffer, the {stiff.words} or the {soft.words}: "
+            f"{values}; the difference is within the error."
+        )
+    low, high = np.exp(ln_ratio - 1.96 * sd), np.exp(ln_ratio + 1.96 * sd)
+    return (
+        f"The {stiff.words} is {np.exp(ln_ratio):.1f} times as stiff as the {soft.words} "
+        f"(95 % interval {low:.1f} to {high:.1f}): {values}."
+    )
+
+
+def _untold(region: RegionStiffness, record: CaseRecord) -> str:
+    low, high = record.facts.organ_shear_modulus_bounds_kpa
+    if region.at_bound:
+        return (
+            f"The {region.words} ended at the edge of what was allowed (G = {number(region.G)} kPa of {number(low)} to "
+            f"{number(high)}): it is no measurement, and may stand for something that the model leaves out."
+        )
+    return f"This pair does not tell the stiffness of the {region.words}: its interval spans all that was allowed."
