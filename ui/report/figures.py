@@ -85,7 +85,7 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path) -> None:
     says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
     # A little narrower than the page, so that it stands on the first one, under the summary.
     drawn.add(
-        "stiffness_planes", folder, slices.stiffness_planes(images), _PLANES_CAPTION.format(ground=ground), says, 0.86
+        "stiffness_planes", folder, slices.stiffness_planes(images), _PLANES_CAPTION.format(ground=ground), says, 0.8
     )
     caption = "Axial slices from the organ's lower to its upper end."
     drawn.add("stiffness_series", folder, slices.stiffness_series(images), caption, f"Six axial slices. {says}")

@@ -1,0 +1,47 @@
+"""The whole way from two scans to a report: import, segment, mesh, identify, report.
+
+Each step that has been done on the same input is passed over, so that a run that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.cli import identify, import_scans, mesh, report
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.steps import record
+
+NAME, HELP = "analyze", "the whole way from two DICOM folders to a report"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """REST DEFORMED -o CASE and the options of every step."""
+    import_scans.add_arguments(parser)
+    mesh.add_options(parser)
+    identify.add_options(parser)
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Runs every step."""
+    from palpate.segmentation import identify_step, mesh_step
+    from palpate.segmentation.import_step import run_import
+    from palpate.ui.report import report_step
+
+    began = time.monotonic()
+    search = identify.options_of(args)  # a wrong option is told before an hour's work, not after
+    with console.progress(import_scans.NAME) as progress:
+        imported = run_import(args.rest, args.deformed, args.output, import_scans.options_of(args), progress)
+    case = CaseFolder(args.output)
+    with console.progress(mesh.NAME) as progress:
+        meshed = mesh_step.run(case, mesh.options_of(args), progress)
+    with console.progress(identify.NAME) as progress:
+        found = identify_step.run(case, identify_step.IdentifyStepOptions(search), progress)
+    record(case, args, time.monotonic() - began)
+    with console.progress(report.NAME) as progress:
+        written = report_step.run(case, None, progress)
+    text = [*import_scans.text_of(imported), mesh.text_of(case, meshed)]
+    text += [*identify.text_of(case, found), *report.text_of(written)]
+    return {"case": str(case.path), "import": imported, "result": found, "report": written}, "\n".join(text)

@@ -1,0 +1,115 @@
+"""Arguments that commands share, and what a person may have meant by them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+
+class UsageError(Exception):
+    """The command line cannot be understood (exit 2). usage : the form it must have."""
+
+    def __init__(self, message: str, usage: str = "") -> None:
+        super().__init__(message)
+        self.usage = usage
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are exceptions, so that they too can be told as JSON."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raises UsageError."""
+        raise UsageError(message, self.format_usage())
+
+
+def common() -> argparse.ArgumentParser:
+    """The options of every command, as a parent parser."""
+    parent = argparse.ArgumentParser(add_help=False)
+    group = parent.add_argument_group("common options")
+    group.add_argument(
+        "--json", action="store_true", help="one JSON object on standard output, progress on standard error"
+    )
+    group.add_argument(
+        "--seed", action="append", default=[], metavar="N|NAME=X,Y,Z",
+        help="a whole number: seed of the random numbers (default 1). With an equals sign, where a command segments: a point "
+        "in an organ in patient coordinates (LPS, mm), e.g. prostate=-6.5,11,-148. May be given several times",
+    )  # fmt: skip
+    group.add_argument("--workers", type=whole_number(1, 256), default=None, metavar="N",
+                       help="processes to use; results do not depend on it (default: the cores of this machine)")  # fmt: skip
+    group.add_argument("--quiet", action="store_true", help="no progress, and nothing but errors without --json")
+    return parent
+
+
+def whole_number(low: int, high: int) -> object:
+    """An argparse type: a whole number from low to high."""
+
+    def parse(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{value} is out of range; give {low} to {high}")
+        return value
+
+    return parse
+
+
+def random_seed(args: argparse.Namespace, default: int = 1) -> int:
+    """The whole number among the ``--seed`` options; the last one counts. Raises UsageError when one is neither form."""
+    seed = default
+    for text in args.seed:
+        if "=" in text:
+            continue
+        try:
+            seed = int(text)
+        except ValueError:
+            raise UsageError(f"--seed {text}: give a whole number, or NAME=X,Y,Z for a point in an organ") from None
+        if not 0 <= seed < 2**31:
+            raise UsageError(f"--seed {text}: give a number from 0 to {2**31 - 1}")
+    return seed
+
+
+def points(args: argparse.Namespace) -> list[str]:
+    """The ``--seed`` options that are points: NAME=X,Y,Z."""
+    return [text for text in args.seed if "=" in text]
+
+
+def no_points(args: argparse.Namespace) -> None:
+    """Raises UsageError when a command that does not segment was given a point."""
+    if points(args):
+        raise UsageError(f"--seed {points(args)[0]}: only `segment` and `analyze` take points; give a whole number")
+
+
+def workers(args: argparse.Namespace) -> int:
+    """Processes to use."""
+    return int(args.workers or cores())
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def add_case(parser: argparse.ArgumentParser) -> None:
+    """The positional argument of a command that works on an existing case."""
+    parser.add_argument("case", type=Path, metavar="CASE", help="the case folder")
+
+
+def written_options(args: argparse.Namespace, hidden: Sequence[str] = ("json", "quiet", "workers")) -> str:
+    """What was asked for, for the record: no paths, because a folder's name may be a patient's."""
+    texts = []
+    for name, value in sorted(vars(args).items()):
+        plain = isinstance(value, str | int | float) and not isinstance(value, bool)
+        if name in hidden or name.startswith("_"):
+            continue
+        if value is True:
+            texts.append(f"--{name.replace('_', '-')}")
+        elif plain:
+            texts.append(f"--{name.replace('_', '-')} {value}")
+        elif name == "seed":
+            texts += [f"--seed {text}" for text in value]
+    return " ".join(texts)

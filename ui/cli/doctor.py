@@ -1,0 +1,36 @@
+"""Says what works on this machine: Python, packages, solver, off-screen rendering, disk, cores, memory.
+
+Ends with 0 when everything that is needed is there, 3 when something is not.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from palpate.core.errors import InputError
+from palpate.ui.cli.arguments import no_points
+from palpate.ui.cli.console import Console
+from palpate.ui.doctor import Check, examine
+
+NAME, HELP = "doctor", "what works on this machine"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Nothing to choose."""
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Examines; raises InputError naming the first thing that is needed and missing."""
+    no_points(args)
+    with console.progress(NAME) as progress:
+        checks = examine(progress)
+    missing = [check for check in checks if check.needed and not check.works]
+    if missing:
+        raise InputError("; ".join(f"{check.name}: {check.found}; {check.remedy}" for check in missing))
+    return {"checks": [check.to_dict() for check in checks]}, "\n".join(map(_line, checks))
+
+
+def _line(check: Check) -> str:
+    mark = "ok" if check.works else "--"
+    return f"{mark}  {check.name}: {check.found}" + ("" if check.works else f"; {check.remedy}")

@@ -1,0 +1,68 @@
+"""Finds the stiffness that explains the deformed scan, in a worker process, and says how sure it is."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from palpate.core.identify.options import BOUNDARIES, METHODS, IdentifyOptions
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.steps import recorded
+
+NAME, HELP = "identify", "mesh and surfaces to stiffness with its uncertainty"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """CASE, and how to search."""
+    add_case(parser)
+    add_options(parser)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """How to search."""
+    default = IdentifyOptions
+    group = parser.add_argument_group("identification")
+    group.add_argument("--method", choices=METHODS, default=default.method, help="search (default %(default)s)")
+    group.add_argument("--boundary", choices=BOUNDARIES, default=default.boundary,
+                       help="what holds and drives the organ (default %(default)s)")  # fmt: skip
+    group.add_argument("--particles", type=whole_number(4, 1000), default=default.particles, metavar="N",  # type: ignore[arg-type]
+                       help="of the swarm (default %(default)s)")  # fmt: skip
+    group.add_argument("--iterations", type=whole_number(1, 10000), default=default.iterations, metavar="N",  # type: ignore[arg-type]
+                       help="of the swarm, at most (default %(default)s)")  # fmt: skip
+
+
+def options_of(args: argparse.Namespace) -> IdentifyOptions:
+    """The identification options of a command line."""
+    return IdentifyOptions(
+        method=args.method,
+        boundary=args.boundary,
+        particles=args.particles,
+        iterations=args.iterations,
+        seed=random_seed(args),
+        workers=workers(args),
+    )
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Identifies; see `identify_step.run`."""
+    from palpate.segmentation import identify_step  # here, because VTK takes seconds to load
+
+    no_points(args)
+    case = CaseFolder(args.case)
+    with recorded(case, args), console.progress(NAME) as progress:
+        result = identify_step.run(case, identify_step.IdentifyStepOptions(options_of(args)), progress)
+    return result, "\n".join(text_of(case, result))
+
+
+def text_of(case: CaseFolder, result: dict[str, Any]) -> list[str]:
+    """What a person reads of an identification."""
+    lines = []
+    for name, found in result["parameters"].items():
+        ci = found["ci95_kpa"]
+        sure = "error not known" if ci is None else f"95 % interval {ci[0]:.3g} to {ci[1]:.3g}"
+        edge = ", at the edge of what was allowed" if found["at_bound"] else ""
+        lines.append(f"found   {name}: G = {found['G_kpa']:.3g} kPa, {sure}{edge}")
+    lines.append(f"misfit  {result['misfit']['rms_mm']:.2f} mm rms")
+    return [*lines, f"result  {case.file('result.json')}"]

@@ -1,0 +1,78 @@
+"""Makes the case folder of a pair of scans: two folders with a DICOM CT each, or two NIfTI label volumes.
+
+The deformed scan is aligned to the one at rest on bone. The case holds copies; the scans are not touched.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.import_step import ImportOptions, run_import
+from palpate.ui.cli.arguments import UsageError, no_points
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.steps import recorded
+
+NAME, HELP = "import", "two scans to a case folder, aligned on bone"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """REST DEFORMED -o CASE, and how to read them."""
+    parser.add_argument("rest", type=Path, metavar="REST", help="scan at rest: DICOM folder, or NIfTI label volume")
+    parser.add_argument("deformed", type=Path, metavar="DEFORMED", help="scan in which the organ is deformed")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="CASE", help="case folder to make")
+    group = parser.add_argument_group("reading the scans")
+    for state in ("rest", "deformed"):
+        group.add_argument(f"--{state}-labels", type=Path, metavar="FILE",
+                           help=f"RTSTRUCT or NIfTI labels drawn on the {state} scan; they always win")  # fmt: skip
+        group.add_argument(f"--{state}-series", metavar="ID", help="which CT series, where a folder holds several")
+    group.add_argument("--roi", action="append", default=[], metavar="ORGAN=NAME[,NAME]",
+                       help="which structures of an RTSTRUCT are an organ, e.g. prostate=Prostata")  # fmt: skip
+    group.add_argument("--landmarks", type=Path, metavar="CSV", help="matched points in both scans (CASE_FORMAT.md)")
+    group.add_argument("--name", help="the case's name, printed in the report (default: the folder's)")
+    group.add_argument("--same-patient", action="store_true",
+                       help="the scans are of one patient although their headers differ")  # fmt: skip
+    group.add_argument(
+        "--no-align", action="store_true", help="the scans lie in one frame already: do not align on bone"
+    )
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Imports; see `run_import`."""
+    no_points(args)
+    with console.progress(NAME) as progress:
+        summary = run_import(args.rest, args.deformed, args.output, options_of(args), progress)
+    with recorded(CaseFolder(args.output), args):
+        return summary, "\n".join(text_of(summary))
+
+
+def options_of(args: argparse.Namespace) -> ImportOptions:
+    """The import options of a command line. Raises UsageError for a malformed ``--roi``."""
+    return ImportOptions(
+        name=args.name,
+        series=(args.rest_series, args.deformed_series),
+        labels=(args.rest_labels, args.deformed_labels),
+        roi=_roi(args.roi),
+        landmarks=args.landmarks,
+        same_patient=args.same_patient,
+        align=not args.no_align,
+    )
+
+
+def text_of(summary: dict[str, Any]) -> list[str]:
+    """What a person reads of an import."""
+    residual = summary["residual_mm"]
+    aligned = "not aligned on bone" if residual is None else f"aligned on bone to {residual:.2f} mm rms"
+    return [f"case    {summary['case']}, {aligned}", *(f"note    {note}" for note in summary["notes"])]
+
+
+def _roi(texts: list[str]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for text in texts:
+        organ, equals, names = text.partition("=")
+        if not (organ and equals and names):
+            raise UsageError(f"--roi {text}: write ORGAN=NAME, e.g. prostate=Prostata")
+        found.setdefault(organ, []).extend(name for name in names.split(",") if name)
+    return found

@@ -1,0 +1,100 @@
+"""The command line: one subcommand a file, one line for every error, exit codes that scripts can rely on.
+
+0 done, 2 wrong usage, 3 bad input, 4 no convergence, 130 cancelled.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from types import ModuleType
+
+from palpate.core.errors import PalpateError
+from palpate.ui.cli.arguments import Parser, UsageError, common
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, end_children
+
+# Each is a module beside this one with NAME, HELP, add_arguments(parser) and run(args, console) -> (data, text).
+COMMANDS = ("analyze", "import_scans", "mesh", "identify", "report", "doctor")
+_DESCRIPTION = (
+    "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "
+    "Ends with 0 done, 2 wrong usage, 3 bad input, 4 no convergence, 130 cancelled."
+)
+
+
+def entry() -> None:
+    """The installed script."""
+    sys.exit(main())
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command and returns its exit status."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    console = Console("--json" in given, "--quiet" in given)
+    try:
+        with cancellable():
+            return _run(given, console)
+    except KeyboardInterrupt:
+        console.error(CANCELLED, EXIT_CODE)
+        return EXIT_CODE
+    except BrokenPipeError:  # who read the output has gone; what is left to write goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return EXIT_CODE
+    except PalpateError as error:
+        console.error(one_line(str(error)), error.exit_code)
+        return error.exit_code
+    except UsageError as error:
+        console.error(one_line(str(error)), 2, error.usage)
+        return 2
+    except OSError as error:
+        console.error(_os_error(error), 3)
+        return 3
+    finally:
+        end_children()
+
+
+def parser() -> Parser:
+    """The whole command line."""
+    top = Parser(prog="palpate", description=_DESCRIPTION)
+    top.add_argument("--version", action="version", version=f"palpate {metadata.version('palpate')}")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    shared = common()
+    for module in map(_module, COMMANDS):
+        sub = commands.add_parser(
+            module.NAME, help=module.HELP, description=module.__doc__, parents=[shared],
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
+        module.add_arguments(sub)
+        sub.set_defaults(_module=module)
+    return top
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks."""
+    return " ".join(text.split())
+
+
+def _run(given: Sequence[str], console: Console) -> int:
+    args = parser().parse_args(given)
+    with console:
+        data, text = args._module.run(args, console)
+    console.result(data, text)
+    sys.stdout.flush()
+    return 0
+
+
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f"palpate.ui.cli.{name}")
+
+
+def _os_error(error: OSError) -> str:
+    """A refusal of the operating system in the form of an input error: which path, what is wrong, what to do."""
+    where = error.filename2 or error.filename
+    what = error.strerror or type(error).__name__
+    if where is None:
+        return f"{what}; check disk space and permissions"
+    return f"{where}: {what}; check the path, or choose a writable place with -o"

@@ -1,0 +1,49 @@
+"""Meshes the label volumes of a case: tetrahedra of organ and tissue, smooth surfaces of both states."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.meshing import MeshOptions
+from palpate.ui.cli.arguments import add_case, no_points, whole_number
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.steps import recorded
+
+NAME, HELP = "mesh", "label volumes to one conforming mesh and smooth surfaces"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """CASE, and what mesh is wanted."""
+    add_case(parser)
+    add_options(parser)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """What mesh is wanted."""
+    group = parser.add_argument_group("mesh")
+    group.add_argument("--tets", type=whole_number(500, 500000), default=MeshOptions.target_tets, metavar="N",  # type: ignore[arg-type]
+                       help="tetrahedra to aim at (default %(default)s)")  # fmt: skip
+
+
+def options_of(args: argparse.Namespace) -> MeshOptions:
+    """The mesh options of a command line."""
+    return MeshOptions(target_tets=args.tets)
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Meshes; see `mesh_step.run`."""
+    from palpate.segmentation import mesh_step  # here, because VTK takes seconds to load
+
+    no_points(args)
+    case = CaseFolder(args.case)
+    with recorded(case, args), console.progress(NAME) as progress:
+        report = mesh_step.run(case, options_of(args), progress)
+    return report, text_of(case, report)
+
+
+def text_of(case: CaseFolder, report: dict[str, Any]) -> str:
+    """What a person reads of a mesh."""
+    angle = report["min_dihedral_deg"]
+    return f"mesh    {case.file('mesh.vtu')}: {report['cells']} tetrahedra, smallest dihedral angle {angle:.0f}\N{DEGREE SIGN}"

@@ -1,0 +1,33 @@
+"""Writes the report of an identified case: one HTML page, a PDF and the pictures in them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.cli.arguments import add_case, no_points
+from palpate.ui.cli.console import Console
+
+NAME, HELP = "report", "pictures, HTML page and PDF of an identified case"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """CASE."""
+    add_case(parser)
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Reports; see `report_step.run`."""
+    from palpate.ui.report import report_step  # here, because matplotlib and VTK take seconds to load
+
+    no_points(args)
+    with console.progress(NAME) as progress:
+        written = report_step.run(CaseFolder(args.case), None, progress)
+    return written, "\n".join(text_of(written))
+
+
+def text_of(written: dict[str, Any]) -> list[str]:
+    """Where the report is, and what is not in it."""
+    lines = [f"report  {written['html']}", f"report  {written['pdf']}"]
+    return lines + [f"missing {what}" for what in written["missing"]]
