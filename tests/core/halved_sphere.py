@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from palpate.core.fem.assembly import Assembler, State
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
