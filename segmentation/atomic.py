@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
@@ -27,7 +28,7 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename is not None and not Path(str(error.filename)).is_relative_to(path.parent):
+        if error.filename is not None and not _concerns(Path(str(error.filename)), path):
             raise
         reason = error.strerror or type(error).__name__
         raise InputError(f"{path} cannot be written ({reason}); choose a writable place with -o") from error
@@ -41,6 +42,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """
     temporary = _beside(path, "part")
     with writing(path):
+        _refuse_read_only(path.parent)
         path.parent.mkdir(parents=True, exist_ok=True)
         _live.add(temporary)
         try:
@@ -61,6 +63,7 @@ def atomic_folder(path: Path) -> Iterator[Path]:
     """
     temporary, kept = _beside(path, "part"), _beside(path, "kept")
     with writing(path):
+        _refuse_read_only(path.parent)
         temporary.mkdir(parents=True)
         _live.update((temporary, kept))
         try:
@@ -77,7 +80,10 @@ def atomic_folder(path: Path) -> Iterator[Path]:
 
 
 def sweep(folder: Path) -> None:
-    """Removes what killed runs left under ``folder``; leaves the temporaries of processes that still run."""
+    """Removes what killed runs left under ``folder``; leaves the temporaries of processes that still run, and a
+    read-only folder as it is."""
+    if is_read_only(folder):
+        return
     for leftover in sorted(folder.rglob(".part-*")) + sorted(folder.rglob(".kept-*")):
         match = _LEFTOVER.match(leftover.name)
         if match is None or leftover in _live or _is_another_running(int(match[2])):
@@ -92,9 +98,28 @@ def sweep(folder: Path) -> None:
                 leftover.unlink(missing_ok=True)
 
 
+def is_read_only(folder: Path) -> bool:
+    """Whether the nearest existing folder may not be written.
+
+    Root may write where the mode says that nobody does; whoever marked a folder so meant it, and is obeyed.
+    """
+    standing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    return not standing.stat().st_mode & 0o222 or not os.access(standing, os.W_OK | os.X_OK)
+
+
+def _refuse_read_only(folder: Path) -> None:
+    if is_read_only(folder):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+
+
 def is_leftover(path: Path) -> bool:
     """Whether the name is one of a temporary."""
     return _LEFTOVER.match(path.name) is not None
+
+
+def _concerns(named: Path, path: Path) -> bool:
+    """Whether a refusal that names one path is about writing another: a file in its folder, or a folder above."""
+    return named.is_relative_to(path.parent) or path.is_relative_to(named)
 
 
 def _beside(path: Path, kind: str) -> Path:

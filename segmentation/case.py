@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -230,9 +229,8 @@ def check_new_case(folder: Path) -> None:
         others = [entry for entry in folder.iterdir() if not atomic.is_leftover(entry)]
         if others:
             raise InputError(f"{folder} is not empty and no case; choose a new folder for the case with -o")
-    standing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
-    if not os.access(standing, os.W_OK | os.X_OK):
-        raise InputError(f"{folder} cannot be written (no permission in {standing}); choose a writable place with -o")
+    if atomic.is_read_only(folder):
+        raise InputError(f"{folder} cannot be written (the place is read-only); choose a writable place with -o")
 
 
 def file_sha256(path: Path) -> str:

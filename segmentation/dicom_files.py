@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import struct
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pydicom
-from pydicom.errors import InvalidDicomError
+from pydicom.errors import BytesLengthException, InvalidDicomError
 
 from palpate.core.errors import InputError
 
@@ -18,10 +19,28 @@ MAX_FILES = 20_000
 _DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
 _DICOM_SUFFIXES = (".dcm", ".dicom", ".ima")
 # What pydicom raises on damaged files, header and elements.
-DAMAGE = (AttributeError, EOFError, KeyError, NotImplementedError, OSError, RuntimeError, TypeError, ValueError)
+DAMAGE = (
+    *(AttributeError, EOFError, KeyError, NotImplementedError, OSError, RuntimeError, TypeError, ValueError),
+    *(struct.error, BytesLengthException),
+)
+# pydicom converts an element when it is asked for: these are asked for at once, where damage can be told with its file.
+_TOUCHED = (
+    *("SOPClassUID", "SOPInstanceUID", "Modality", "ImageType", "SeriesInstanceUID", "StudyInstanceUID"),
+    *(
+        "FrameOfReferenceUID",
+        "PatientID",
+        "PatientName",
+        "PatientPosition",
+        "StudyDate",
+        "SeriesDate",
+        "Rows",
+        "Columns",
+    ),
+    *("ImagePositionPatient", "PerFrameFunctionalGroupsSequence", "InstanceNumber"),
+)
 
-# Without a handler of its own pydicom's log goes to standard error past the command line's control.
-logging.getLogger("pydicom").addHandler(logging.NullHandler())
+# pydicom quotes the values it complains of, and these may be names: nothing of it reaches any log.
+logging.getLogger("pydicom").setLevel(logging.CRITICAL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,21 +59,32 @@ def quiet() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Reading elements of a dataset: silent on sloppy values, InputError naming the file on damaged ones."""
+    try:
+        with quiet():
+            yield
+    except DAMAGE as error:
+        raise InputError(f"{path} is a damaged DICOM file; copy or export it again") from error
+
+
 def read_file(path: Path, stop_before_pixels: bool = False) -> pydicom.Dataset | None:
     """The dataset of one file; None when it is not DICOM.
 
     Files without the preamble that the standard asks for are read where their first element is a DICOM one.
     Raises InputError naming the file when it is DICOM but damaged, or cannot be read.
     """
-    try:
-        with quiet():
-            return _read(path, stop_before_pixels)
-    except InvalidDicomError:
-        return None
-    except PermissionError as error:
-        raise InputError(f"{path} may not be read; ask for permission to it or copy it") from error
-    except DAMAGE as error:
-        raise InputError(f"{path} is a damaged DICOM file; copy or export it again") from error
+    with reading(path):
+        try:
+            dataset = _read(path, stop_before_pixels)
+        except InvalidDicomError:
+            return None
+        except PermissionError as error:
+            raise InputError(f"{path} may not be read; ask for permission to it or copy it") from error
+        for keyword in _TOUCHED:
+            dataset.get(keyword)
+        return dataset
 
 
 def find_dicom(folder: Path, notes: list[str]) -> list[DicomFile]:

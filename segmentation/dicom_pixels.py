@@ -67,6 +67,6 @@ def _syntax(dataset: pydicom.Dataset) -> str:
 
 def _remedy(dataset: pydicom.Dataset) -> str:
     uid = dataset.file_meta.get("TransferSyntaxUID")
-    if uid is not None and uid.is_compressed:
+    if uid is not None and uid.is_transfer_syntax and uid.is_compressed:
         return "it is damaged or needs another decoder: export the series uncompressed"
     return "it is damaged: copy or export it again"

@@ -11,7 +11,9 @@ import pydicom
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.segmentation.dicom_files import DicomFile, quiet
+from palpate.segmentation.dicom_files import DicomFile, reading
+
+LARGEST_SIZE = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +57,11 @@ def is_localizer(header: pydicom.Dataset) -> bool:
 def slices_of(file: DicomFile) -> list[Slice]:
     """The slices of an image file. Raises InputError naming the file and the element that is missing or wrong."""
     header, path = file.header, file.path
-    if _number(header, "SamplesPerPixel", path, default=1.0) != 1.0:
-        raise InputError(f"{path} is a colour image, not a CT slice with HU; give the original CT series")
-    if str(header.get("PhotometricInterpretation", "MONOCHROME2")) not in ("MONOCHROME1", "MONOCHROME2"):
-        raise InputError(f"{path} has palette colours, not HU; give the original CT series")
-    with quiet():
+    with reading(path):
+        if _number(header, "SamplesPerPixel", path, default=1.0) != 1.0:
+            raise InputError(f"{path} is a colour image, not a CT slice with HU; give the original CT series")
+        if str(header.get("PhotometricInterpretation", "MONOCHROME2")) not in ("MONOCHROME1", "MONOCHROME2"):
+            raise InputError(f"{path} has palette colours, not HU; give the original CT series")
         if "PerFrameFunctionalGroupsSequence" in header:
             groups = list(header.PerFrameFunctionalGroupsSequence)
             shared = header.get("SharedFunctionalGroupsSequence") or [pydicom.Dataset()]
@@ -100,7 +102,7 @@ def _slice(file: DicomFile, frame: int, place: pydicom.Dataset) -> Slice:
         down=down,
         origin=np.array(_numbers(place, "ImagePositionPatient", 3, path)),
         spacing=(columns_apart, rows_apart),
-        shape=(int(_number(header, "Rows", path)), int(_number(header, "Columns", path))),
+        shape=(_size(header, "Rows", path), _size(header, "Columns", path)),
         slope=slope,
         intercept=intercept,
     )
@@ -129,6 +131,13 @@ def _rescale(place: pydicom.Dataset, header: pydicom.Dataset, path: Path) -> tup
     if slope == 0.0:
         raise InputError(f"{path}: RescaleSlope is 0, every pixel would be the same; export the series again")
     return slope, _number(place, "RescaleIntercept", path)
+
+
+def _size(header: pydicom.Dataset, keyword: str, path: Path) -> int:
+    size = _number(header, keyword, path)
+    if not 1 <= size <= LARGEST_SIZE:
+        raise InputError(f"{path}: {keyword} is {size:g}; 1 to {LARGEST_SIZE} is allowed; export the series again")
+    return int(size)
 
 
 def _number(source: pydicom.Dataset, keyword: str, path: Path, default: float | None = None) -> float:

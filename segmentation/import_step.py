@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from palpate.segmentation.labels import BONE
 from palpate.segmentation.landmarks import read_landmarks
 from palpate.segmentation.nifti_labels import read_labels
 from palpate.segmentation.user_labels import read_user_labels
+from palpate.segmentation.volume import Volume
 
 STEP = "import"
 _NIFTI = (".nii", ".nii.gz")
@@ -106,7 +107,7 @@ def _import_scans(job: _Job) -> dict[str, Any]:
     notes += [f"{state}: {note}" for state, labels in drawn.items() for note in labels.notes]
     points = read_landmarks(options.landmarks) if options.landmarks else None
     job.progress(0.4, "aligning on bone")
-    alignment = align_ct(scans[0][0], scans[1][0]) if options.align else None
+    alignment = _aligned(job, align_ct, scans[0][0], scans[1][0]) if options.align else None
     job.progress(0.8, "writing the case")
     case = _begun(job, [gravity_of(facts.patient_position) for _, facts in scans])
     outputs = ["case.json", "alignment.json"]
@@ -129,7 +130,7 @@ def _import_labels(job: _Job) -> dict[str, Any]:
     alignment = None
     if job.options.align and all((volume.array == BONE).any() for volume in volumes):
         job.progress(0.3, "aligning on bone")
-        alignment = align_labels(volumes[0], volumes[1])
+        alignment = _aligned(job, align_labels, volumes[0], volumes[1])
     else:
         notes.append("the label volumes were taken as aligned on bone already")
     job.progress(0.8, "writing the case")
@@ -139,6 +140,13 @@ def _import_labels(job: _Job) -> dict[str, Any]:
     case.write_labels("deformed", volumes[1].moved(matrix))
     outputs = ["case.json", "rest.nii.gz", "deformed.nii.gz", "labels.txt", "alignment.json"]
     return _finish(job, case, alignment, notes, outputs + write_landmarks(case, points, matrix))
+
+
+def _aligned(job: _Job, align: Callable[[Volume, Volume], Alignment], rest: Volume, deformed: Volume) -> Alignment:
+    try:
+        return align(rest, deformed)
+    except InputError as error:
+        raise InputError(f"{job.paths[0]} and {job.paths[1]}: {error}") from error
 
 
 def _begun(job: _Job, gravity: Sequence[Vector | None]) -> CaseFolder:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import math
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,6 +11,7 @@ from typing import Any
 
 import nibabel as nib
 import numpy as np
+from nibabel import imageglobals
 from nibabel.filebasedimages import ImageFileError
 from nibabel.spatialimages import HeaderDataError
 from numpy.typing import NDArray
@@ -21,6 +24,10 @@ from palpate.segmentation.volume import Volume
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 _SCANNER_COORDINATES = 1
 _MILLIMETRES = 2
+MOST_VOXELS = 10**9
+
+# nibabel tells of odd headers on standard error; what matters is checked here.
+imageglobals.logger.setLevel(logging.CRITICAL)
 
 
 def read_labels(path: Path, values: Mapping[int, int] | None = None) -> Volume:
@@ -80,7 +87,7 @@ def _open(path: Path) -> Any:
         raise InputError(f"{path} is not there; give the path of a NIfTI file (.nii or .nii.gz)")
     try:
         image = nib.load(path)
-    except (ImageFileError, HeaderDataError, OSError, EOFError, zlib.error) as error:
+    except (ImageFileError, HeaderDataError, OSError, EOFError, ValueError, zlib.error) as error:
         raise InputError(f"{path} is not a readable NIfTI file; save it again as .nii.gz") from error
     if not isinstance(image, nib.Nifti1Image):
         raise InputError(f"{path} is {type(image).__name__}, not NIfTI; save it as .nii.gz")
@@ -91,7 +98,7 @@ def _pixels(image: Any, path: Path) -> NDArray[Any]:
     shape = image.shape
     while len(shape) > 3 and shape[-1] == 1:
         shape = shape[:-1]
-    if len(shape) != 3 or min(shape) < 1:
+    if len(shape) != 3 or min(shape) < 1 or math.prod(shape) > MOST_VOXELS:
         raise InputError(
             f"{path} has shape {image.shape}; one 3D volume is needed; save one time point or component only"
         )
@@ -110,7 +117,10 @@ def _pixels(image: Any, path: Path) -> NDArray[Any]:
 
 def _placement(image: Any, path: Path) -> NDArray[np.float64]:
     header = image.header
-    sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
+    try:
+        sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
+    except (HeaderDataError, ValueError) as error:
+        raise InputError(f"{path} has a damaged placement in the patient; save it again with ITK-SNAP") from error
     if sform is None and qform is None:
         raise InputError(
             f"{path} does not say where it lies in the patient (sform and qform codes 0); save it with ITK-SNAP"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.segmentation.contours import contours_to_mask
-from palpate.segmentation.dicom_files import quiet, read_file
+from palpate.segmentation.dicom_files import read_file, reading
 from palpate.segmentation.dicom_series import SeriesFacts, patient_hash
 from palpate.segmentation.labels import BLADDER, BONE, PROSTATE_LEFT, PROSTATE_RIGHT, RECTUM
 from palpate.segmentation.roi_names import choose_rois
@@ -77,7 +77,7 @@ def read_rtstruct(
     dataset = read_file(path)
     if dataset is None or dataset.get("Modality") != "RTSTRUCT":
         raise InputError(f"{path} is no DICOM RT structure set; give the RTSTRUCT file")
-    with quiet():
+    with reading(path):
         if facts is not None:
             _check_same_scan(dataset, facts, path)
         contours, notes = _contours(dataset, path)
@@ -88,8 +88,11 @@ def read_rtstruct(
         )
     notes += choice_notes
     masks = {}
-    for organ, names in chosen.items():
-        masks[organ] = np.logical_or.reduce([contours_to_mask(contours[name], ct, name, notes) for name in names])
+    try:
+        for organ, names in chosen.items():
+            masks[organ] = np.logical_or.reduce([contours_to_mask(contours[name], ct, name, notes) for name in names])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     return Structures(masks, chosen, tuple(notes))
 
 
@@ -117,7 +120,10 @@ def _images(dataset: pydicom.Dataset) -> set[str]:
 
 def _contours(dataset: pydicom.Dataset, path: Path) -> tuple[dict[str, list[NDArray[np.float64]]], list[str]]:
     """The closed contours of each structure that has any, name -> [(n, 3) mm]."""
-    names = {int(s.ROINumber): str(s.get("ROIName", "")).strip() for s in dataset.get("StructureSetROISequence") or []}
+    names = {
+        int(s.ROINumber): " ".join(str(s.get("ROIName", "")).split())
+        for s in dataset.get("StructureSetROISequence") or []
+    }
     found: dict[str, list[NDArray[np.float64]]] = {}
     notes: list[str] = []
     for roi in dataset.get("ROIContourSequence") or []:

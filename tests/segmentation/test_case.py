@@ -15,7 +15,7 @@ import pytest
 
 from palpate.core.errors import InputError
 from palpate.segmentation.atomic import sweep
-from palpate.segmentation.case import CaseFolder, check_new_case
+from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.volume import Volume
 
@@ -74,13 +74,27 @@ def test_a_new_case_spares_other_folders(tmp_path: Path) -> None:
         CaseFolder.create(tmp_path / "thesis.txt", CaseFacts("x"))
 
 
-def test_a_read_only_place_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Permissions do not bind root, which runs tests in containers: the answer of the system is replaced.
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    with pytest.raises(
-        InputError, match=r"new cannot be written \(no permission in .*\); choose a writable place with -o"
-    ):
-        check_new_case(tmp_path / "new")
+def test_a_read_only_place_is_refused_even_to_root(tmp_path: Path) -> None:
+    place = tmp_path / "place"
+    place.mkdir(mode=0o555)
+    for path in (place, place / "new", place / "new" / "deeper"):
+        with pytest.raises(
+            InputError, match=r"cannot be written \(the place is read-only\); choose a writable place with -o"
+        ):
+            CaseFolder.create(path, CaseFacts("x"))
+    assert list(place.iterdir()) == []
+
+
+def test_a_read_only_case_can_be_read_but_not_written(case: CaseFolder) -> None:
+    case.path.chmod(0o555)
+    again = CaseFolder(case.path)
+    assert again.facts.name == "one"
+    with pytest.raises(InputError, match=r"a.json cannot be written \(Permission denied\); choose a writable place"):
+        again.write_json("a.json", 1)
+    with pytest.raises(InputError, match=r"ct cannot be written"), again.atomic_folder("ct"):
+        pass
+    case.path.chmod(0o755)
+    assert sorted(p.name for p in case.path.iterdir()) == ["case.json"]
 
 
 def test_a_refused_write_names_the_file_and_leaves_the_old_one(

@@ -185,6 +185,12 @@ def test_wrong_input_gives_one_line_and_no_folder(pair: Path, tmp_path: Path) ->
         assert not (tmp_path / "case").exists()
 
 
+def test_a_read_only_output_is_refused_before_anything_is_read(tmp_path: Path) -> None:
+    (tmp_path / "place").mkdir(mode=0o555)
+    with pytest.raises(InputError, match=r"case cannot be written \(the place is read-only\)"):
+        run_import(tmp_path / "absent", tmp_path / "absent", tmp_path / "place" / "case")
+
+
 def test_gravity_follows_how_the_patient_lies() -> None:
     assert gravity_of("HFS") == gravity_of("FFS") == (0.0, 9.81, 0.0)
     assert gravity_of("FFP") == (0.0, -9.81, 0.0)
