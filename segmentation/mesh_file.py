@@ -17,7 +17,7 @@ from palpate.segmentation.smooth_field import IntArray
 from palpate.segmentation.volume import Volume
 
 # Raised when the way of meshing changes, so that meshes kept from before are not taken for new ones.
-RECIPE_VERSION = 1
+RECIPE_VERSION = 3
 
 
 @dataclass(frozen=True, eq=False)

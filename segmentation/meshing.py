@@ -13,7 +13,7 @@ from palpate.core.mesh import FACES_OF_CELL, TetMesh
 from palpate.segmentation.labels import OUTSIDE
 from palpate.segmentation.mesh_cells import KEPT, clean_labels, face_neighbours, label_cells
 from palpate.segmentation.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
-from palpate.segmentation.meshing_fit import Interface, fit_interfaces, interface_report, interfaces_of
+from palpate.segmentation.meshing_fit import FLOOR_DEG, Interface, fit_interfaces, interface_report, interfaces_of
 from palpate.segmentation.meshing_improve import improve_cells, tangent_limits
 from palpate.segmentation.meshing_quality import describe
 from palpate.segmentation.meshing_soup import make_scene
@@ -25,6 +25,8 @@ from palpate.segmentation.volume import Volume
 # Meshed again, once, when the number of cells is further from what is wanted than this factor.
 COUNT_TOLERANCE = 1.3
 EDGE_POWER = 2.4
+# Share of the organ's edge by which the last round of improvement may move a vertex off its surface.
+LAST_SLACK = 0.06
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def mesh_labels(labels: Volume, options: MeshOptions | None = None, cache: Path 
     start = time.perf_counter()
     partition = make_partition(labels)
     points, cells, edge_mm = _mesh_to_count(partition, options)
-    points, cell_labels, surfaces = _fitted(points, cells, partition)
+    points, cell_labels, surfaces = _fitted(points, cells, partition, edge_mm)
     mesh, boundary = assemble(points, cells, cell_labels)
     quality = describe(mesh, labels) | {
         "edge_mm": edge_mm,
@@ -111,7 +113,7 @@ def _mesh_to_count(partition: Partition, options: MeshOptions) -> tuple[FloatArr
 
 
 def _fitted(
-    points: FloatArray, cells: IntArray, partition: Partition
+    points: FloatArray, cells: IntArray, partition: Partition, edge_mm: float
 ) -> tuple[FloatArray, IntArray, dict[str, Interface]]:
     """Points moved onto the smooth surfaces, the label of each cell, and the interfaces."""
     labels = clean_labels(cells, label_cells(points, cells, partition), len(points))
@@ -124,4 +126,7 @@ def _fitted(
     for _ in range(2):
         points = improve_cells(points, guarded, tangent_limits(points, cells, labels))
         points = fit_interfaces(points, guarded, list(surfaces.values()), rounds=1)
+    # What is flat still is held so by its surfaces: a few vertices may leave theirs a little.
+    limits = tangent_limits(points, cells, labels)
+    points = improve_cells(points, guarded, limits, wanted_deg=FLOOR_DEG, slack_mm=LAST_SLACK * edge_mm)
     return points, labels, surfaces

@@ -16,12 +16,17 @@ STEPS = (0.25, 0.12, 0.05)
 
 
 def improve_cells(
-    points: FloatArray, cells: IntArray, normals: dict[int, FloatArray], wanted_deg: float = 18.0, rounds: int = 4
+    points: FloatArray,
+    cells: IntArray,
+    normals: dict[int, FloatArray],
+    wanted_deg: float = 18.0,
+    slack_mm: float = 0.0,
+    rounds: int = 4,
 ) -> FloatArray:
     """Points (n, 3) mm with cells flatter than ``wanted_deg`` (by ``shape``) rounded where they can be.
 
-    normals : for a vertex on interfaces the unit normals (k, 3) it must not move along; free vertices are not named.
-    The points given are left as they are.
+    normals : for a vertex on interfaces the unit normals (k, 3) it must not move along by more than ``slack_mm`` a
+    round; free vertices are not named. The points given are left as they are.
     """
     points = points.copy()
     star_of = _stars(cells, len(points))
@@ -30,7 +35,7 @@ def improve_cells(
         bad = np.flatnonzero(angles < wanted_deg)
         moved = False
         for node in np.unique(cells[bad]).tolist():
-            moved |= _improve_one(points, cells[star_of[node]], node, normals.get(node))
+            moved |= _improve_one(points, cells[star_of[node]], node, normals.get(node), slack_mm)
         if not moved:
             break
     return points
@@ -61,20 +66,13 @@ def _stars(cells: IntArray, n_points: int) -> list[IntArray]:
     return [part // 4 for part in np.split(order, ends[:-1])]
 
 
-def _improve_one(points: FloatArray, star: IntArray, node: int, fixed: FloatArray | None) -> bool:
+def _improve_one(points: FloatArray, star: IntArray, node: int, fixed: FloatArray | None, slack_mm: float) -> bool:
     """Move one vertex to the best of a few places around it; False when none is better."""
-    directions = DIRECTIONS
-    if fixed is not None:
-        # Only moves in the tangent plane, or along the line in which two interfaces meet.
-        directions = DIRECTIONS @ (np.eye(3) - np.linalg.pinv(fixed) @ fixed)
-        length = np.linalg.norm(directions, axis=1)
-        directions = directions[length > 0.3] / length[length > 0.3, None]
-        if len(directions) == 0:
-            return False
     around = points[star]
     here = points[node]
-    size = float(np.linalg.norm(around - here, axis=2).max(axis=1).mean())
-    moves = np.concatenate([step * size * directions for step in STEPS])
+    moves = _moves(float(np.linalg.norm(around - here, axis=2).max(axis=1).mean()), fixed, slack_mm)
+    if len(moves) == 0:
+        return False
     own = star == node
     trials = np.where(own[None, :, :, None], here + moves[:, None, None, :], around[None])
     flat = trials.reshape(-1, 3)
@@ -89,3 +87,16 @@ def _improve_one(points: FloatArray, star: IntArray, node: int, fixed: FloatArra
         return False
     points[node] = here + moves[best]
     return True
+
+
+def _moves(size_mm: float, fixed: FloatArray | None, slack_mm: float) -> FloatArray:
+    """Moves (k, 3) mm to try for a vertex whose cells are of this size."""
+    steps = size_mm * np.array(STEPS)
+    if fixed is None:
+        return np.concatenate([step * DIRECTIONS for step in steps])
+    # Only in the tangent plane, or along the line in which two interfaces meet, and a little in any direction.
+    tangent = DIRECTIONS @ (np.eye(3) - np.linalg.pinv(fixed) @ fixed)
+    length = np.linalg.norm(tangent, axis=1)
+    tangent = tangent[length > 0.3] / length[length > 0.3, None]
+    moves = [step * tangent for step in steps] + [step * DIRECTIONS for step in (0.5 * slack_mm, slack_mm) if step]
+    return np.concatenate(moves)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from palpate.core.errors import InputError
 from palpate.segmentation.extend_labels import crop, extend_labels, without_specks
 from palpate.segmentation.smooth_field import SIGMA_MM, FloatArray, IntArray, SmoothField, smooth_field
@@ -93,7 +94,7 @@ def organ_surfaces(
     return TriSurface(points, faces, _region_of(points[faces].mean(axis=1), region_fields(near, present, sigma_mm)))
 
 
-def wall_surface(labels: Volume, label: int, step_mm: float = 1.5, sigma_mm: float = SIGMA_MM) -> TriSurface:
+def wall_surface(labels: Volume, label: int, step_mm: float = 1.2, sigma_mm: float = SIGMA_MM) -> TriSurface:
     """The surface of one label (4 bone, 5 bladder, 6 rectum), open where it leaves the modelled box.
 
     The label is first carried on beyond the box, so there is no cap at its end. A label that is absent gives a

@@ -20,6 +20,10 @@ import numpy as np
 from palpate.core.errors import ConvergenceError
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 
+# The mesher stops at this energy (its default is 10) and the last bad cells are mended afterwards: a third faster, and
+# the finished cells are no worse. From 16 up they are.
+STOP_ENERGY = 12.0
+
 
 @dataclass(frozen=True, eq=False)
 class Soup:
@@ -80,6 +84,7 @@ def _child(given: str, made: str) -> None:
             soup["faces"].astype(np.int32),
             edge_length_abs=float(soup["edge_mm"]),
             epsilon=float(soup["epsilon_mm"]) / diagonal,
+            stop_energy=STOP_ENERGY,
             coarsen=True,
             num_threads=1,
             vtk_ordering=True,

@@ -21,7 +21,7 @@ SPACING = (1.2, 1.2, 2.0)
 RECTUM = tube(7.0, y=21.5, bend=0.002)
 BLADDER = ball(10.0, (2.0, -3.0, 21.0))
 BONE = ball(11.0, (33.0, -12.0, -4.0))
-OPTIONS = MeshOptions(target_tets=2500)
+OPTIONS = MeshOptions(target_tets=2000)
 
 
 def small_prostate(points: FloatArray) -> FloatArray:
@@ -64,8 +64,8 @@ def test_regions_have_the_volume_of_their_voxels(meshed: MeshedCase) -> None:
 def test_cells_are_in_shape_and_as_many_as_wanted(meshed: MeshedCase) -> None:
     angles = dihedral_angles(meshed.mesh.points, meshed.mesh.cells)
     assert angles.min() == pytest.approx(meshed.quality["min_dihedral_deg"])
-    assert angles.min() > 8.0
-    assert meshed.quality["slivers"] <= 2
+    assert angles.min() > 9.0
+    assert meshed.quality["slivers"] <= 1
     assert 0.65 < len(meshed.mesh.cells) / OPTIONS.target_tets < 1.5
 
 
@@ -108,7 +108,9 @@ def test_organ_surface_lies_on_the_organ_without_bias(meshed: MeshedCase) -> Non
     found = distance(small_prostate, points[faces[keep]].mean(axis=1))
     assert abs(found.mean()) < 0.15
     vertices = distance(small_prostate, points[np.unique(faces[keep])])
-    assert np.percentile(np.abs(vertices), 95) < 0.5 * np.mean(SPACING)
+    # Vertices stand out a little, because the flat faces between them cut in: by a sixth of edge^2 / radius at most.
+    assert np.percentile(np.abs(vertices), 95) < 1.2
+    assert vertices.mean() > 0.0
 
 
 def test_thin_tissue_between_organ_and_rectum_is_kept(meshed: MeshedCase) -> None:
@@ -139,23 +141,18 @@ def test_other_labels_are_not_taken_from_the_cache(labels: Volume, cache: Path, 
     assert len(keys) == 3
 
 
-def test_the_mesher_keeps_quiet(labels: Volume, capfd: pytest.CaptureFixture[str]) -> None:
-    mesh_labels(labels, MeshOptions(edge_mm=9.0))
-    out, err = capfd.readouterr()
-    assert out == ""
-    assert err == ""
-
-
 def test_a_mesher_that_dies_is_told_in_one_line(labels: Volume, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("palpate.segmentation.tetwild.sys.executable", "/bin/false")
     with pytest.raises(ConvergenceError, match="the mesher ended with status 1"):
         mesh_labels(labels, MeshOptions(edge_mm=9.0))
 
 
-def test_one_region_without_bladder_and_rectum() -> None:
+def test_one_region_without_bladder_and_rectum(capfd: pytest.CaptureFixture[str]) -> None:
     labels = grid(SPACING, (24.0, 24.0, 24.0), np.zeros(3))
     labels = paint(labels.with_array(labels.array + 3), small_prostate, 1)
-    found = mesh_labels(labels, MeshOptions(edge_mm=6.0))
+    found = mesh_labels(labels, MeshOptions(edge_mm=7.0))
+    # The mesher writes from C++; none of it may reach the standard output that --json needs.
+    assert capfd.readouterr() == ("", "")
     assert set(found.mesh.regions) == {1, 3}
     assert set(found.boundary) == {"outer"}
     # The labels run to the end of the grid: the mesh ends there too.
