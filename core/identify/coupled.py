@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.elements import EDGES
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
@@ -27,6 +28,10 @@ WALL_STIFFNESS = 50.0
 
 # Walls have settled when a round moves them by less than this (rms), mm.
 SETTLED_MM = 0.01
+
+
+# Solves on the way to where the walls belong: no more exact than that asks for.
+_ON_THE_WAY = NewtonOptions(rtol=1e-5, stability=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,38 +84,40 @@ class CoupledScene:
         """Equilibrium at parameters theta."""
         return solve_equilibrium(self.assembler, self.parameters.materials(theta), start=start, options=options)
 
-    def settle(self, theta: FloatArray, start: Equilibrium | None = None, rounds: int = 8) -> Settled:
+    def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:
         """Let the walls find their place on the deformed surfaces for parameters theta: solve, linearise again, repeat.
 
         Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at most,
-        which moves them off the surface by a thousandth.
+        which moves them off the surface by a thousandth. The factor left behind is that of the equilibrium returned.
         """
-        found = start or self._approach(theta)
+        found = self._approach(theta) if start is None else None
+        if found is not None and not found.converged:
+            return Settled(found, np.inf, 0)
+        state = _state(start if found is None else found)
         moved, pace, k = np.inf, 1.0, 0
-        target = found.u
-        while found.converged and k < rounds and moved >= SETTLED_MM:
+        target = state.u
+        while k < rounds and moved >= SETTLED_MM:
             k += 1
             self.linearise(target)
-            again = self.solve(theta, State(found.u, found.p))
-            if not again.converged:
-                return Settled(again, moved, k)
-            before, moved = moved, self._wall_motion(again.u - target)
+            found = self.solve(theta, state, _ON_THE_WAY)
+            if not found.converged:
+                return Settled(found, moved, k)
+            before, moved = moved, self._wall_motion(found.u - target)
             if moved > 0.8 * before:
                 pace = max(0.5 * pace, 0.2)  # they swing: go part of the way
-            target = target + pace * (again.u - target)
-            found = again
-        return Settled(found, moved, k)
+            target = target + pace * (found.u - target)
+            state = _state(found)
+        return Settled(self.solve(theta, state), moved, k)
 
     def _approach(self, theta: FloatArray, stages: int = 4) -> Equilibrium:
         """Bring the walls to their surfaces in equal stages, each with normals of its own."""
-        found: Equilibrium | None = None
+        state: State | None = None
         for k in range(stages):
-            u = np.zeros((self.space.n_nodes, 3)) if found is None else found.u
-            self.linearise(u, 1.0 / (stages - k))
-            found = self.solve(theta, None if found is None else State(found.u, found.p))
+            self.linearise(np.zeros((self.space.n_nodes, 3)) if state is None else state.u, 1.0 / (stages - k))
+            found = self.solve(theta, state, _ON_THE_WAY)
             if not found.converged:
                 break
-        assert found is not None
+            state = _state(found)
         return found
 
     def linearise(self, u: FloatArray, way: float = 1.0) -> None:
@@ -133,6 +140,23 @@ class CoupledScene:
         if not faces:
             return np.zeros(0, dtype=np.int64)
         return np.unique(self.space.face_nodes(np.vstack(faces)))
+
+
+def prolonged(u: FloatArray, space: Space) -> FloatArray:
+    """Nodal displacements (n, 3) of a space from vertex displacements u: mid-edge nodes take the mean of their ends."""
+    vertices = u[: len(space.mesh.points)]
+    if space.element.degree == 1:
+        return vertices.copy()
+    out = np.empty((space.n_nodes, 3))
+    out[: len(vertices)] = vertices
+    ends = space.mesh.cells[:, EDGES]
+    out[space.cell_nodes[:, 4:]] = vertices[ends].mean(axis=2)
+    return out
+
+
+def _state(found: State | Equilibrium | None) -> State:
+    assert found is not None
+    return found if isinstance(found, State) else State(found.u, found.p)
 
 
 def _wall(space: Space, problem: IdentificationProblem, name: str, pair: SurfacePair) -> SlidingWall:

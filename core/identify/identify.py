@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from palpate.core.fem.newton import Equilibrium
 from palpate.core.identify import particles
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.identify.coupled import CoupledScene, SceneOptions, prolonged
+from palpate.core.identify.evaluation import Evaluator
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.posterior import Posterior, laplace
@@ -23,6 +24,9 @@ from palpate.core.worker.executors import make_executor
 from palpate.core.worker.messages import Reporter
 
 FloatArray = NDArray[np.float64]
+
+# The element that looks for the optimum first; the chosen one starts where it ended.
+SCOUT = "p1p1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +64,18 @@ def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter:
     count = Counter()
     reporter.progress(0.0, "building the model")
     problem = IdentificationProblem.load(folder / "problem.npz")
+    scout = _scout(problem, options, count, reporter)
     scene = CoupledScene(problem, SceneOptions(element=options.element))
-    reporter.progress(0.05, "settling the walls")
-    first, misfit = settle_first(scene, count)
-    starts = _starts(scene, options)
-    optimum = find_optimum(scene, misfit, first, starts, count, lambda f, m: reporter.progress(0.1 + 0.2 * f, m))
+    reporter.progress(0.15, f"settling the walls, element {options.element}")
+    first, misfit = settle_first(scene, scout.fit.theta, count, prolonged(scout.equilibrium.u, scene.space))
+    starts = scout.fit.theta[None]
+    optimum = find_optimum(scene, misfit, first, starts, count, lambda f, m: reporter.progress(0.2 + 0.1 * f, m))
+    optimum = replace(optimum, others=scout.others, scout=scout.fit.theta)
     swarm = None
     theta = optimum.fit.theta
     if options.method == "swarm":
-        swarm = _swarm(folder, scene, optimum, options, fingerprint, reporter)
+        swarm = _swarm(folder, misfit, optimum, options, fingerprint, reporter, count)
         theta = swarm.theta
-        count.solves += swarm.evaluations
-        count.factorisations += swarm.factorisations
-        count.failed += swarm.failed
     reporter.progress(0.92, "uncertainty")
     walk = Walk(scene, misfit, optimum.equilibrium, count)
     linear, best = walk.linearise(theta), walk.best
@@ -81,29 +84,46 @@ def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter:
     posterior = laplace(theta, *linear, scene.parameters.bounds)
     seconds = time.perf_counter() - began
     residual, jacobian = linear
-    return Identification(
-        scene, misfit, theta, best, residual, jacobian, posterior, optimum, swarm, count, seconds
-    )
+    return Identification(scene, misfit, theta, best, residual, jacobian, posterior, optimum, swarm, count, seconds)
+
+
+def _scout(problem: IdentificationProblem, options: IdentifyOptions, count: Counter, reporter: Reporter) -> Optimum:
+    """Several starts with the cheap element: where the optimum is about, and whether there is one only."""
+    scene = CoupledScene(problem, SceneOptions(element=SCOUT))
+    reporter.progress(0.03, "settling the walls")
+    first, misfit = settle_first(scene, middle(scene.parameters.bounds), count)
+    starts = _starts(scene, options)
+    return find_optimum(scene, misfit, first, starts, count, lambda f, m: reporter.progress(0.05 + 0.1 * f, m))
 
 
 def _swarm(
     folder: Path,
-    scene: CoupledScene,
+    misfit: Misfit,
     optimum: Optimum,
     options: IdentifyOptions,
     fingerprint: str,
     reporter: Reporter,
+    count: Counter,
 ) -> SwarmOutcome:
     """The swarm around the reference: one file tells every process where the walls are and where to start from."""
+    scene, found = misfit.scene, optimum.equilibrium
     reference = folder / "reference.npz"
     if load_checkpoint(reference, fingerprint) is None:
-        found = optimum.equilibrium
-        arrays = {"theta": optimum.fit.theta, "u": found.u, "p": found.p, "walls_u": scene.linearised_at}
+        arrays = {"u": found.u, "p": found.p, "walls_u": scene.linearised_at}
         save_checkpoint(reference, arrays, fingerprint)
     arguments = (str(folder / "problem.npz"), str(reference), options.element)
+    bounds = scene.parameters.bounds
     with make_executor(options.workers, particles.initialise, arguments) as executor:
-        bounds = scene.parameters.bounds
-        return run_swarm(executor, bounds, options, folder / "swarm.npz", fingerprint, reporter)
+        evaluator = Evaluator(misfit, executor)
+        if options.reduced:
+            told = lambda f, m: reporter.progress(0.3 + 0.3 * f, f"reduced model: {m}")  # noqa: E731
+            evaluator.build_reduced(bounds, fingerprint, folder / "reduced.npz", told)
+        outcome = run_swarm(evaluator, bounds, options, folder / "swarm.npz", fingerprint, reporter)
+    count.solves += evaluator.full_solves
+    count.factorisations += evaluator.factorisations
+    count.failed += evaluator.failed
+    count.reduced += evaluator.reduced_evaluations
+    return outcome
 
 
 def _starts(scene: CoupledScene, options: IdentifyOptions) -> FloatArray:

@@ -54,6 +54,7 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
             "forward_solves": found.count.solves,
             "newton_iterations": found.count.factorisations,
             "failed": found.count.failed,
+            "reduced_evaluations": found.count.reduced,
             "seconds": round(found.seconds, 2),
             "element": options.element,
             "unknowns": found.scene.assembler.pattern.n,

@@ -39,9 +39,15 @@ class Misfit:
 
     def residual(self, u: FloatArray) -> FloatArray:
         """Whitened residual (q + 3 k,) of nodal displacements u (n, 3): its square is chi-squared distributed at the truth."""
+        return self.residual_of(self.scene.observation.all_points @ u)
+
+    def residual_of(self, v: FloatArray) -> FloatArray:
+        """The same from the displacements v (q + k, 3) of surface points and landmarks."""
         observation = self.scene.observation
-        surface = self.surface.whiten(observation.residual(u))
-        return np.concatenate([surface, observation.landmark_residual(u).ravel() / LANDMARK_SD_MM])
+        q = len(observation.points)
+        surface = self.surface.whiten(observation.residual_of(v[:q]))
+        marks = observation.landmarks[:, :3] + v[q:] - observation.landmarks[:, 3:]
+        return np.concatenate([surface, marks.ravel() / LANDMARK_SD_MM])
 
     def jacobian(self, u: FloatArray, sensitivities: FloatArray) -> FloatArray:
         """Whitened derivative (q + 3 k, t) for du/dtheta (t, n, 3)."""

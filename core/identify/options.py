@@ -16,7 +16,8 @@ class IdentifyOptions:
     """method, boundary : see METHODS, BOUNDARIES. element : of the forward model.
 
     particles, iterations : of the swarm (the paper's M = 40; it stops earlier when it has collapsed). seed : of the swarm.
-    workers : processes that evaluate particles; the answer does not depend on it. starts : of Gauss-Newton.
+    workers : processes that evaluate particles; the answer does not depend on it. starts : of Gauss-Newton. reduced : let the swarm use the
+    reduced model where its own error estimate allows.
     Raises InputError for values out of range.
     """
 
@@ -28,6 +29,7 @@ class IdentifyOptions:
     seed: int = 1
     workers: int = 1
     starts: int = 3
+    reduced: bool = True
 
     def __post_init__(self) -> None:
         for name, value, allowed in (

@@ -1,69 +1,81 @@
-"""Evaluates many particles: each is one equilibrium and its misfit, in worker processes that hold the scene.
+"""Full solves for many parameters at once, in worker processes that hold the scene.
 
-Every particle starts from the same reference equilibrium, so its value depends on itself alone, not on who computed it or when.
+Every solve starts from the same reference equilibrium, so its outcome depends on its parameters alone, not on who computed it
+or when.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from palpate.core.fem.assembly import State
-from palpate.core.fem.newton import NewtonOptions
+from palpate.core.fem.newton import Equilibrium, NewtonOptions
 from palpate.core.identify.coupled import CoupledScene, SceneOptions
-from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.problem import IdentificationProblem
 
 FloatArray = NDArray[np.float64]
 
-_OPTIONS = NewtonOptions(rtol=1e-6, max_factorisations=60, stability=False)
+_QUICK = NewtonOptions(rtol=1e-6, max_factorisations=60, stability=False)
 
 
-@dataclass(frozen=True)
-class ParticleValue:
-    """Misfit of one particle (inf when it has no equilibrium), and why not; the Newton work it took."""
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Displacements (q + k, 3) mm of surface points and landmarks, None with a reason where there is no equilibrium.
 
-    value: float
+    sensitivities : (t, q + k, 3) mm per unit of theta where they were asked for.
+    """
+
+    displacement: FloatArray | None
+    sensitivities: FloatArray | None
     reason: str
     factorisations: int
 
 
-class ParticleEvaluator:
+class ParticleSolver:
     """A scene with its walls linearised at a reference, ready for any theta."""
 
     def __init__(self, problem_file: Path, reference_file: Path, element: str) -> None:
         self.scene = CoupledScene(IdentificationProblem.load(problem_file), SceneOptions(element=element))
         with np.load(reference_file, allow_pickle=False) as data:
-            theta, u, p = data["theta"], data["u"], data["p"]
+            self.start = State(data["u"], data["p"])
             self.scene.linearise(data["walls_u"])
-        self.start = State(u, p)
-        found = self.scene.solve(theta, self.start)
-        self.misfit = Misfit.of(self.scene, wall_response(self.scene, found.u))
+        self._points = self.scene.observation.all_points
 
-    def __call__(self, theta: FloatArray) -> ParticleValue:
-        """Misfit at theta (t,)."""
-        found = self.scene.solve(theta, self.start, _OPTIONS)
+    def solve(self, theta: FloatArray, with_sensitivities: bool) -> Solved:
+        """Equilibrium at theta (t,)."""
+        found: Equilibrium = self.scene.solve(theta, self.start, replace(_QUICK, stability=with_sensitivities))
         if not found.converged:
-            return ParticleValue(np.inf, found.reason, found.factorisations)
-        return ParticleValue(self.misfit.value(found.u), "", found.factorisations)
+            return Solved(None, None, found.reason, found.factorisations)
+        slopes = None
+        if with_sensitivities:
+            slopes = np.stack([self._points @ s for s in self.scene.displacement_sensitivities(theta, found)])
+        return Solved(self._points @ found.u, slopes, "", found.factorisations)
 
 
-_EVALUATOR: ParticleEvaluator | None = None
+_SOLVER: ParticleSolver | None = None
 
 
 def initialise(problem_file: str, reference_file: str, element: str) -> None:
     """Run once in every worker process."""
-    global _EVALUATOR
-    threadpool_limits(1)  # one thread each: results do not depend on the number of workers, and processes scale better
-    _EVALUATOR = ParticleEvaluator(Path(problem_file), Path(reference_file), element)
+    global _SOLVER
+    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), element)
 
 
-def evaluate(theta: FloatArray) -> ParticleValue:
-    """Misfit at theta in a process that was initialised."""
-    if _EVALUATOR is None:
+def solve(theta: FloatArray) -> Solved:
+    """Displacement at theta in a process that was initialised."""
+    return _ready().solve(theta, False)
+
+
+def solve_with_sensitivities(theta: FloatArray) -> Solved:
+    """Displacement and its derivatives at theta in a process that was initialised."""
+    return _ready().solve(theta, True)
+
+
+def _ready() -> ParticleSolver:
+    if _SOLVER is None:
         raise RuntimeError("particles.initialise was not run in this process")
-    return _EVALUATOR(theta)
+    return _SOLVER

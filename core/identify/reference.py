@@ -23,11 +23,12 @@ SAME_OPTIMUM = 0.05
 
 @dataclass
 class Counter:
-    """Work done so far."""
+    """Work done so far; reduced : evaluations that the reduced model answered."""
 
     solves: int = 0
     factorisations: int = 0
     failed: int = 0
+    reduced: int = 0
 
     def add(self, found: Equilibrium) -> None:
         """Count one equilibrium."""
@@ -38,16 +39,19 @@ class Counter:
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """fit : of the best start. equilibrium : there, walls settled. others : (starts, t) theta of every start that ended."""
+    """fit : of the best start. equilibrium : there, walls settled. others : (starts, t) theta of every start that
+    ended. scout : (t,) the best of them when they were made with another element."""
 
     fit: GaussNewtonResult
     equilibrium: Equilibrium
     others: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    scout: FloatArray | None = None
 
     @property
     def agree(self) -> bool:
         """Whether all starts ended at the same optimum."""
-        return bool((np.abs(self.others - self.fit.theta) < SAME_OPTIMUM).all())
+        centre = self.fit.theta if self.scout is None else self.scout
+        return bool((np.abs(self.others - centre) < SAME_OPTIMUM).all())
 
 
 def middle(bounds: FloatArray) -> FloatArray:
@@ -55,10 +59,15 @@ def middle(bounds: FloatArray) -> FloatArray:
     return bounds[:, 0] + 0.4 * (bounds[:, 1] - bounds[:, 0])
 
 
-def settle_first(scene: CoupledScene, count: Counter) -> tuple[Equilibrium, Misfit]:
-    """Settle the walls at a middling stiffness and weigh the data. Raises ConvergenceError when the model has no equilibrium there."""
-    theta = middle(scene.parameters.bounds)
-    settled = scene.settle(theta)
+def settle_first(
+    scene: CoupledScene, theta: FloatArray, count: Counter, start: FloatArray | None = None
+) -> tuple[Equilibrium, Misfit]:
+    """Settle the walls at theta, from displacements `start` (n, 3) if given, and weigh the data.
+
+    Raises ConvergenceError when the model has no equilibrium there.
+    """
+    state = None if start is None else State(start, scene.assembler.balanced_pressure(start))
+    settled = scene.settle(theta, state)
     count.add(settled.equilibrium)
     if not settled.equilibrium.converged:
         raise ConvergenceError(
@@ -99,7 +108,7 @@ class Walk:
 
     def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Whitened residual and Jacobian at theta, walls settled; None when there is no equilibrium."""
-        settled = self.scene.settle(theta, self.last, rounds=3)
+        settled = self.scene.settle(theta, self.last, rounds=2)
         found = settled.equilibrium
         self.count.add(found)
         if not found.converged:
@@ -110,8 +119,3 @@ class Walk:
             self._lowest, self.best = float(residual @ residual), found
         sensitivities = self.scene.displacement_sensitivities(theta, found)
         return residual, self.misfit.jacobian(found.u, sensitivities)
-
-
-def state_of(found: Equilibrium) -> State:
-    """The state to warm-start a neighbour from."""
-    return State(found.u, found.p)

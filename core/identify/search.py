@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.identify import particles
+from palpate.core.identify.evaluation import Evaluator
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.particles import ParticleValue
 from palpate.core.identify.swarm import Swarm, SwarmOptions
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.messages import Reporter
@@ -22,28 +20,26 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SwarmOutcome:
-    """theta (t,) of the best particle, its misfit, the best misfit after each iteration, and the work."""
+    """theta (t,) of the best particle, its misfit, the best misfit after each iteration, and all it looked at."""
 
     theta: FloatArray
     misfit: float
     history: FloatArray
     stop_reason: str
     evaluations: int
-    failed: int
-    factorisations: int
     positions: FloatArray
     values: FloatArray
 
 
 def run_swarm(
-    executor: Executor,
+    evaluator: Evaluator,
     bounds: FloatArray,
     options: IdentifyOptions,
     checkpoint: Path,
     fingerprint: str,
     reporter: Reporter,
 ) -> SwarmOutcome:
-    """Search bounds (t, 2) with `particles.evaluate` in the executor's processes.
+    """Search bounds (t, 2) for the least misfit.
 
     Goes on from `checkpoint` if it belongs to the same job (fingerprint). Raises ConvergenceError when every particle failed.
     """
@@ -51,17 +47,13 @@ def run_swarm(
         particles=options.particles, max_iterations=options.iterations, collapse=1e-3, patience=15, keep_positions=True
     )
     swarm = _resume(checkpoint, fingerprint) or Swarm(bounds[:, 0], bounds[:, 1], options.seed, swarm_options)
-    work = failed = 0
     while not swarm.should_stop():
         asked = swarm.ask()
-        answers: list[ParticleValue] = list(executor.map(particles.evaluate, list(asked)))
-        work += sum(a.factorisations for a in answers)
-        failed += sum(not np.isfinite(a.value) for a in answers)
-        swarm.tell([a.value for a in answers])
+        swarm.tell(evaluator.values(asked))
         save_checkpoint(checkpoint, swarm.state(), fingerprint)
         reporter.checkpoint(checkpoint, swarm.iteration)
         reporter.progress(
-            0.3 + 0.6 * swarm.iteration / options.iterations,
+            0.6 + 0.3 * swarm.iteration / options.iterations,
             f"swarm, iteration {swarm.iteration}, best misfit {swarm.best_value:.5g}",
             best=swarm.best_value,
             iteration=swarm.iteration,
@@ -76,8 +68,6 @@ def run_swarm(
         swarm.history[0],
         swarm.stop_reason() or "",
         swarm.iteration * options.particles,
-        failed,
-        work,
         positions,
         values,
     )

@@ -58,9 +58,18 @@ class SurfaceObservation:
             space.interpolation(problem.landmarks[:, :3], problem.regions),
         )
 
+    @property
+    def all_points(self) -> sp.csr_matrix:
+        """(q + k, n) takes nodal displacements to surface points and landmarks."""
+        return sp.vstack([self.operator, self.landmark_operator]).tocsr()
+
     def residual(self, u: FloatArray) -> FloatArray:
         """(q,) mm for nodal displacements u (n, 3)."""
-        return self.target.value_and_gradient(self.points + self.operator @ u)[0]
+        return self.residual_of(self.operator @ u)
+
+    def residual_of(self, v: FloatArray) -> FloatArray:
+        """(q,) mm for the points' own displacements v (q, 3)."""
+        return self.target.value_and_gradient(self.points + v)[0]
 
     def residual_and_normal(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residual (q,) and its derivative in the points' displacement (q, 3)."""
