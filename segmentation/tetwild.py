@@ -73,9 +73,8 @@ def _die_with_parent() -> None:
 
 
 def _child(given: str, made: str) -> None:
-    import pytetwild
-
     _die_with_parent()
+    import pytetwild
 
     with np.load(given) as soup:
         diagonal = float(np.linalg.norm(np.ptp(soup["points"], axis=0)))

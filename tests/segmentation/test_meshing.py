@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +148,22 @@ def test_a_mesher_that_dies_is_told_in_one_line(labels: Volume, monkeypatch: pyt
     monkeypatch.setattr("palpate.segmentation.tetwild.sys.executable", "/bin/false")
     with pytest.raises(ConvergenceError, match="the mesher ended with status 1"):
         mesh_labels(labels, MeshOptions(edge_mm=9.0))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with the one that started it")
+def test_the_mesher_ends_with_a_killed_program() -> None:
+    child = "import os, time; from palpate.segmentation import tetwild; tetwild._die_with_parent(); "
+    child += "print(os.getpid(), flush=True); time.sleep(60)"
+    parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        mesher = Path("/proc", program.stdout.readline().strip(), "stat")
+        program.kill()
+    deadline = time.monotonic() + 10.0
+    # A dead process may stay listed as a zombie until somebody asks for its status.
+    while mesher.exists() and ") Z " not in mesher.read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 def test_one_region_without_bladder_and_rectum(capfd: pytest.CaptureFixture[str]) -> None:
