@@ -66,6 +66,7 @@ def settle_first(
 
     Raises ConvergenceError when the model has no equilibrium there.
     """
+    scene.assembler.set_materials(scene.parameters.materials(theta))
     state = None if start is None else State(start, scene.assembler.balanced_pressure(start))
     settled = scene.settle(theta, state)
     count.add(settled.equilibrium)
