@@ -36,7 +36,7 @@ class SurfacePair:
     deformed: Surface
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Facts:
     """Scalars of a case.
 

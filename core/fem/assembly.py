@@ -25,6 +25,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _CHUNK = 1024  # cells whose dense blocks are held at once
+_REST_STRAIN = 1e-4  # forces are never compared with less than this strain's over the body's section
 STABILISATION = 1.0  # alpha of p1p1; between 0.5 and 2 the solution hardly changes (validated with the element table)
 
 
@@ -49,7 +50,8 @@ class Residual:
 class Assembler:
     """Assembles one space with its terms and constrained unknowns; materials may change at no symbolic cost.
 
-    free : (3 n,) True for displacement unknowns that are solved for. Raises InputError for materials that do not fit the mesh and
+    free : (3 n,) True for displacement unknowns that are solved for; they lead the kept unknowns. n_free : their number.
+    total_volume : mm3. Raises InputError for materials that do not fit the mesh and
     for loads that have no energy under these constraints.
     """
 
@@ -60,6 +62,8 @@ class Assembler:
         for why in (t.refusal(self.free) for t in self.terms if isinstance(t, Particular)):
             if why is not None:
                 raise InputError(why)
+        self.n_free = int(self.free.sum())
+        self.total_volume = float(space.mesh.volumes.sum())
         e = space.element
         u_unknowns = (3 * space.cell_nodes[:, :, None] + np.arange(3)).reshape(len(space.cell_nodes), -1)
         self._cell_unknowns = np.hstack([u_unknowns, space.n_displacements + space.cell_pressures])
@@ -87,6 +91,8 @@ class Assembler:
             self._kappa[g.cells] = g.law.kappa_of(g.values)
             shear[g.cells] = g.law.shear_modulus_of(g.values)
             self._guarded[g.cells] = g.law.needs_positive_jacobian
+        # A body at rest has no forces to compare with; rounding in terms must not count as out-of-balance there.
+        self._least_force = _REST_STRAIN * float(shear.mean()) * self.total_volume ** (2.0 / 3.0)
         if self._pressure_pattern is None or self._pressure_solver is None:
             return
         e = self.space.element
@@ -96,6 +102,11 @@ class Assembler:
         values = np.zeros(len(self._pressure_pattern.indices))
         scatter(self._compliance, self._pressure_pattern.slots[0], values)
         self._pressure_solver.factorise(values)
+
+    @property
+    def cell_size(self) -> float:
+        """Edge of a regular tetrahedron of the mean volume, mm."""
+        return float((6.0 * np.sqrt(2.0) * self.total_volume / len(self.space.mesh.cells)) ** (1.0 / 3.0))
 
     def deformation_gradients(self, u: FloatArray) -> FloatArray:
         """(m, q, 3, 3)."""
@@ -145,7 +156,8 @@ class Assembler:
         for term, unknowns in zip(self.terms, self._terms_unknowns, strict=True):
             np.add.at(r, unknowns, term.evaluate(state.u, load, 1)[1])
         low = float(kernels.smallest_determinant(F, self._guarded))
-        return Residual(r, b - self._apply_compliance(state.p), float(np.sqrt((scale**2).sum())), low)
+        size = max(float(np.sqrt((scale**2).sum())), self._least_force)
+        return Residual(r, b - self._apply_compliance(state.p), size, low)
 
     def tangent(
         self, state: State, load: float, along: FloatArray | None = None, project: bool = False

@@ -10,6 +10,9 @@ from scipy import stats
 
 FloatArray = NDArray[np.float64]
 
+# A stiffness whose posterior is wider than this share of the prior's width was not seen.
+_BLIND = 0.7
+
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
@@ -60,12 +63,11 @@ def laplace(theta: FloatArray, residual: FloatArray, jacobian: FloatArray, bound
 def verdict(names: tuple[str, ...], posterior: Posterior) -> str:
     """In words: which regions' stiffness this pair of scans tells, and how well."""
     parts = []
-    for name, sd, (low, high), bounds in zip(
-        names, posterior.sd, posterior.interval(), np.exp(posterior.bounds), strict=True
-    ):
+    prior_sd = (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
+    for name, sd, unknown in zip(names, posterior.sd, _BLIND * prior_sd, strict=True):
         label = name.replace("_", " ")
-        if low < 1.3 * bounds[0] and high > bounds[1] / 1.3:
-            parts.append(f"{label}: not identifiable, the interval spans all that was allowed")
+        if sd > unknown:
+            parts.append(f"{label}: not identifiable, this pair says no more than the allowed range did")
         elif sd < 0.2:
             parts.append(f"{label}: known to {100 * (np.exp(sd) - 1):.0f} %")
         else:

@@ -1,0 +1,160 @@
+"""Identification against known stiffness, data from a finer mesh and another element."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_case
+
+from palpate.core.errors import InputError
+from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.identify.gauss_newton import gauss_newton
+from palpate.core.identify.job import run
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.posterior import laplace, verdict
+from palpate.core.identify.reference import Counter, find_optimum, middle, settle_first
+from palpate.core.problem import IdentificationProblem
+from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Reporter
+from palpate.core.worker.progress import silent
+
+TRUTH = (30.0, 70.0)
+
+
+@pytest.fixture(scope="module")
+def problem() -> IdentificationProblem:
+    return synthetic_case.problem(TRUTH)
+
+
+@pytest.fixture(scope="module")
+def job_result(problem: IdentificationProblem, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    folder = tmp_path_factory.mktemp("identify")
+    return _run(problem, folder, {"element": "p1p1", "iterations": 25, "starts": 2})
+
+
+def _run(problem: IdentificationProblem, folder: Path, options: dict[str, Any]) -> dict[str, Any]:
+    np.savez(folder / "problem.npz", **problem.arrays())
+    job = Job(
+        "palpate.core.identify.job:run", str(folder), {"problem": str(folder / "problem.npz")}, options, seed=3
+    )
+    return run(job, Reporter(lambda message: None))
+
+
+def test_taylor_hood_finds_both_stiffnesses_within_five_percent(problem: IdentificationProblem) -> None:
+    scene = CoupledScene(problem, SceneOptions(element="p2p1"))
+    count = Counter()
+    start = middle(scene.parameters.bounds)
+    first, misfit = settle_first(scene, start, count)
+    found = find_optimum(scene, misfit, first, start[None], count, silent)
+    np.testing.assert_allclose(np.exp(found.fit.theta), TRUTH, rtol=0.05)
+    posterior = laplace(found.fit.theta, found.fit.residual, found.fit.jacobian, scene.parameters.bounds)
+    low, high = posterior.interval().T
+    assert (low < TRUTH).all() and (high > TRUTH).all()
+
+
+def test_misfit_jacobian_is_the_derivative_of_the_misfit(problem: IdentificationProblem) -> None:
+    scene = CoupledScene(problem, SceneOptions(element="p1p1"))
+    theta = np.log([40.0, 50.0])
+    first, misfit = settle_first(scene, theta, Counter())
+    J = misfit.jacobian(first.u, scene.displacement_sensitivities(theta, first))
+    h = 1e-3
+    for k in range(2):
+        step = h * np.eye(2)[k]
+        ahead, behind = (misfit.residual(scene.solve(theta + s, first.u).u) for s in (step, -step))
+        np.testing.assert_allclose((ahead - behind) / (2 * h), J[:, k], atol=2e-4 * np.abs(J).max())
+
+
+def test_walls_end_on_the_deformed_surface(problem: IdentificationProblem) -> None:
+    scene = CoupledScene(problem, SceneOptions(element="p1p1"))
+    settled = scene.settle(np.log(TRUTH))
+    assert settled.equilibrium.converged
+    gaps = scene.walls[0].gaps(settled.equilibrium.u)
+    assert np.abs(gaps).max() < 0.1
+    assert np.abs(scene.walls[0].points.displacements(settled.equilibrium.u)[:, 1]).max() > 4.0
+
+
+def test_the_same_scan_twice_moves_nothing_and_tells_nothing(problem: IdentificationProblem) -> None:
+    still = replace(
+        problem,
+        walls={k: replace(v, deformed=v.rest) for k, v in problem.walls.items()},
+        organ=replace(problem.organ, deformed=problem.organ.rest),
+    )
+    scene = CoupledScene(still, SceneOptions(element="p1p1"))
+    start = middle(scene.parameters.bounds)
+    first, misfit = settle_first(scene, start, Counter())
+    assert np.abs(first.u).max() < 0.02
+    J = misfit.jacobian(first.u, scene.displacement_sensitivities(start, first))
+    posterior = laplace(start, misfit.residual(first.u), J, scene.parameters.bounds)
+    assert "not identifiable" in verdict(("prostate_left", "prostate_right"), posterior)
+
+
+def test_swarm_and_gauss_newton_name_the_same_optimum(job_result: dict[str, Any]) -> None:
+    assert job_result["agreement"]["same_optimum"]
+    assert job_result["method"] == "swarm"
+    assert job_result["parameters"]["prostate_right"]["G_kpa"] > job_result["parameters"]["prostate_left"]["G_kpa"]
+    assert job_result["misfit"]["rms_mm"] < 0.2 * job_result["misfit"]["rms_before_mm"]
+
+
+def test_parameters_state_every_figure_the_contract_names(job_result: dict[str, Any]) -> None:
+    for values in job_result["parameters"].values():
+        assert values["G_kpa"] == pytest.approx(2.0 * (values["mu1_kpa"] + values["mu2_kpa"]))
+        assert values["ci95_kpa"][0] < values["G_kpa"] < values["ci95_kpa"][1]
+        assert not values["at_bound"]
+
+
+def test_a_rerun_goes_on_from_the_swarm_checkpoint_to_the_same_answer(
+    problem: IdentificationProblem, job_result: dict[str, Any], tmp_path: Path
+) -> None:
+    options = {"element": "p1p1", "iterations": 25, "starts": 2}
+    _run(problem, tmp_path, options)
+    again = _run(problem, tmp_path, options)
+    for key in ("parameters", "misfit", "convergence"):
+        assert json.dumps(again[key], default=_plain) == json.dumps(job_result[key], default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist()
+
+
+def test_gauss_newton_respects_its_bounds() -> None:
+    bounds = np.array([[-1.0, 1.0], [-1.0, 1.0]])
+    A = np.array([[2.0, 0.3], [0.1, 1.0], [0.5, 0.5]])
+    found = gauss_newton(lambda t: (A @ (t - np.array([3.0, -0.6])), A), np.zeros(2), bounds)
+    assert found is not None
+    assert found.theta[0] == pytest.approx(1.0)
+    free = A[:, 1] @ (A @ (found.theta - np.array([3.0, -0.6])))
+    assert free == pytest.approx(0.0, abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"method": "genetic"}, "method 'genetic' is unknown; choose one of swarm"),
+        ({"element": "q8"}, "element 'q8' is unknown"),
+        ({"particles": 0}, "particles = 0 is out of range; give 4 to 1000"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        IdentifyOptions(**change)
+
+
+def test_a_problem_without_walls_is_refused(problem: IdentificationProblem) -> None:
+    with pytest.raises(InputError, match="nothing drives the organ"):
+        CoupledScene(replace(problem, walls={}))
+
+
+def test_a_problem_survives_its_file(problem: IdentificationProblem, tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", **problem.arrays())
+    again = IdentificationProblem.load(tmp_path / "p.npz")
+    assert again.facts == problem.facts and again.regions == problem.regions
+    np.testing.assert_array_equal(again.mesh.cells, problem.mesh.cells)
+    np.testing.assert_array_equal(again.organ.deformed.points, problem.organ.deformed.points)
+    (tmp_path / "bad.npz").write_text("no")
+    with pytest.raises(InputError, match="not a readable identification problem"):
+        IdentificationProblem.load(tmp_path / "bad.npz")
