@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -25,9 +25,9 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(message, self.format_usage())
 
 
-def common() -> argparse.ArgumentParser:
+def common() -> Parser:
     """The options of every command, as a parent parser."""
-    parent = argparse.ArgumentParser(add_help=False)
+    parent = Parser(add_help=False)
     group = parent.add_argument_group("common options")
     group.add_argument(
         "--json", action="store_true", help="one JSON object on standard output, progress on standard error"
@@ -43,7 +43,7 @@ def common() -> argparse.ArgumentParser:
     return parent
 
 
-def whole_number(low: int, high: int) -> object:
+def whole_number(low: int, high: int) -> Callable[[str], int]:
     """An argparse type: a whole number from low to high."""
 
     def parse(text: str) -> int:

@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from typing import Any, TextIO
 
 from tqdm import tqdm
@@ -21,22 +21,25 @@ _LINE_EVERY_S = 2.0
 class Console:
     """as_json : one JSON object on standard output and nothing else. quiet : no progress and no text.
 
-    Used in a ``with`` block: there, what libraries written in C print goes to standard error.
+    Used in a ``with`` block: there, what libraries print, those written in C too, goes to standard error.
     """
 
     def __init__(self, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json, self.quiet = as_json, quiet
         self._kept: int | None = None
+        self._python = ExitStack()
 
     def __enter__(self) -> Console:
         if self.as_json:
             sys.stdout.flush()
             self._kept = os.dup(1)
             os.dup2(2, 1)
+            self._python.enter_context(redirect_stdout(sys.stderr))
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._kept is not None:
+            self._python.close()
             sys.stdout.flush()
             os.dup2(self._kept, 1)
             os.close(self._kept)

@@ -27,9 +27,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--method", choices=METHODS, default=default.method, help="search (default %(default)s)")
     group.add_argument("--boundary", choices=BOUNDARIES, default=default.boundary,
                        help="what holds and drives the organ (default %(default)s)")  # fmt: skip
-    group.add_argument("--particles", type=whole_number(4, 1000), default=default.particles, metavar="N",  # type: ignore[arg-type]
+    group.add_argument("--particles", type=whole_number(4, 1000), default=default.particles, metavar="N",
                        help="of the swarm (default %(default)s)")  # fmt: skip
-    group.add_argument("--iterations", type=whole_number(1, 10000), default=default.iterations, metavar="N",  # type: ignore[arg-type]
+    group.add_argument("--iterations", type=whole_number(1, 10000), default=default.iterations, metavar="N",
                        help="of the swarm, at most (default %(default)s)")  # fmt: skip
 
 

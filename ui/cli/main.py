@@ -16,10 +16,10 @@ from types import ModuleType
 from palpate.core.errors import PalpateError
 from palpate.ui.cli.arguments import Parser, UsageError, common
 from palpate.ui.cli.console import Console
-from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, end_children
+from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_left
 
 # Each is a module beside this one with NAME, HELP, add_arguments(parser) and run(args, console) -> (data, text).
-COMMANDS = ("analyze", "import_scans", "mesh", "identify", "report", "doctor")
+COMMANDS = ("analyze", "import_scans", "mesh", "identify", "report", "simulate", "doctor")
 _DESCRIPTION = (
     "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "
     "Ends with 0 done, 2 wrong usage, 3 bad input, 4 no convergence, 130 cancelled."
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     console = Console("--json" in given, "--quiet" in given)
     try:
-        with cancellable():
+        with nothing_left(), cancellable():
             return _run(given, console)
     except KeyboardInterrupt:
         console.error(CANCELLED, EXIT_CODE)
@@ -53,8 +53,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         console.error(_os_error(error), 3)
         return 3
-    finally:
-        end_children()
 
 
 def parser() -> Parser:

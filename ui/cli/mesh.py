@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """What mesh is wanted."""
     group = parser.add_argument_group("mesh")
-    group.add_argument("--tets", type=whole_number(500, 500000), default=MeshOptions.target_tets, metavar="N",  # type: ignore[arg-type]
+    group.add_argument("--tets", type=whole_number(500, 500000), default=MeshOptions.target_tets, metavar="N",
                        help="tetrahedra to aim at (default %(default)s)")  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -46,9 +46,19 @@ def cancellable() -> Iterator[None]:
         watch.join(0.5)
 
 
-def end_children() -> None:
-    """Kills every process that this one has started, and theirs."""
-    for process in descendants(os.getpid()):
+@contextmanager
+def nothing_left() -> Iterator[None]:
+    """Whatever ends the block, the processes that were started in it, and theirs, are killed."""
+    before = set(descendants(os.getpid()))
+    try:
+        yield
+    finally:
+        end_children(before)
+
+
+def end_children(spared: Set[int] = frozenset()) -> None:
+    """Kills every process that this one has started, and theirs, except the spared ones."""
+    for process in set(descendants(os.getpid())) - spared:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.kill(process, signal.SIGKILL)
 

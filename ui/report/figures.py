@@ -83,7 +83,6 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path) -> None:
     ground = "CT at rest, window 40/400 HU" if images.ct is not None else "no CT: labels at rest in grey and colour"
     told = ", ".join(f"label {label}: {G:.3g} kPa" for label, G in images.stiffness_kpa.items())
     says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
-    # A little narrower than the page, so that it stands on the first one, under the summary.
     drawn.add(
         "stiffness_planes", folder, slices.stiffness_planes(images), _PLANES_CAPTION.format(ground=ground), says, 0.8
     )

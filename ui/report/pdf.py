@@ -100,7 +100,7 @@ def _column_widths(block: doc.Table) -> list[float]:
     """Shares of the page by the longest text of each column, within reason."""
     rows = [block.header, *block.rows]
     lengths = [min(max(len(row[i]) for row in rows), 60) for i in range(len(block.header))]
-    lengths = [max(length + 3, 10) if length else 1 for length in lengths]
+    lengths = [max(length + 3, 10) for length in lengths]
     return [_WIDTH * length / sum(lengths) for length in lengths]
 
 

@@ -128,9 +128,10 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
 def simulated(case: CaseFolder, result: Mapping[str, Any]) -> str | None:
     """What of the pair was computed rather than scanned, in words; None for two real scans."""
     stated = case.facts.other.get("simulated") or result.get("simulated")
-    if isinstance(stated, str):
-        return stated
-    made = [state for state in STATES if _made_by_palpate(case, state)]
+    note = case.facts.other.get("simulated_note", stated)
+    if stated and isinstance(note, str):
+        return note
+    made = [state for state in STATES if _is_simulated_scan(case, state)]
     if stated or made:
         what = "both states were" if len(made) == 2 else f"the {(made or ['deformed'])[0]} state was"
         return f"{what} computed, not scanned"
@@ -145,8 +146,8 @@ def region_words(name: str, alone: bool = False) -> str:
     return organ if alone else f"{side} half of the {organ}"
 
 
-def _made_by_palpate(case: CaseFolder, state: str) -> bool:
-    """Whether the scan's own header says that `palpate simulate` wrote it."""
+def _is_simulated_scan(case: CaseFolder, state: str) -> bool:
+    """Whether the scan's own header says that `palpate simulate` computed it (it also writes real scans unchanged)."""
     first = next(iter(sorted(case.file(f"{state}_ct").glob("*.dcm"))), None)
     if first is None:
         return False
@@ -154,7 +155,8 @@ def _made_by_palpate(case: CaseFolder, state: str) -> bool:
         header = pydicom.dcmread(first, stop_before_pixels=True)
     except (InvalidDicomError, OSError) as error:
         raise InputError(f"{first} is not readable as DICOM; run `palpate import` again") from error
-    return (header.get("Manufacturer"), header.get("ManufacturerModelName")) == ("Palpate", "simulate")
+    ours = (header.get("Manufacturer"), header.get("ManufacturerModelName")) == ("Palpate", "simulate")
+    return ours and "simulated" in str(header.get("SeriesDescription", "")).lower()
 
 
 def _region(name: str, p: Mapping[str, Any], facts: CaseFacts, alone: bool) -> RegionStiffness:

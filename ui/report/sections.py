@@ -27,7 +27,7 @@ def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Docum
     pictures = drawn.pictures
     notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
     sections = (
-        Section("Summary", [Paragraph(text, "lead") for text in summary(record)]),
+        Section("Summary", _summary(record, pictures)),
         _stiffness(record, pictures),
         _fit(record, pictures),
         _quality(record, drawn.missing),
@@ -35,6 +35,10 @@ def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Docum
     )
     subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"
     return Document("Stiffness from two CT scans", subtitle, sections, notices)
+
+
+def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
+    return [*(Paragraph(text, "lead") for text in summary(record)), *_shown(pictures, "stiffness_planes")]
 
 
 def _stiffness(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
@@ -56,7 +60,7 @@ def _stiffness(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
         Paragraph(MU_NOTE, "small"),
         Paragraph(f"What this pair can tell: {_sentence(str(identifiability['verdict']))}"),
         Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
-        *_shown(pictures, "stiffness_planes", "stiffness_series", "anatomy"),
+        *_shown(pictures, "stiffness_series", "anatomy"),
     ]
     return Section("Stiffness", blocks)
 

@@ -1,0 +1,63 @@
+"""What the doctor finds, and what it says when something is missing."""
+
+from __future__ import annotations
+
+import builtins
+import json
+from importlib import metadata
+from typing import Any
+
+import pytest
+
+from palpate.ui import doctor
+from palpate.ui.cli import doctor as command
+from palpate.ui.cli import main as cli
+from palpate.ui.pictures import offscreen
+
+
+def test_this_machine_passes(capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["doctor", "--json", "--quiet"]) == 0
+    checks = {check["name"]: check for check in json.loads(capfd.readouterr().out)["checks"]}
+    assert {"python", "packages", "PARDISO", "off-screen rendering", "temporary folder", "cores", "memory"} == set(
+        checks
+    )
+    assert "numpy" in checks["packages"]["found"]
+    assert all(check["works"] for check in checks.values() if check["needed"])
+
+
+def test_an_absent_package_is_3_and_named(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    known = metadata.version
+
+    def version(name: str) -> str:
+        if name == "nibabel":
+            raise metadata.PackageNotFoundError(name)
+        return known(name)
+
+    monkeypatch.setattr(metadata, "version", version)
+    monkeypatch.setattr(command, "examine", lambda progress: [doctor._packages()])
+    assert cli.main(["doctor", "--quiet"]) == 3
+    assert "packages: absent: nibabel; remove .venv and run ./run again" in capfd.readouterr().err
+
+
+def test_without_pardiso_it_still_works_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual = builtins.__import__
+
+    def no_pardiso(name: str, *rest: Any, **more: Any) -> Any:
+        if name == "pypardiso":
+            raise ImportError("no MKL here")
+        return usual(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", no_pardiso)
+    check = doctor._solver()
+    assert not check.works and not check.needed
+    assert "no MKL here; SuperLU is used" in check.found
+
+
+def test_without_rendering_the_remedy_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise offscreen.OffscreenError("off-screen rendering ended with status -11")
+
+    monkeypatch.setattr(offscreen, "check", fail)
+    check = doctor._rendering()
+    assert not check.works and not check.needed
+    assert check.remedy == "apt-get install libegl1 libgl1-mesa-dri"
