@@ -19,12 +19,13 @@ from palpate.core.fem.materials import Material, MaterialGroup, group_by_law
 from palpate.core.fem.pattern import Pattern, scatter
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Particular, Term
+from palpate.core.laws.base import Law
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_CHUNK = 1024  # cells whose dense blocks are held at once
+_CHUNK = 1024  # quadrature points whose moduli are held at once: they stay in the cache
 _REST_STRAIN = 1e-4  # forces are never compared with less than this strain's over the body's section
 STABILISATION = 1.0  # alpha of p1p1; between 0.5 and 2 the solution hardly changes (validated with the element table)
 
@@ -65,7 +66,8 @@ class Assembler:
         self.n_free = int(self.free.sum())
         self.total_volume = float(space.mesh.volumes.sum())
         e = space.element
-        u_unknowns = (3 * space.cell_nodes[:, :, None] + np.arange(3)).reshape(len(space.cell_nodes), -1)
+        # Component by component, the order of `kernels.tangent_blocks`.
+        u_unknowns = (3 * space.cell_nodes[:, None, :] + np.arange(3)[:, None]).reshape(len(space.cell_nodes), -1)
         self._cell_unknowns = np.hstack([u_unknowns, space.n_displacements + space.cell_pressures])
         kept = np.concatenate([self.free, np.ones(space.n_pressures, dtype=bool)])
         number_of = np.where(kept, np.cumsum(kept) - 1, -1)
@@ -93,6 +95,7 @@ class Assembler:
             self._guarded[g.cells] = g.law.needs_positive_jacobian
         # A body at rest has no forces to compare with; rounding in terms must not count as out-of-balance there.
         self._least_force = _REST_STRAIN * float(shear.mean()) * self.total_volume ** (2.0 / 3.0)
+        self._compliance = np.zeros((m, 0, 0))
         if self._pressure_pattern is None or self._pressure_solver is None:
             return
         e = self.space.element
@@ -170,10 +173,13 @@ class Assembler:
         F = self.deformation_gradients(state.u)
         values = np.zeros(len(self.pattern.indices))
         product = np.zeros(self.space.n_displacements + self.space.n_pressures)
+        chunk = max(1, _CHUNK // self.weight.shape[1])
+        workspace = np.empty((chunk, self._cell_unknowns.shape[1], self._cell_unknowns.shape[1]))
         for g in self.groups:
-            for start in range(0, len(g.cells), _CHUNK):
-                part = slice(start, start + _CHUNK)
-                blocks = self._cell_blocks(F, g.law, g.cells[part], g.values[part], state.p, project)
+            for start in range(0, len(g.cells), chunk):
+                part = slice(start, start + chunk)
+                blocks = workspace[: len(g.cells[part])]
+                self._fill_blocks(F, g.law, g.cells[part], g.values[part], state.p, project, blocks)
                 self._scatter(0, blocks, g.cells[part], self._cell_unknowns, values, along, product)
         for k, term in enumerate(self.terms):
             blocks = term.evaluate(state.u, load, 2)[2]
@@ -231,28 +237,27 @@ class Assembler:
         if self._pressure_solver is None:
             return self._kappa[cells, None] * g
         out = np.empty_like(g)
-        kernels.pressure_at_points(p, self.space.element.Np, self.space.cell_pressures[cells], out)
+        kernels.pressure_at_points(p, cells, self.space.element.Np, self.space.cell_pressures, out)
         return out
 
-    def _cell_blocks(
-        self, F: FloatArray, law: object, cells: IntArray, values: FloatArray, p: FloatArray, project: bool
-    ) -> FloatArray:
-        e = self.space.element
-        v = law.evaluate(F[cells], np.ascontiguousarray(values), 2)  # type: ignore[attr-defined]
-        A = v.A + self._pressures(p, v.g, cells)[..., None, None] * v.H
-        if self._pressure_solver is None:
-            G = v.G.reshape(*v.g.shape, 9)
-            A = A + self._kappa[cells, None, None, None] * (G[..., :, None] * G[..., None, :])
-        if project:
-            A = nearest_positive_semidefinite(A)
-        d = 3 * e.n_nodes
-        blocks = np.zeros((len(cells), d + e.n_pressures, d + e.n_pressures))
-        inverse, weight = self.space.inverse_jacobians[cells], self.weight[cells]
-        kernels.add_displacement_block(np.ascontiguousarray(A), e.dN, inverse, weight, blocks)
-        if self._pressure_solver is not None:
-            kernels.add_coupling_block(v.G, e.Np, e.dN, inverse, weight, blocks)
-            blocks[:, d:, d:] = -self._compliance[cells]
-        return blocks
+    def _fill_blocks(
+        self,
+        F: FloatArray,
+        law: Law,
+        cells: IntArray,
+        values: FloatArray,
+        p: FloatArray,
+        project: bool,
+        out: FloatArray,
+    ) -> None:
+        """Upper triangles of the cells' dense blocks into out (cells, d, d)."""
+        e, mixed = self.space.element, self._pressure_solver is not None
+        v = law.evaluate(F[cells], values, 2)
+        curvature = np.zeros(len(cells)) if mixed else self._kappa[cells]
+        kernels.complete_moduli(v.A, v.H, v.G, self._pressures(p, v.g, cells), curvature)
+        A = nearest_positive_semidefinite(v.A) if project else v.A
+        inverse = self.space.inverse_jacobians
+        kernels.tangent_blocks(A, v.G, e.Np, e.dN, inverse, self.weight, cells, self._compliance, out)
 
     def _scatter(
         self,
@@ -275,14 +280,9 @@ class Assembler:
         np.add.at(product, unknowns[rows][moved], np.einsum("eij,ej->ei", full, local[moved]))
 
     def _add_internal_force(self, stress: FloatArray, cells: IntArray, out: FloatArray, scale: FloatArray) -> None:
+        space = self.space
         kernels.add_internal_force(
-            stress,
-            self.space.cell_nodes[cells],
-            self.space.element.dN,
-            self.space.inverse_jacobians[cells],
-            self.weight[cells],
-            out,
-            scale,
+            stress, cells, space.cell_nodes, space.element.dN, space.inverse_jacobians, self.weight, out, scale
         )
 
     def _volumetric_force(self, F: FloatArray) -> FloatArray:
@@ -293,9 +293,7 @@ class Assembler:
 
     def _add_volumetric_force(self, g: FloatArray, cells: IntArray, out: FloatArray) -> None:
         if self._pressure_solver is not None:
-            kernels.add_volumetric_force(
-                g, self.space.element.Np, self.space.cell_pressures[cells], self.weight[cells], out
-            )
+            kernels.add_volumetric_force(g, cells, self.space.element.Np, self.space.cell_pressures, self.weight, out)
 
     def _apply_compliance(self, p: FloatArray) -> FloatArray:
         out = np.zeros(self.space.n_pressures)

@@ -32,89 +32,100 @@ def spatial_gradients(dN, inverse, e, q, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def add_internal_force(stress, conn, dN, inverse, weight, out, magnitude):  # type: ignore[no-untyped-def]
-    """out (n, 3) += sum_q w P : dN/dX; magnitude += |contribution|, the scale that a residual is compared with."""
+def add_internal_force(stress, cells, conn, dN, inverse, weight, out, magnitude):  # type: ignore[no-untyped-def]
+    """out (n, 3) += sum_q w P : dN/dX over cells (m,), stress (m, q, 3, 3); magnitude += |contribution|, a residual's scale."""
     grad = np.empty((dN.shape[1], 3))
-    for e in range(conn.shape[0]):
+    for k in range(cells.shape[0]):
+        e = cells[k]
         for q in range(dN.shape[0]):
             spatial_gradients(dN, inverse, e, q, grad)
             w = weight[e, q]
             for a in range(conn.shape[1]):
                 for i in range(3):
                     f = w * (
-                        stress[e, q, i, 0] * grad[a, 0]
-                        + stress[e, q, i, 1] * grad[a, 1]
-                        + stress[e, q, i, 2] * grad[a, 2]
+                        stress[k, q, i, 0] * grad[a, 0]
+                        + stress[k, q, i, 1] * grad[a, 1]
+                        + stress[k, q, i, 2] * grad[a, 2]
                     )
                     out[conn[e, a], i] += f
                     magnitude[conn[e, a], i] += abs(f)
 
 
 @njit(cache=True)
-def add_volumetric_force(g, Np, pressures, weight, out):  # type: ignore[no-untyped-def]
-    """out (n_p,) += integral Np g."""
-    for e in range(pressures.shape[0]):
+def add_volumetric_force(g, cells, Np, pressures, weight, out):  # type: ignore[no-untyped-def]
+    """out (n_p,) += integral Np g over cells (m,), g (m, q)."""
+    for k in range(cells.shape[0]):
+        e = cells[k]
         for q in range(Np.shape[0]):
-            v = weight[e, q] * g[e, q]
+            v = weight[e, q] * g[k, q]
             for a in range(pressures.shape[1]):
                 out[pressures[e, a]] += v * Np[q, a]
 
 
 @njit(cache=True)
-def pressure_at_points(p, Np, pressures, out):  # type: ignore[no-untyped-def]
-    """out (m, q) = interpolated pressure."""
-    for e in range(pressures.shape[0]):
+def pressure_at_points(p, cells, Np, pressures, out):  # type: ignore[no-untyped-def]
+    """out (m, q) = interpolated pressure in cells (m,)."""
+    for k in range(cells.shape[0]):
+        e = cells[k]
         for q in range(Np.shape[0]):
             v = 0.0
             for a in range(pressures.shape[1]):
                 v += p[pressures[e, a]] * Np[q, a]
-            out[e, q] = v
+            out[k, q] = v
 
 
 @njit(cache=True)
-def add_displacement_block(A, dN, inverse, weight, blocks):  # type: ignore[no-untyped-def]
-    """blocks (m, d, d) upper part of the displacement rows += B^T A B, unknown order node-major (a, i); A (m, q, 9, 9)."""
-    k = dN.shape[1]
-    grad = np.empty((k, 3))
-    AB = np.empty((3, 3, k, 3))  # A_iJ,lL dN_b,L as [i, l, b, J]
+def complete_moduli(A, H, G, factor, curvature):  # type: ignore[no-untyped-def]
+    """A (m, q, 9, 9) += factor (m, q) H + curvature (m,) G G^T: the volumetric part of d2psi/dF dF, in place."""
     for e in range(A.shape[0]):
-        for q in range(dN.shape[0]):
-            spatial_gradients(dN, inverse, e, q, grad)
-            w = weight[e, q]
-            for i in range(3):
-                for m in range(3):
-                    for b in range(k):
-                        for J in range(3):
-                            row = 3 * i + J
-                            AB[i, m, b, J] = w * (
-                                A[e, q, row, 3 * m] * grad[b, 0]
-                                + A[e, q, row, 3 * m + 1] * grad[b, 1]
-                                + A[e, q, row, 3 * m + 2] * grad[b, 2]
-                            )
-            for a in range(k):
-                for b in range(a, k):
-                    for i in range(3):
-                        for m in range(3):
-                            blocks[e, 3 * a + i, 3 * b + m] += (
-                                grad[a, 0] * AB[i, m, b, 0] + grad[a, 1] * AB[i, m, b, 1] + grad[a, 2] * AB[i, m, b, 2]
-                            )
+        for q in range(A.shape[1]):
+            f = factor[e, q]
+            for r in range(9):
+                c = curvature[e] * G[e, q, r // 3, r % 3]
+                for s in range(9):
+                    A[e, q, r, s] += f * H[e, q, r, s] + c * G[e, q, s // 3, s % 3]
 
 
-@njit(cache=True)
-def add_coupling_block(G, Np, dN, inverse, weight, blocks):  # type: ignore[no-untyped-def]
-    """Displacement-pressure columns of blocks (m, d + np, d + np) += integral dg/dF : dN/dX Np."""
+@njit(cache=True, fastmath={"contract"})
+def tangent_blocks(A, G, Np, dN, inverse, weight, cells, compliance, blocks):  # type: ignore[no-untyped-def]
+    """blocks (m, 3 k + np, 3 k + np) of cells (m,): upper triangle of [[B^T A B, B^T G Np], [., -compliance]].
+
+    Unknowns are ordered component by component (i, a), then pressures, so that the inner loops run along memory; entries
+    below the diagonal are not to be read. A (m, q, 9, 9), G (m, q, 3, 3); inverse, weight, compliance for all cells of the mesh.
+    """
     k = dN.shape[1]
-    grad = np.empty((k, 3))
-    for e in range(G.shape[0]):
+    grad = np.empty((3, k))
+    AB = np.empty((9, 3 * k))  # A_r,(m L) dN_b,L as [r, m k + b]
+    for e in range(A.shape[0]):
+        cell = cells[e]
+        block = blocks[e]
+        block[:] = 0.0
         for q in range(dN.shape[0]):
-            spatial_gradients(dN, inverse, e, q, grad)
-            for a in range(k):
-                for i in range(3):
-                    v = weight[e, q] * (
-                        G[e, q, i, 0] * grad[a, 0] + G[e, q, i, 1] * grad[a, 1] + G[e, q, i, 2] * grad[a, 2]
+            for J in range(3):
+                for a in range(k):
+                    grad[J, a] = (
+                        dN[q, a, 0] * inverse[cell, 0, J]
+                        + dN[q, a, 1] * inverse[cell, 1, J]
+                        + dN[q, a, 2] * inverse[cell, 2, J]
                     )
-                    for c in range(Np.shape[1]):
-                        blocks[e, 3 * a + i, 3 * k + c] += v * Np[q, c]
+            w = weight[cell, q]
+            for r in range(9):
+                for m in range(3):
+                    c0, c1, c2 = w * A[e, q, r, 3 * m], w * A[e, q, r, 3 * m + 1], w * A[e, q, r, 3 * m + 2]
+                    for b in range(k):
+                        AB[r, m * k + b] = c0 * grad[0, b] + c1 * grad[1, b] + c2 * grad[2, b]
+            for i in range(3):
+                for a in range(k):
+                    g0, g1, g2 = grad[0, a], grad[1, a], grad[2, a]
+                    for c in range(i * k, 3 * k):
+                        block[i * k + a, c] += g0 * AB[3 * i, c] + g1 * AB[3 * i + 1, c] + g2 * AB[3 * i + 2, c]
+                    if Np.shape[1] > 0:
+                        v = w * (G[e, q, i, 0] * g0 + G[e, q, i, 1] * g1 + G[e, q, i, 2] * g2)
+                        for c in range(Np.shape[1]):
+                            block[i * k + a, 3 * k + c] += v * Np[q, c]
+        for c in range(Np.shape[1]):
+            for d in range(Np.shape[1]):
+                block[3 * k + c, 3 * k + d] = -compliance[cell, c, d]
 
 
 @njit(cache=True)

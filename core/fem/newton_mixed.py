@@ -107,6 +107,7 @@ def _chord(
     differences: list[FloatArray] = []  # g_k - g_(k-1)
     weight = assembler.n_free
     length = first = size(assembler, correction)
+    distance = relative(assembler, residual)
     large = len(assembler.kept) > _LARGE
     for k in range(_CHORD_STEPS[large]):
         step = correction
@@ -118,12 +119,14 @@ def _chord(
         if not assembler.min_jacobian(trial.u) > 0.0:
             return state, residual
         after = assembler.residual(trial, load)
-        if relative(assembler, after) <= work.options.rtol:
+        left = relative(assembler, after)
+        if left <= work.options.rtol:
             return trial, after
         following = work.correction(assembler, after)
         now = size(assembler, following)
-        if not now < length:
+        if not (now < length or (now < 2.0 * length and left < 0.5 * distance)):
             return state, residual
+        distance = left
         changes.append(step)
         differences.append(following - correction)
         state, residual, correction, length = trial, after, following, now
