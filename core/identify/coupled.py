@@ -71,7 +71,7 @@ class CoupledScene:
         if not self.walls:
             raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
         free = np.ones((self.space.n_nodes, 3), dtype=bool)
-        free[self._held_nodes()] = False
+        free[self.held_nodes()] = False
         if free.all():
             raise InputError("the case has no bone and no fixed outer surface: nothing holds the organ in place")
         self.assembler = Assembler(self.space, free.ravel(), self.walls, options.solver)
@@ -134,7 +134,8 @@ class CoupledScene:
         """du/dtheta (t, n, 3) mm; the factor must be that of `found` (a solve with its stability check leaves it)."""
         return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
 
-    def _held_nodes(self) -> NDArray[np.int64]:
+    def held_nodes(self) -> NDArray[np.int64]:
+        """Nodes that do not move: bone, and the outer surface where the case says so."""
         names = ("bone", "outer") if self.problem.facts.outer_fixed else ("bone",)
         faces = [self.problem.boundary[n] for n in names if n in self.problem.boundary]
         if not faces:

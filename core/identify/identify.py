@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton import Equilibrium
 from palpate.core.identify import particles
-from palpate.core.identify.coupled import CoupledScene, SceneOptions, prolonged
+from palpate.core.identify.coupled import prolonged
 from palpate.core.identify.evaluation import Evaluator
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.posterior import Posterior, laplace
 from palpate.core.identify.reference import Counter, Optimum, Walk, find_optimum, middle, settle_first
+from palpate.core.identify.scene import Scene, make_scene
 from palpate.core.identify.search import SwarmOutcome, run_swarm
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
@@ -37,7 +39,7 @@ class Identification:
     the swarm's outcome. agreement : largest difference between their ln G (0 without a swarm).
     """
 
-    scene: CoupledScene
+    scene: Scene
     misfit: Misfit
     theta: FloatArray
     equilibrium: Equilibrium
@@ -65,7 +67,7 @@ def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter:
     reporter.progress(0.0, "building the model")
     problem = IdentificationProblem.load(folder / "problem.npz")
     scout = _scout(problem, options, count, reporter)
-    scene = CoupledScene(problem, SceneOptions(element=options.element))
+    scene = make_scene(problem, options.boundary, options.element)
     reporter.progress(0.15, f"settling the walls, element {options.element}")
     first, misfit = settle_first(scene, scout.fit.theta, count, prolonged(scout.equilibrium.u, scene.space))
     starts = scout.fit.theta[None]
@@ -89,11 +91,21 @@ def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter:
 
 def _scout(problem: IdentificationProblem, options: IdentifyOptions, count: Counter, reporter: Reporter) -> Optimum:
     """Several starts with the cheap element: where the optimum is about, and whether there is one only."""
-    scene = CoupledScene(problem, SceneOptions(element=SCOUT))
+    scene = make_scene(problem, options.boundary, SCOUT)
     reporter.progress(0.03, "settling the walls")
-    first, misfit = settle_first(scene, middle(scene.parameters.bounds), count)
     starts = _starts(scene, options)
+    first, misfit = _settle_somewhere(scene, starts, count)
     return find_optimum(scene, misfit, first, starts, count, lambda f, m: reporter.progress(0.05 + 0.1 * f, m))
+
+
+def _settle_somewhere(scene: Scene, thetas: FloatArray, count: Counter) -> tuple[Equilibrium, Misfit]:
+    """Settle at the first theta (s, t) that has an equilibrium: a dead load crushes an organ that is far too soft."""
+    for theta in thetas[:-1]:
+        try:
+            return settle_first(scene, theta, count)
+        except ConvergenceError:
+            continue
+    return settle_first(scene, thetas[-1], count)
 
 
 def _swarm(
@@ -111,7 +123,7 @@ def _swarm(
     if load_checkpoint(reference, fingerprint) is None:
         arrays = {"u": found.u, "p": found.p, "walls_u": scene.linearised_at}
         save_checkpoint(reference, arrays, fingerprint)
-    arguments = (str(folder / "problem.npz"), str(reference), options.element)
+    arguments = (str(folder / "problem.npz"), str(reference), options.boundary, options.element)
     bounds = scene.parameters.bounds
     with make_executor(options.workers, particles.initialise, arguments) as executor:
         evaluator = Evaluator(misfit, executor)
@@ -126,7 +138,7 @@ def _swarm(
     return outcome
 
 
-def _starts(scene: CoupledScene, options: IdentifyOptions) -> FloatArray:
+def _starts(scene: Scene, options: IdentifyOptions) -> FloatArray:
     """The middle of the bounds, then points spread by the golden ratio: the same for everyone, no random numbers needed."""
     bounds = scene.parameters.bounds
     n = len(bounds)

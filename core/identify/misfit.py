@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.identify.coupled import CoupledScene
+from palpate.core.identify.scene import Scene
 from palpate.core.observe.noise import NUGGET_MM, Weighting, noise_modes, smooth_covariance
 
 FloatArray = NDArray[np.float64]
@@ -23,11 +23,11 @@ class Misfit:
     surface : weighting of the surface residual (q, q), both contours' noise and the walls' noise carried through the model.
     """
 
-    scene: CoupledScene
+    scene: Scene
     surface: Weighting
 
     @classmethod
-    def of(cls, scene: CoupledScene, wall_response: FloatArray | None = None) -> Misfit:
+    def of(cls, scene: Scene, wall_response: FloatArray | None = None) -> Misfit:
         """wall_response : (q, m) mm, change of the surface residual per unit of each wall noise mode; none counted if None."""
         facts, observation = scene.problem.facts, scene.observation
         sd, length = np.sqrt(2.0) * facts.noise_sd_mm, facts.noise_correlation_mm
@@ -61,7 +61,7 @@ class Misfit:
         return float((self.residual(u) ** 2).sum())
 
 
-def wall_response(scene: CoupledScene, u: FloatArray) -> FloatArray:
+def wall_response(scene: Scene, u: FloatArray) -> FloatArray:
     """(q, m) mm: how contour noise on the walls moves the predicted organ surface along its normal.
 
     One back-substitution for each smooth mode of wall noise; the tangent at u must be factorised.
@@ -79,4 +79,4 @@ def wall_response(scene: CoupledScene, u: FloatArray) -> FloatArray:
         moved[scene.assembler.kept] = scene.assembler.solver.solve(rhs[scene.assembler.kept])
         fields = moved[:n].T.reshape(-1, scene.space.n_nodes, 3)
         columns.append(scene.observation.jacobian(u, fields))
-    return np.hstack(columns)
+    return np.hstack(columns) if columns else np.zeros((len(scene.observation.points), 0))

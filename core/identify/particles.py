@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import Equilibrium, NewtonOptions
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.identify.scene import make_scene
 from palpate.core.problem import IdentificationProblem
 
 FloatArray = NDArray[np.float64]
@@ -38,8 +38,8 @@ class Solved:
 class ParticleSolver:
     """A scene with its walls linearised at a reference, ready for any theta."""
 
-    def __init__(self, problem_file: Path, reference_file: Path, element: str) -> None:
-        self.scene = CoupledScene(IdentificationProblem.load(problem_file), SceneOptions(element=element))
+    def __init__(self, problem_file: Path, reference_file: Path, boundary: str, element: str) -> None:
+        self.scene = make_scene(IdentificationProblem.load(problem_file), boundary, element)
         with np.load(reference_file, allow_pickle=False) as data:
             self.start = State(data["u"], data["p"])
             self.scene.linearise(data["walls_u"])
@@ -59,10 +59,10 @@ class ParticleSolver:
 _SOLVER: ParticleSolver | None = None
 
 
-def initialise(problem_file: str, reference_file: str, element: str) -> None:
+def initialise(problem_file: str, reference_file: str, boundary: str, element: str) -> None:
     """Run once in every worker process."""
     global _SOLVER
-    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), element)
+    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), boundary, element)
 
 
 def solve(theta: FloatArray) -> Solved:

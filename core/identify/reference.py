@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import Equilibrium
-from palpate.core.identify.coupled import CoupledScene
 from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.misfit import Misfit, wall_response
+from palpate.core.identify.scene import Scene
 from palpate.core.worker.progress import Progress
 
 FloatArray = NDArray[np.float64]
@@ -60,7 +60,7 @@ def middle(bounds: FloatArray) -> FloatArray:
 
 
 def settle_first(
-    scene: CoupledScene, theta: FloatArray, count: Counter, start: FloatArray | None = None
+    scene: Scene, theta: FloatArray, count: Counter, start: FloatArray | None = None
 ) -> tuple[Equilibrium, Misfit]:
     """Settle the walls at theta, from displacements `start` (n, 3) if given, and weigh the data.
 
@@ -79,7 +79,7 @@ def settle_first(
 
 
 def find_optimum(
-    scene: CoupledScene, misfit: Misfit, first: Equilibrium, starts: FloatArray, count: Counter, progress: Progress
+    scene: Scene, misfit: Misfit, first: Equilibrium, starts: FloatArray, count: Counter, progress: Progress
 ) -> Optimum:
     """Gauss-Newton from each start (s, t). Raises ConvergenceError when none ends."""
     bounds = scene.parameters.bounds
@@ -102,7 +102,7 @@ def find_optimum(
 class Walk:
     """Linearises the misfit along a path of thetas, each equilibrium started from the one before."""
 
-    def __init__(self, scene: CoupledScene, misfit: Misfit, first: Equilibrium, count: Counter) -> None:
+    def __init__(self, scene: Scene, misfit: Misfit, first: Equilibrium, count: Counter) -> None:
         self.scene, self.misfit, self.last, self.count = scene, misfit, first, count
         self.best: Equilibrium | None = None
         self._lowest = np.inf

@@ -1,0 +1,17 @@
+"""The scene of a problem for the boundary a person chose."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from palpate.core.identify.contact import ContactForceScene
+from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.problem import IdentificationProblem
+
+Scene: TypeAlias = CoupledScene | ContactForceScene
+
+
+def make_scene(problem: IdentificationProblem, boundary: str, element: str) -> Scene:
+    """boundary : "coupled" or "contact-force". Raises InputError or ConvergenceError as the scene's class does."""
+    options = SceneOptions(element=element)
+    return ContactForceScene(problem, options) if boundary == "contact-force" else CoupledScene(problem, options)

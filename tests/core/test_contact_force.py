@@ -1,0 +1,68 @@
+"""The paper's boundary (Eq 9): the tissue's reaction to the organ's true surface motion deforms the organ as in the coupled body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic_case
+
+from palpate.core.errors import InputError
+from palpate.core.fem.contact_force import RigidHold
+from palpate.core.identify.contact import ContactForceScene
+from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.identify.identify import identify
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.problem import IdentificationProblem
+from palpate.core.worker.messages import Reporter
+
+TRUTH = np.log([30.0, 70.0])
+ELEMENT = SceneOptions(element="p1p1")
+
+
+@pytest.fixture(scope="module")
+def problem() -> IdentificationProblem:
+    return synthetic_case.problem()
+
+
+def test_true_interface_motion_gives_back_the_coupled_deformation(problem: IdentificationProblem) -> None:
+    coupled = CoupledScene(problem, ELEMENT)
+    u = coupled.settle(TRUTH).equilibrium.u
+    scene = ContactForceScene(problem, ELEMENT, u)
+    found = scene.solve(TRUTH)
+    assert found.converged and found.stable
+    expected = coupled.observation.operator @ u
+    error = scene.observation.operator @ found.u - expected
+    assert np.linalg.norm(error) < 0.03 * np.linalg.norm(expected)
+
+
+def test_an_organ_too_soft_for_its_dead_load_is_reported_not_converged(problem: IdentificationProblem) -> None:
+    coupled = CoupledScene(problem, ELEMENT)
+    scene = ContactForceScene(problem, ELEMENT, coupled.settle(TRUTH).equilibrium.u)
+    found = scene.solve(TRUTH - np.log(4.0))
+    assert not found.converged
+    assert found.reason != "" and np.isfinite(found.u).all()
+
+
+def test_rigid_hold_resists_all_rigid_motions_and_no_strain() -> None:
+    x = np.random.default_rng(2).normal(size=(12, 3))
+    hold = RigidHold.at(x, np.arange(12), np.zeros((12, 3)), 3.0)
+    stretch = (x - x.mean(axis=0)) * np.array([0.1, -0.05, -0.05])
+    inertia = (x - x.mean(axis=0)).T @ (x - x.mean(axis=0))
+    assert np.linalg.matrix_rank(hold.rows) == 6
+    for move in (np.tile([1.0, 0, 0], (12, 1)), np.cross([0, 0, 1.0], x - x.mean(axis=0))):
+        assert hold.evaluate(move, 1.0, 1)[0] == pytest.approx(1.5 * (move**2).sum())
+    assert hold.evaluate(stretch, 1.0, 1)[0] < 1.5 * (stretch**2).sum()
+    assert np.linalg.det(inertia) > 0.0
+
+
+def test_identification_with_contact_forces_names_the_stiffer_half(problem: IdentificationProblem, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    np.savez(tmp_path / "problem.npz", **problem.arrays())
+    options = IdentifyOptions(method="gauss-newton", boundary="contact-force", element="p1p1")
+    found = identify(tmp_path, options, "test", Reporter(lambda m: None))
+    G = np.exp(found.theta)
+    assert G[1] > G[0]
+
+
+def test_an_unknown_boundary_is_refused() -> None:
+    with pytest.raises(InputError, match="boundary 'glue' is unknown; choose one of coupled, contact-force"):
+        IdentifyOptions(boundary="glue")
