@@ -10,7 +10,7 @@ import time
 from typing import Any
 
 from palpate.segmentation.case import CaseFolder
-from palpate.ui.cli import identify, import_scans, mesh, report
+from palpate.ui.cli import identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
 
@@ -20,6 +20,7 @@ NAME, HELP = "analyze", "the whole way from two DICOM folders to a report"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """REST DEFORMED -o CASE and the options of every step."""
     import_scans.add_arguments(parser)
+    segment.add_options(parser)
     mesh.add_options(parser)
     identify.add_options(parser)
 
@@ -28,13 +29,17 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     """Runs every step."""
     from palpate.segmentation import identify_step, mesh_step
     from palpate.segmentation.import_step import run_import
+    from palpate.segmentation.segment_step import SegmentOptions, run_segment
     from palpate.ui.report import report_step
 
     began = time.monotonic()
-    search = identify.options_of(args)  # a wrong option is told before an hour's work, not after
+    # A wrong option is told before the work, not after it.
+    search, pointed = identify.options_of(args), SegmentOptions(*segment.prompts_of(args))
     with console.progress(import_scans.NAME) as progress:
         imported = run_import(args.rest, args.deformed, args.output, import_scans.options_of(args), progress)
     case = CaseFolder(args.output)
+    with console.progress(segment.NAME) as progress:
+        labelled = run_segment(case, pointed, progress)
     with console.progress(mesh.NAME) as progress:
         meshed = mesh_step.run(case, mesh.options_of(args), progress)
     with console.progress(identify.NAME) as progress:
@@ -42,6 +47,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     record(case, args, time.monotonic() - began)
     with console.progress(report.NAME) as progress:
         written = report_step.run(case, None, progress)
-    text = [*import_scans.text_of(imported), mesh.text_of(case, meshed)]
+    text = [*import_scans.text_of(imported), *segment.text_of(labelled), mesh.text_of(case, meshed)]
     text += [*identify.text_of(case, found), *report.text_of(written)]
-    return {"case": str(case.path), "import": imported, "result": found, "report": written}, "\n".join(text)
+    data = {"case": str(case.path), "import": imported, "segment": labelled, "mesh": meshed, "result": found}
+    return data | {"report": written}, "\n".join(text)

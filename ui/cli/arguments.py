@@ -110,6 +110,6 @@ def written_options(args: argparse.Namespace, hidden: Sequence[str] = ("json", "
             texts.append(f"--{name.replace('_', '-')}")
         elif plain:
             texts.append(f"--{name.replace('_', '-')} {value}")
-        elif name == "seed":
-            texts += [f"--seed {text}" for text in value]
+        elif isinstance(value, list):
+            texts += [f"--{name.replace('_', '-')} {text}" for text in value]
     return " ".join(texts)

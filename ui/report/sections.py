@@ -119,15 +119,16 @@ def _label_rows(record: CaseRecord) -> list[tuple[str, ...]]:
 
 
 def _origin(segmentation: Mapping[str, Any], name: str) -> str:
-    """How a label came about and how sure that is, where segmentation.json says so for either state."""
+    """How a label came about and how sure that is, as segmentation.json says of both states."""
+    organ = "prostate" if name.startswith("prostate") else name
     texts = []
-    for state in ("rest", "deformed"):
-        found = segmentation.get(state, {})
-        found = found.get("labels", found) if isinstance(found, Mapping) else {}
-        entry = found.get(name)
-        if isinstance(entry, Mapping) and "method" in entry:
+    for state in segmentation.get("states", {}).values():
+        entry = state.get("organs", {}).get(organ) or state.get(organ)
+        if entry is None and "organs" in state:
+            texts.append("what is left within the body")
+        elif entry is not None:
             sure = entry.get("confidence")
-            texts.append(str(entry["method"]) + (f", confidence {sure:.2f}" if isinstance(sure, int | float) else ""))
+            texts.append(str(entry["method"]) + ("" if sure is None else f", confidence {sure:.2f}"))
     return "; ".join(dict.fromkeys(texts)) or "given with the case"
 
 

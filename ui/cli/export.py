@@ -1,0 +1,31 @@
+"""Writes the results of a case for another program."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.cli.arguments import add_case, no_points
+from palpate.ui.cli.console import Console
+from palpate.ui.export import exporter, names
+
+NAME, HELP = "export", "results for other programs"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """CASE --to FORM DIR."""
+    add_case(parser)
+    parser.add_argument("--to", required=True, choices=names(), help="form to write")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder to write into")
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Exports; see `palpate.ui.export`."""
+    no_points(args)
+    with console.progress(NAME) as progress:
+        progress(0.0, exporter(args.to).WRITES)
+        files = exporter(args.to).export(CaseFolder(args.case), args.folder)
+        progress(1.0, "written")
+    return {"files": [str(path) for path in files]}, "\n".join(f"written {path}" for path in files)

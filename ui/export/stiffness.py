@@ -1,0 +1,24 @@
+"""The stiffness of a case as an image, for the exporters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.labels import LABEL_VALUES
+from palpate.segmentation.volume import Volume
+
+
+def stiffness_of(case: CaseFolder) -> dict[int, float]:
+    """Shear modulus G, kPa, by organ label. Raises InputError when the case has not been identified."""
+    parameters = case.read_json("result.json")["parameters"]
+    return {LABEL_VALUES[name]: float(found["G_kpa"]) for name, found in parameters.items()}
+
+
+def stiffness_volume(case: CaseFolder) -> Volume:
+    """Shear modulus G, kPa, float32, on the grid of the labels at rest; 0 where none was identified."""
+    labels = case.labels("rest")
+    value = np.zeros(labels.array.shape, dtype=np.float32)
+    for label, G in stiffness_of(case).items():
+        value[labels.array == label] = G
+    return labels.with_array(value)
