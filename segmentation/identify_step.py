@@ -16,6 +16,7 @@ from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfaceP
 from palpate.core.worker.job import Job
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.labels import LABELS
 from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
@@ -52,9 +53,11 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
     """Write result.json and identify/ of a case; return what result.json says.
 
     Nothing is done when inputs and options are those of the last run; a run that was killed goes on from its checkpoint.
-    Raises InputError when the mesh step has not been run, ConvergenceError when nothing could be solved, Cancelled.
+    A case that has labels but no mesh yet is meshed first. Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
     """
     options = options or IdentifyStepOptions()
+    if not case.has("mesh.json"):
+        mesh_step.run(case, progress=lambda f, m: progress(0.1 * f, m))
     chosen = {k: v for k, v in asdict(options.identify).items() if k != "workers"}
     inputs = case.inputs_sha256(INPUTS, chosen)
     if case.step_is_done("identify", inputs):
@@ -142,7 +145,7 @@ def _job(case: CaseFolder, options: IdentifyOptions) -> Job:
 
 def _tell(message: dict[str, Any], progress: Progress) -> None:
     if message.get("type") == "progress":
-        progress(0.98 * float(message["fraction"]), str(message["message"]))
+        progress(0.1 + 0.88 * float(message["fraction"]), str(message["message"]))
 
 
 def _input_hashes(case: CaseFolder) -> dict[str, str]:
