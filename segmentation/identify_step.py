@@ -53,7 +53,8 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
     """Write result.json and identify/ of a case; return what result.json says.
 
     Nothing is done when inputs and options are those of the last run; a run that was killed goes on from its checkpoint.
-    A case that has labels but no mesh yet is meshed first. Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
+    A case that has labels but no mesh yet is meshed first.
+    Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
     """
     options = options or IdentifyStepOptions()
     if not case.has("mesh.json"):
