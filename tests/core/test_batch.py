@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from halved_sphere import BOUNDS, HalvedSphere
 
+from palpate.core.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import NewtonOptions

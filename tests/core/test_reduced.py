@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 import pytest
-from halved_sphere import BOUNDS, HalvedSphere
 
+from palpate.core.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem import reduced_kernel
 from palpate.core.fem.assembly import State

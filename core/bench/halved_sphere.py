@@ -1,4 +1,4 @@
-"""A small scene of two unknown stiffnesses: the sphere in a cube, its halves of regions 1 and 2, the cube's surface strained."""
+"""Two unknown stiffnesses, for benchmarks and tests: the sphere in a cube, its halves regions 1 and 2, strained from outside."""
 
 from __future__ import annotations
 

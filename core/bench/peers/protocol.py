@@ -1,0 +1,68 @@
+"""What a bench child speaks: it reads the scene file named on its command line, then one JSON request a line, and answers each.
+
+A scene file is an npz with nodes (n, 3) mm, cells (m, 4 or 10; mid-edge nodes in the order 01 12 02 03 13 23), regions (m,),
+G and K (m,) kPa of a neo-Hookean solid psi = G/2 (I1bar - 3) + K/2 (J - 1)^2, fixed (n, 3) bool, prescribed (n, 3) mm,
+force (n, 3) mN, corners : number of nodes that are vertices, mixed : whether pressure is an unknown of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+Arrays = Mapping[str, Any]
+# (steps, rtol) -> displacements (n, 3) mm and iterations. Load in so many equal steps; raises ArithmeticError or ValueError.
+Solver = Callable[[int, float], tuple[Any, int]]
+
+
+class Timed:
+    """Returned in place of iterations by a solver that runs a program of its own: seconds without what every run repeats."""
+
+    def __init__(self, iterations: int, seconds: float) -> None:
+        self.iterations, self.seconds = iterations, seconds
+
+
+def serve(load: Callable[[Arrays], Solver], version: str) -> None:
+    """Answer requests {"steps", "rtol", "out"} until standard input ends. What libraries print goes to standard error."""
+    answers = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+    start = time.perf_counter()
+    with np.load(sys.argv[1], allow_pickle=False) as data:
+        arrays = {k: data[k] for k in data.files}
+    solve = load(arrays)
+    print(json.dumps({"setup_seconds": time.perf_counter() - start, "version": version}), file=answers)
+    for line in sys.stdin:
+        print(json.dumps(_answer(solve, json.loads(line))), file=answers)
+
+
+def _answer(solve: Solver, request: dict[str, Any]) -> dict[str, Any]:
+    start = time.perf_counter()
+    try:
+        with np.errstate(all="ignore"):
+            u, iterations = solve(request["steps"], request["rtol"])
+    except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
+        lines = str(error).strip().splitlines() or [type(error).__name__]
+        return {"reason": lines[0][:200], "seconds": time.perf_counter() - start, "memory_mb": memory_mb()}
+    seconds, memory = time.perf_counter() - start, memory_mb()
+    if isinstance(iterations, Timed):
+        seconds, iterations, memory = iterations.seconds, iterations.iterations, None
+    if not np.isfinite(u).all():
+        return {"reason": "the solution is not finite", "seconds": seconds, "memory_mb": memory}
+    if request.get("out"):
+        np.save(request["out"], np.asarray(u))
+    return {"reason": "", "seconds": seconds, "iterations": int(iterations), "memory_mb": memory}
+
+
+def memory_mb() -> float | None:
+    """Largest resident memory of this process so far. Not `getrusage`: that counts what the parent held when it forked."""
+    try:
+        with open("/proc/self/status") as status:
+            return next(float(line.split()[1]) / 1024.0 for line in status if line.startswith("VmHWM"))
+    except OSError:
+        return None
