@@ -18,8 +18,6 @@ from palpate.ui.pictures.planes import Plane, Slice, Window, share_of_label
 SCALE_BAR_MM = 20.0
 # Its I has serifs: without them it is a stroke like any other.
 LETTER_FONT = "DejaVu Sans Mono"
-_POSITIVE = ("L", "P", "S")
-_NEGATIVE = ("R", "A", "I")
 _HALO = [withStroke(linewidth=2.0, foreground="black")]
 
 
@@ -79,11 +77,13 @@ def draw_outlines(
 
 
 def position_text(plane: Plane, window: Window) -> str:
-    """Where the slice lies: ``z = -148.0 mm (I)``, in LPS with the letter of the side of the origin it lies on."""
+    """Where the slice lies, in patient coordinates (LPS): ``z = -148.0 mm``.
+
+    Without a letter: the sign tells the side of the scanner's origin, which need not be the side of the patient.
+    """
     value = window.centre[plane.normal]
-    letter = (_POSITIVE if value >= 0 else _NEGATIVE)[plane.normal]
     sign = "\N{MINUS SIGN}" if value < 0 else ""
-    return f"{'xyz'[plane.normal]} = {sign}{abs(value):.1f} mm ({letter})"
+    return f"{'xyz'[plane.normal]} = {sign}{abs(value):.1f} mm"
 
 
 def _line(axes: Axes, level: Slice, name: str, style: str, width: float) -> None:
