@@ -169,3 +169,22 @@ def test_every_command_explains_itself() -> None:
         assert module.__doc__ and module.HELP and module.NAME
         with pytest.raises(SystemExit, match="0"):
             cli.parser().parse_args([module.NAME, "--help"])
+
+
+def test_validate_writes_what_it_tells(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    given = [
+        "validate",
+        "robustness",
+        "--scenes",
+        "2",
+        "--seed",
+        "3",
+        "-o",
+        str(tmp_path / "f.json"),
+        "--json",
+        "--quiet",
+    ]
+    assert cli.main(given) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert (told["scenes"], told["seed"]) == (2, 3)
+    assert json.loads((tmp_path / "f.json").read_text()) == told

@@ -19,7 +19,19 @@ from palpate.ui.cli.console import Console
 from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_left
 
 # Each is a module beside this one with NAME, HELP, add_arguments(parser) and run(args, console) -> (data, text).
-COMMANDS = ("analyze", "import_scans", "segment", "mesh", "identify", "report", "simulate", "export", "doctor")
+COMMANDS = (
+    "analyze",
+    "import_scans",
+    "segment",
+    "mesh",
+    "identify",
+    "report",
+    "simulate",
+    "export",
+    "bench",
+    "validate",
+    "doctor",
+)
 _DESCRIPTION = (
     "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "
     "Ends with 0 done, 2 wrong usage, 3 bad input, 4 no convergence, 130 cancelled."
