@@ -4,6 +4,8 @@ iteration, but it ends in a minimum; from an unstable equilibrium it leaves alon
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from palpate.core.fem.assembly import Assembler, Residual, State
@@ -38,12 +40,11 @@ def minimise(
             return Outcome(balanced, False, None, True)
         direction = moved(assembler, State(np.zeros_like(u), np.zeros_like(pressure)), 1.0, step)
         slope = float(direction.u.reshape(-1) @ residual.r_u)
-        length, lower = _line_search(assembler, u, direction.u, energy, slope, load, residual.min_jacobian)
-        if length == 0.0:
+        found = _line_search(assembler, balanced, direction, energy, slope, load, residual.min_jacobian, work)
+        if found is None:
             work.reason = "the line search found no lower energy"
             return Outcome(balanced, False, None, True)
-        u, energy = u + length * direction.u, lower
-        pressure = balanced.p + length * direction.p
+        u, pressure, energy = found
     work.reason = "no convergence of the energy iteration"
     return Outcome(State(u, pressure), False, None, True)
 
@@ -71,34 +72,50 @@ def _descent_step(
 
 def _line_search(
     assembler: Assembler,
-    u: FloatArray,
-    direction: FloatArray,
+    state: State,
+    direction: State,
     energy: float,
     slope: float,
     load: float,
     min_jacobian: float,
-) -> tuple[float, float]:
-    """Armijo, with longer steps while the energy falls as the slope says: (length, energy there); length 0 when there is none."""
+    work: Work,
+) -> tuple[FloatArray, FloatArray, float] | None:
+    """Armijo, with longer steps while the energy falls as the slope says: (u, predicted p, energy), or None when there is none.
+
+    Where a step follows the bulk's stiff valley its second-order change of volume is taken back with the present factor, as
+    in second-order corrections of constrained optimisation (Nocedal & Wright 2006, section 15.6).
+    """
     if not slope < 0.0:
-        return 0.0, energy
+        return None
     floor, noise = 0.05 * min(min_jacobian, 1.0), 1e-14 * max(abs(energy), 1.0)
 
-    def energy_at(length: float) -> float:
-        trial = u + length * direction
-        return assembler.energy(trial, load) if assembler.min_jacobian(trial) > floor else np.inf
+    def at(length: float) -> tuple[FloatArray, FloatArray, float]:
+        trial = State(state.u + length * direction.u, state.p + length * direction.p)
+        if not assembler.min_jacobian(trial.u) > floor:
+            return trial.u, trial.p, np.inf
+        plain = trial.u, trial.p, assembler.energy(trial.u, load)
+        if len(trial.p) == 0 or plain[2] <= energy + 0.3 * length * slope:
+            return plain
+        after = assembler.residual(trial, load)
+        back = work.correction(assembler, replace(after, r_u=np.zeros_like(after.r_u)))
+        mended = moved(assembler, trial, 1.0, back)
+        if not assembler.min_jacobian(mended.u) > floor:
+            return plain
+        lower = assembler.energy(mended.u, load)
+        return (mended.u, mended.p, lower) if lower < plain[2] else plain
 
-    length, lower = 1.0, energy_at(1.0)
-    while length < 16.0 and lower < energy + 0.7 * length * slope:
-        longer = energy_at(2.0 * length)
-        if not longer < lower:
-            return length, lower
-        length, lower = 2.0 * length, longer
+    length, best = 1.0, at(1.0)
+    while length < 16.0 and best[2] < energy + 0.7 * length * slope:
+        longer = at(2.0 * length)
+        if not longer[2] < best[2]:
+            return best
+        length, best = 2.0 * length, longer
     while length > 1e-6:
-        if lower <= energy + 1e-4 * length * slope + noise:
-            return length, lower
+        if best[2] <= energy + 1e-4 * length * slope + noise:
+            return best
         length *= 0.5
-        lower = energy_at(length)
-    return 0.0, energy
+        best = at(length)
+    return None
 
 
 def leave_saddle(assembler: Assembler, state: State, load: float, work: Work) -> State | None:

@@ -105,16 +105,13 @@ def _chord(
     """
     changes: list[FloatArray] = []  # x_k - x_(k-1) over the kept unknowns
     differences: list[FloatArray] = []  # g_k - g_(k-1)
-    weight = assembler.n_free
     length = first = size(assembler, correction)
     distance = relative(assembler, residual)
     large = len(assembler.kept) > _LARGE
     for k in range(_CHORD_STEPS[large]):
         step = correction
         if differences:
-            dG = np.stack(differences[-_HISTORY:], axis=1)
-            c = np.linalg.lstsq(dG[:weight], correction[:weight], rcond=1e-10)[0]
-            step = correction - (np.stack(changes[-_HISTORY:], axis=1) + dG) @ c
+            step = _mixed_step(correction, changes, differences, assembler.n_free)
         trial = moved(assembler, state, 1.0, step)
         if not assembler.min_jacobian(trial.u) > 0.0:
             return state, residual
@@ -127,9 +124,25 @@ def _chord(
         if not (now < length or (now < 2.0 * length and left < 0.5 * distance)):
             return state, residual
         distance = left
-        changes.append(step)
-        differences.append(following - correction)
+        changes = [*changes, step][-_HISTORY:]
+        differences = [*differences, following - correction][-_HISTORY:]
         state, residual, correction, length = trial, after, following, now
-        if k >= 2 and now > first * _CHORD_CONTRACTION[large] ** (k + 1):  # too slow: a new factor converges quadratically from here
+        if k >= 2 and now > first * _CHORD_CONTRACTION[large] ** (
+            k + 1
+        ):  # too slow: a new factor converges quadratically from here
             return state, residual
     return state, residual
+
+
+def _mixed_step(
+    correction: FloatArray, changes: list[FloatArray], differences: list[FloatArray], n_free: int
+) -> FloatArray:
+    """g - (dX + dG) c with c the least-squares fit of g by dG over the displacements, by normal equations: they are tiny."""
+    gram = np.array([[float(a[:n_free] @ b[:n_free]) for b in differences] for a in differences])
+    scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    rhs = scale * np.array([float(a[:n_free] @ correction[:n_free]) for a in differences])
+    c = scale * np.linalg.lstsq(scale[:, None] * gram * scale, rhs, rcond=1e-12)[0]
+    step = correction.copy()
+    for weight, change, difference in zip(c, changes, differences, strict=True):
+        step -= weight * (change + difference)
+    return step

@@ -77,7 +77,7 @@ def _random_mesh(rng: np.random.Generator) -> TetMesh:
         centre = points[mesh.cells].mean(axis=1) / scale
         organ = ((centre > low - 0.25) & (centre < high + 0.25)).all(axis=1)
         organ[np.argmin(np.abs(centre).max(axis=1))] = True
-    side = points[mesh.cells].mean(axis=1) @ rng.normal(size=3) > 0.0
+    side = np.asarray(points[mesh.cells].mean(axis=1) @ rng.normal(size=3) > 0.0)
     regions = np.where(organ, np.where(side & (rng.random() < 0.5), SECOND_ORGAN, ORGAN), TISSUE)
     shape = random_deformation_gradients(1, int(rng.integers(1 << 30)), stretch=(0.75, 1.3))[0]
     return TetMesh(points @ np.diag(np.linalg.svd(shape)[1]).T, mesh.cells, regions)
@@ -90,7 +90,9 @@ def _random_materials(rng: np.random.Generator, mesh: TetMesh) -> tuple[dict[int
         G = float(np.exp(rng.uniform(*np.log(BOUNDS_KPA))))
         nu = float(rng.choice([0.45, 0.49, 0.495, 0.499]))
         moduli.append(G)
-        materials[region] = Material(MOONEY_RIVLIN, mooney_rivlin_parameters(G, bulk_modulus(G, nu), rng.uniform(0.05, 0.95)))
+        materials[region] = Material(
+            MOONEY_RIVLIN, mooney_rivlin_parameters(G, bulk_modulus(G, nu), rng.uniform(0.05, 0.95))
+        )
     G, nu = 20.0, float(rng.choice([0.4, 0.49]))
     law = LINEAR if rng.random() < 0.75 else NEO_HOOKEAN
     materials[TISSUE] = Material(law, np.array([G, bulk_modulus(G, nu)]))
@@ -112,7 +114,7 @@ def _strained(rng: np.random.Generator, space: Space, shear_modulus: float) -> L
     stretch = np.clip(stretch / np.prod(stretch) ** (1.0 / 3.0), 1.0 - STRAIN, 1.0 + STRAIN)
     stretch *= (rng.uniform(0.97, 1.03) / np.prod(stretch)) ** (1.0 / 3.0)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    surface = _sides(space)[1].any(axis=1)
+    surface = np.asarray(_sides(space)[1].any(axis=1))
     u = np.where(surface[:, None], space.nodes @ (turn @ np.diag(stretch - 1.0) @ turn.T).T, 0.0)
     return np.repeat(~surface[:, None], 3, axis=1), u, []
 
@@ -125,7 +127,7 @@ def _pressed(rng: np.random.Generator, space: Space, shear_modulus: float) -> Lo
     move = rng.uniform(-0.5, 0.5, size=3) * STRAIN
     move[axis] = rng.uniform(-1.0, 1.0) * STRAIN
     u[on[:, 3 + axis]] = 2.0 * half[axis] * move
-    held = on[:, axis] | on[:, 3 + axis]
+    held = np.asarray(on[:, axis] | on[:, 3 + axis])
     return np.repeat(~held[:, None], 3, axis=1), u, []
 
 
@@ -141,7 +143,7 @@ def _pulled(rng: np.random.Generator, space: Space, shear_modulus: float) -> Loa
 
 
 def _dented(rng: np.random.Generator, space: Space, shear_modulus: float) -> Load:
-    """A curved wall that the middle of a side must follow comes in by up to 40 % of the way to where the side is free of it."""
+    """A curved wall that the middle of a side must follow comes in by up to 40 % of half the least thickness."""
     half, on = _sides(space)
     axis = int(rng.integers(3))
     faces, _ = space.mesh.boundary
@@ -151,7 +153,7 @@ def _dented(rng: np.random.Generator, space: Space, shear_modulus: float) -> Loa
     top = faces[top & (aside < max(0.7, aside[top].min() + 1e-9))]
     points = face_points(space.nodes, space.face_nodes(top))
     radius = rng.uniform(2.0, 6.0) * half.max()
-    depth = rng.uniform(0.0, 1.0) * STRAIN * 0.5 * half.min()
+    depth = rng.uniform(0.0, STRAIN) * half.min()
     outward = np.eye(3)[axis]
 
     def ball(height: float) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:

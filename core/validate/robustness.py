@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton import NewtonOptions
+from palpate.core.fem.scenes import Scene
+from palpate.core.laws.base import FloatArray
 from palpate.core.validate.random_scenes import random_scene
 from palpate.core.worker.progress import Progress, silent
 
@@ -27,12 +29,14 @@ class RobustnessOptions:
 def solve_one(seed: int) -> Row:
     """One random scene: its description, and `converged`, `finite`, `raised`, `reason`, `factorisations`, `seconds`."""
     random = random_scene(seed)
-    began = time.perf_counter()
+    scene = random.scene
     row: Row = dict(random.description)
+    began = time.perf_counter()
     try:
-        scene = random.scene
-        found = solve_equilibrium(scene.assembler, scene.materials, scene.prescribed, random.start, NewtonOptions())
-    except ArithmeticError as error:  # what numerics may raise by mistake; a programming error should still end the study
+        found = scene.solve(NewtonOptions(), random.start)
+    except (
+        ArithmeticError
+    ) as error:  # what numerics may raise by mistake; a programming error should still end the study
         return row | {"converged": False, "finite": True, "raised": True, "reason": str(error), "factorisations": 0}
     return row | {
         "converged": found.converged,
@@ -42,9 +46,16 @@ def solve_one(seed: int) -> Row:
         "factorisations": found.factorisations,
         "load_steps": found.load_steps,
         "largest_mm": float(np.abs(found.u).max()),
+        "strain95": _strain(scene, found.u),
         "min_jacobian": float(min(found.min_jacobian, 1e300)),
         "seconds": time.perf_counter() - began,
     }
+
+
+def _strain(scene: Scene, u: FloatArray) -> float:
+    """95th percentile over the quadrature points of the largest |principal stretch - 1|."""
+    stretches = np.linalg.svd(scene.assembler.deformation_gradients(u), compute_uv=False)
+    return float(np.percentile(np.abs(stretches - 1.0).max(axis=-1), 95))
 
 
 def robustness(options: RobustnessOptions | None = None, progress: Progress = silent) -> dict[str, object]:
@@ -68,6 +79,9 @@ def robustness(options: RobustnessOptions | None = None, progress: Progress = si
         "failed_without_reason": sum(r["reason"] == "" for r in failed),
         "by_element": dict(Counter(str(r["element"]) for r in failed)),
         "by_load": dict(Counter(str(r["load"]) for r in failed)),
+        "strain95_median_and_largest": [
+            float(v) for v in np.percentile([float(r.get("strain95", 0.0)) for r in rows], [50, 100])
+        ],
         "mean_factorisations": float(np.mean([float(r["factorisations"]) for r in rows])),
         "seconds_total": float(seconds.sum()),
         "seconds_longest": float(seconds.max()),

@@ -19,7 +19,7 @@ from palpate.core.fem.terms.loads import PointForce
 from palpate.core.laws import NEO_HOOKEAN
 
 RATES = {"p1": 2, "p1p1": 2, "p2": 3, "p2p0": 2, "p2p1": 3}
-DIVISIONS = {"p1": (4, 8, 12), "p1p1": (4, 8, 12), "p2": (2, 4, 6), "p2p0": (6, 8, 12), "p2p1": (2, 4, 6)}
+DIVISIONS = {"p1": (4, 8, 12), "p1p1": (4, 8, 12), "p2": (2, 4, 6), "p2p0": (4, 7, 10), "p2p1": (2, 4, 6)}
 LENGTH, AMPLITUDE = 10.0, 0.6
 WAVES = np.array([[1.1, 0.7, -0.6], [-0.5, 1.3, 0.8], [0.9, -0.4, 1.2]]) * np.pi / (2.0 * LENGTH)
 PHASES = np.array([0.3, 1.1, -0.7])
@@ -41,7 +41,7 @@ def manufactured_error(name: str, divisions: int) -> float:
     N = shape_functions(space.element.degree, points)
     X = np.einsum("qa,eai->eqi", shape_functions(1, points), space.nodes[space.mesh.cells]).reshape(-1, 3)
     u, gradient, second = manufactured(X)
-    material = Material(NEO_HOOKEAN, np.array([40.0, 40.0]))
+    material = Material(NEO_HOOKEAN, np.array([40.0, 20.0]))
     A = NEO_HOOKEAN.tangent(np.eye(3) + gradient, material.values).reshape(-1, 3, 3, 3, 3)
     force = -np.einsum("niJkL,nkLJ->ni", A, second)
     measure = (space.mesh.volumes[:, None] * weights).ravel()
