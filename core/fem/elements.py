@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+# The least time to 1 % error (`palpate validate forward`).
+DEFAULT_ELEMENT = "p2p1"
+
 # Local edges of a cell in the order of the quadratic element's nodes 4 to 9.
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 

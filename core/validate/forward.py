@@ -1,0 +1,122 @@
+"""How wrong is each element, and how long does it take? The sphere in a cube against a finer mesh of the same polyhedral body."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.core.fem.elements import DEFAULT_ELEMENT, ELEMENTS
+from palpate.core.fem.meshes import ORGAN, refined, sphere_in_cube
+from palpate.core.fem.newton import Equilibrium, NewtonOptions
+from palpate.core.fem.scenes import DRIVES, Scene, sphere_scene, standard_sphere_mesh
+from palpate.core.laws.base import FloatArray
+from palpate.core.mesh import TetMesh
+from palpate.core.worker.progress import Progress, silent
+
+Row = dict[str, str | float | int | bool]
+REFERENCE_ELEMENT = "p2p1"
+
+
+@dataclass(frozen=True)
+class ForwardOptions:
+    """What to compare. cells : of the coarse mesh, about. ratios : v1 / mu. repeats : the least of so many times counts.
+
+    levels : refinements of a coarse mesh of 480 cells over which the time to 1 % is read off; 0 leaves that part out.
+    """
+
+    cells: int = 4000
+    ratios: tuple[float, ...] = (50.0, 200.0, 1000.0)
+    drives: tuple[str, ...] = DRIVES
+    elements: tuple[str, ...] = tuple(ELEMENTS)
+    repeats: int = 3
+    levels: int = 2
+
+
+def forward(options: ForwardOptions | None = None, progress: Progress = silent) -> dict[str, object]:
+    """Rows of every element, ratio and drive at one size, and of the sizes that lead to the time to 1 %."""
+    options = options or ForwardOptions()
+    mesh = standard_sphere_mesh(options.cells)
+    cases = [(ratio, drive) for drive in options.drives for ratio in options.ratios]
+    rows: list[Row] = []
+    for k, (ratio, drive) in enumerate(cases):
+        progress(0.8 * k / len(cases), f"v1/mu = {ratio:g}, by {drive}")
+        rows += element_errors([mesh], refined(mesh), ratio, drive, options.elements, options.repeats)
+    sizes: list[Row] = []
+    if options.levels:
+        progress(0.8, "time to 1 %")
+        meshes = [sphere_in_cube(2, 1, 2)]
+        for _ in range(options.levels):
+            meshes.append(refined(meshes[-1]))
+        sizes = element_errors(meshes[:-1], meshes[-1], 200.0, "traction", options.elements, options.repeats)
+    progress(1.0, "done")
+    return {
+        "study": "forward",
+        "default_element": DEFAULT_ELEMENT,
+        "rows": rows,
+        "sizes": sizes,
+        "seconds_to_1_percent": {
+            e: seconds_to(0.01, [r for r in sizes if r["element"] == e]) for e in options.elements
+        },
+    }
+
+
+def element_errors(
+    meshes: list[TetMesh],
+    fine: TetMesh,
+    ratio: float,
+    drive: str,
+    elements: tuple[str, ...],
+    repeats: int,
+) -> list[Row]:
+    """Rows of every element on each of nested meshes, against `REFERENCE_ELEMENT` on `fine`, which refines them all."""
+    coarse = meshes[0]
+    reference_scene = sphere_scene(fine, REFERENCE_ELEMENT, ratio, drive, coarse=coarse)
+    reference = reference_scene.solve(NewtonOptions(stability=False))
+    rows = []
+    for mesh in meshes:
+        for element in elements:
+            scene = sphere_scene(mesh, element, ratio, drive, coarse=coarse)
+            found, seconds = timed(scene, repeats)
+            row: Row = {"ratio": ratio, "drive": drive, "element": element, "cells": len(mesh.cells)}
+            row |= {"unknowns": scene.assembler.pattern.n, "seconds": seconds, "converged": found.converged}
+            row |= {"factorisations": found.factorisations, "reference_converged": reference.converged}
+            rows.append(row | errors(mesh, found.u, reference.u))
+    return rows
+
+
+def timed(scene: Scene, repeats: int) -> tuple[Equilibrium, float]:
+    """A cold equilibrium without the certificate of stability, and the least wall-clock seconds of `repeats` solves."""
+    best, options = np.inf, NewtonOptions(stability=False)
+    for _ in range(max(1, repeats)):
+        began = time.perf_counter()
+        found = scene.solve(options)
+        best = min(best, time.perf_counter() - began)
+    return found, best
+
+
+def errors(mesh: TetMesh, u: FloatArray, reference: FloatArray) -> Row:
+    """rms and largest error at the mesh's vertices, which lead the reference's nodes too, over the largest displacement.
+
+    rms : over all vertices. organ_rms : over the organ's, relative to the organ's largest displacement.
+    """
+    n = len(mesh.points)
+    difference = np.linalg.norm(u[:n] - reference[:n], axis=1)
+    size = np.linalg.norm(reference[:n], axis=1)
+    organ = np.unique(mesh.cells[mesh.regions == ORGAN])
+    return {
+        "rms": float(np.sqrt((difference**2).mean()) / size.max()),
+        "largest": float(difference.max() / size.max()),
+        "organ_rms": float(np.sqrt((difference[organ] ** 2).mean()) / size[organ].max()),
+        "largest_mm": float(size.max()),
+    }
+
+
+def seconds_to(error: float, rows: list[Row]) -> float | None:
+    """Seconds at which the rms error passes `error`, by a line through the last two sizes in logarithms; None without two sizes."""
+    if len(rows) < 2:
+        return None
+    rms, seconds = (np.log([float(r[key]) for r in rows[-2:]]) for key in ("rms", "seconds"))
+    slope = (seconds[1] - seconds[0]) / (rms[1] - rms[0])
+    return float(np.exp(seconds[1] + slope * (np.log(error) - rms[1])))
