@@ -14,8 +14,9 @@ from pypdf import PdfReader
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFacts, CaseFolder
 from palpate.ui.report import report_step
-from palpate.ui.report.record import CaseRecord, region_words
-from palpate.ui.report.sections import without_paths
+from palpate.ui.report.quality import without_paths
+from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.regions import region_words
 from palpate.ui.report.summary import number, summary
 
 IDENTITY = ("Doe", "Jane", "4711")

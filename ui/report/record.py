@@ -14,43 +14,12 @@ from pydicom.errors import InvalidDicomError
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import STATES, CaseFacts, CaseFolder
-from palpate.segmentation.labels import LABEL_VALUES, LABELS
+from palpate.segmentation.labels import LABELS
 from palpate.segmentation.volume import Volume
+from palpate.ui.report.regions import RegionStiffness, region_of
 
 # Two contours, one per scan, each with its own error.
 TWO_CONTOURS = float(np.sqrt(2.0))
-
-
-@dataclass(frozen=True)
-class RegionStiffness:
-    """One region of result.json: G, sd, mu in kPa; ci is the 95 % interval. None where unknown.
-
-    words : the name as a person says it.
-    told : whether the pair tells this stiffness at all: not at a bound, and its interval does not span what was allowed.
-    """
-
-    name: str
-    words: str
-    G: float
-    sd: float | None
-    ci: tuple[float, float] | None
-    mu1: float
-    mu2: float
-    mu_mean: float
-    at_bound: bool
-    told: bool
-
-    @property
-    def label(self) -> int:
-        """The label's value; 0 for a name that is no label."""
-        return LABEL_VALUES.get(self.name, 0)
-
-    @property
-    def ln_sd(self) -> float | None:
-        """Standard deviation of ln G, from the interval; None where unknown."""
-        if self.ci is None:
-            return None if self.sd is None else self.sd / self.G
-        return float(np.log(self.ci[1] / self.ci[0]) / (2.0 * 1.96))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +45,7 @@ class CaseRecord:
     def regions(self) -> tuple[RegionStiffness, ...]:
         """The regions of result.json, in the order of their labels."""
         parameters = self.result["parameters"]
-        found = [_region(name, p, self.facts, len(parameters) == 1) for name, p in parameters.items()]
+        found = [region_of(name, p, self.facts, len(parameters) == 1) for name, p in parameters.items()]
         return tuple(sorted(found, key=lambda region: region.label))
 
     def ln_ratio_sd(self, a: RegionStiffness, b: RegionStiffness) -> float | None:
@@ -138,14 +107,6 @@ def simulated(case: CaseFolder, result: Mapping[str, Any]) -> str | None:
     return None
 
 
-def region_words(name: str, alone: bool = False) -> str:
-    """``prostate_left`` as a person says it: left half of the prostate; where it stands alone, the whole prostate."""
-    organ, _, side = name.rpartition("_")
-    if not organ or side not in ("left", "right"):
-        return name.replace("_", " ")
-    return organ if alone else f"{side} half of the {organ}"
-
-
 def _is_simulated_scan(case: CaseFolder, state: str) -> bool:
     """Whether the scan's own header says that `palpate simulate` computed it (it also writes real scans unchanged)."""
     first = next(iter(sorted(case.file(f"{state}_ct").glob("*.dcm"))), None)
@@ -157,18 +118,6 @@ def _is_simulated_scan(case: CaseFolder, state: str) -> bool:
         raise InputError(f"{first} is not readable as DICOM; run `palpate import` again") from error
     ours = (header.get("Manufacturer"), header.get("ManufacturerModelName")) == ("Palpate", "simulate")
     return ours and "simulated" in str(header.get("SeriesDescription", "")).lower()
-
-
-def _region(name: str, p: Mapping[str, Any], facts: CaseFacts, alone: bool) -> RegionStiffness:
-    ci = None if p["ci95_kpa"] is None else (float(p["ci95_kpa"][0]), float(p["ci95_kpa"][1]))
-    low, high = facts.organ_shear_modulus_bounds_kpa
-    spans = ci is not None and ci[0] < 1.3 * low and ci[1] > high / 1.3
-    mu1, mu2 = float(p["mu1_kpa"]), float(p["mu2_kpa"])
-    sd = None if p["sd_kpa"] is None else float(p["sd_kpa"])
-    mean = float(p.get("mu_mean_kpa", 0.5 * (mu1 + mu2)))
-    at_bound = bool(p["at_bound"])
-    words, told = region_words(name, alone), not (at_bound or spans)
-    return RegionStiffness(name, words, float(p["G_kpa"]), sd, ci, mu1, mu2, mean, at_bound, told)
 
 
 def _check(result: Any, source: str) -> None:

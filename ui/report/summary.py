@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.ui.report.record import CaseRecord, RegionStiffness
+from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.regions import RegionStiffness
 
 # About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
 MISFIT_TOLERANCE = 1.26

@@ -1,0 +1,81 @@
+"""The report's section on the quality of what the result rests on: labels, alignment, mesh, and what was noted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from palpate.segmentation.labels import LABELS
+from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
+from palpate.ui.report.record import CaseRecord
+
+# From its first separator to the word after its last one, spaces included.
+_ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")
+_DASH = "\N{EN DASH}"
+
+
+def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
+    """The section. missing : what could not be drawn and why, one line each."""
+    blocks: list[Block] = [Table(("label", "rest, cc", "deformed, cc", "where from"), _label_rows(record))]
+    blocks += _alignment(record) + _mesh(record)
+    notes = [*record.imported.get("notes", ()), *record.segmentation.get("notes", ())]
+    notes += [*record.alignment.get("notes", ()), *record.result.get("notes", ())]
+    if notes:
+        blocks.append(Bullets([without_paths(str(note)) for note in dict.fromkeys(notes)]))
+    blocks += [Paragraph(f"Left out: {reason}.", "small") for reason in missing]
+    return Section("Quality of what it rests on", blocks)
+
+
+def _label_rows(record: CaseRecord) -> list[tuple[str, ...]]:
+    rows = []
+    for name in LABELS.values():
+        volumes = [record.volumes_cc.get(state, {}).get(name) for state in ("rest", "deformed")]
+        if any(v is not None for v in volumes):
+            rows.append((name.replace("_", " "), *(_cc(v) for v in volumes), _origin(record.segmentation, name)))
+    return rows
+
+
+def _origin(segmentation: Mapping[str, Any], name: str) -> str:
+    """How a label came about and how sure that is, as segmentation.json says of both states."""
+    organ = "prostate" if name.startswith("prostate") else name
+    texts = []
+    for state in segmentation.get("states", {}).values():
+        entry = state.get("organs", {}).get(organ) or state.get(organ)
+        if entry is None and "organs" in state:
+            texts.append("what is left within the body")
+        elif entry is not None:
+            sure = entry.get("confidence")
+            texts.append(str(entry["method"]) + ("" if sure is None else f", confidence {sure:.2f}"))
+    return "; ".join(dict.fromkeys(texts)) or "given with the case"
+
+
+def _alignment(record: CaseRecord) -> list[Block]:
+    residual = record.alignment.get("residual_mm")
+    if residual is None:
+        return [Paragraph("The two states were taken as lying in one frame already; no alignment on bone was made.")]
+    parts = record.alignment.get("part_residual_mm", {})
+    detail = ", ".join(f"{part} {value:.2f} mm" for part, value in parts.items())
+    return [Paragraph(f"Alignment on bone: {residual:.2f} mm rms" + (f" ({detail})." if detail else "."))]
+
+
+def _mesh(record: CaseRecord) -> list[Block]:
+    mesh = record.mesh
+    if not mesh:
+        return []
+    text = f"Mesh: {mesh['cells']} tetrahedra, {mesh['points']} points"
+    if "min_dihedral_deg" in mesh:
+        text += f", smallest dihedral angle {mesh['min_dihedral_deg']:.0f}\N{DEGREE SIGN}"
+    organ = mesh.get("surfaces", {}).get("organ", {})
+    if "p95_mm" in organ:
+        text += f"; organ surface within {organ['p95_mm']:.2f} mm of the contours (95 %)"
+    return [Paragraph(text + ".")]
+
+
+def without_paths(text: str) -> str:
+    """The text with absolute paths left out: a folder's name may hold a patient's."""
+    return _ABSOLUTE_PATH.sub("(path)", text)
+
+
+def _cc(value: float | None) -> str:
+    return _DASH if value is None else f"{value:.1f}"

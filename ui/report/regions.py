@@ -1,0 +1,65 @@
+"""The stiffness of one region as result.json gives it, and whether it says anything."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.labels import LABEL_VALUES
+
+
+@dataclass(frozen=True)
+class RegionStiffness:
+    """One region of result.json: G, sd, mu in kPa; ci is the 95 % interval. None where unknown.
+
+    words : the name as a person says it.
+    told : whether the pair tells this stiffness at all: not at a bound, and its interval does not span what was allowed.
+    """
+
+    name: str
+    words: str
+    G: float
+    sd: float | None
+    ci: tuple[float, float] | None
+    mu1: float
+    mu2: float
+    mu_mean: float
+    at_bound: bool
+    told: bool
+
+    @property
+    def label(self) -> int:
+        """The label's value; 0 for a name that is no label."""
+        return LABEL_VALUES.get(self.name, 0)
+
+    @property
+    def ln_sd(self) -> float | None:
+        """Standard deviation of ln G, from the interval; None where unknown."""
+        if self.ci is None:
+            return None if self.sd is None else self.sd / self.G
+        return float(np.log(self.ci[1] / self.ci[0]) / (2.0 * 1.96))
+
+
+def region_of(name: str, p: Mapping[str, Any], facts: CaseFacts, alone: bool) -> RegionStiffness:
+    """A region of result.json by its name and entry. alone : it is the organ's only one."""
+    ci = None if p["ci95_kpa"] is None else (float(p["ci95_kpa"][0]), float(p["ci95_kpa"][1]))
+    low, high = facts.organ_shear_modulus_bounds_kpa
+    spans = ci is not None and ci[0] < 1.3 * low and ci[1] > high / 1.3
+    mu1, mu2 = float(p["mu1_kpa"]), float(p["mu2_kpa"])
+    sd = None if p["sd_kpa"] is None else float(p["sd_kpa"])
+    mean = float(p.get("mu_mean_kpa", 0.5 * (mu1 + mu2)))
+    at_bound = bool(p["at_bound"])
+    words, told = region_words(name, alone), not (at_bound or spans)
+    return RegionStiffness(name, words, float(p["G_kpa"]), sd, ci, mu1, mu2, mean, at_bound, told)
+
+
+def region_words(name: str, alone: bool = False) -> str:
+    """``prostate_left`` as a person says it: left half of the prostate; where it stands alone, the whole prostate."""
+    organ, _, side = name.rpartition("_")
+    if not organ or side not in ("left", "right"):
+        return name.replace("_", " ")
+    return organ if alone else f"{side} half of the {organ}"
