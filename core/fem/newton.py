@@ -31,6 +31,7 @@ class Equilibrium:
 
     converged : a stable equilibrium was found. reason : "" or why not. u (n, 3) mm, p (n_p,) kPa: the last good state.
     load : fraction reached. stable : inertia says minimum (None when not checked). residual : relative. min_jacobian : of guarded cells.
+    buckled : the path to it went through a loss of stability, so that another branch may exist as well.
     """
 
     converged: bool
@@ -44,6 +45,7 @@ class Equilibrium:
     factorisations: int
     backsolves: int
     load_steps: int
+    buckled: bool = False
 
 
 def solve_equilibrium(
@@ -80,6 +82,7 @@ def solve_equilibrium(
         factorisations=work.factorisations,
         backsolves=work.backsolves,
         load_steps=work.load_steps,
+        buckled=work.buckled,
     )
 
 
@@ -125,17 +128,32 @@ def _one_load(assembler: Assembler, state: State, goal: FloatArray, reached: flo
     """One load level: mixed iteration; the energy iteration if that ended unstable, or failed where half the step would not help."""
     work.load_steps += 1
     found = iterate_mixed(assembler, state, goal, load, work)
-    if found.converged and found.stable is False:
+    if found.converged and found.stable is not False:
+        return found
+    if found.stable is False and not work.options.follow_buckling:
+        work.reason = "the body loses its stability under this load (it buckles)"
+        return replace(found, converged=False)
+    if found.converged:
         left = leave_saddle(assembler, found.state, load, work)
         if left is None:
             work.reason = "the equilibrium found is not stable"
             return replace(found, converged=False)
+        work.buckled = True
         return minimise(assembler, left, goal, load, work)
-    if found.converged or not found.in_place:
+    if not found.in_place:
         return found
     if found.stable is not False and load - reached > _PATIENCE:
         return found  # half the increment is cheaper than a fight
-    return minimise(assembler, found.state, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
+    return _fight(assembler, found, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
+
+
+def _fight(assembler: Assembler, found: Outcome, goal: FloatArray, load: float, work: Work, iterations: int) -> Outcome:
+    """The energy iteration from where the mixed one failed. From an indefinite tangent it goes to another branch, maybe."""
+    if not work.options.follow_buckling:
+        return found
+    end = minimise(assembler, found.state, goal, load, work, iterations)
+    work.buckled |= end.converged and found.stable is False
+    return end
 
 
 def quicker(options: NewtonOptions) -> NewtonOptions:

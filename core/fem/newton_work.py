@@ -19,8 +19,10 @@ class NewtonOptions:
 
     rtol : residual relative to the internal forces' magnitude. max_factorisations : work cap per solve, all load steps together.
     max_per_step : iterations of one kind at one load. min_load_step : smallest load increment before giving up.
-    jacobian_shrink : smallest det F a step may leave, relative to before. stability : factorise once more at the solution so that
-    the inertia is its own (also what sensitivities need).
+    jacobian_shrink : smallest det F a step may leave, relative to before.
+    stability : factorise once more at the solution so that the inertia is its own (also what sensitivities need).
+    follow_buckling : where the path from rest loses its stability, go on to the stable state beyond (`Equilibrium.buckled`
+    says so); without it that is a failure.
     """
 
     rtol: float = 1e-8
@@ -29,6 +31,7 @@ class NewtonOptions:
     min_load_step: float = 1.0 / 128.0
     jacobian_shrink: float = 0.1
     stability: bool = True
+    follow_buckling: bool = True
 
 
 @dataclass
@@ -40,6 +43,7 @@ class Work:
     backsolves: int = 0
     load_steps: int = 0
     reason: str = ""
+    buckled: bool = False
 
     @property
     def exhausted(self) -> bool:

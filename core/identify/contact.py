@@ -64,6 +64,8 @@ class ContactForceScene:
     ) -> Equilibrium:
         """Equilibrium of the loaded organ at parameters theta; not converged, with its reason, where it is unstable."""
         materials = {r: m for r, m in self.parameters.materials(theta).items() if r != TISSUE}
+        # Beyond buckling a dead load finds another branch, far from what was seen: a failure, to be said.
+        options = replace(options or NewtonOptions(), follow_buckling=False)
         return solve_equilibrium(self.assembler, materials, start=start, options=options)
 
     def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:

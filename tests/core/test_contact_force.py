@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import synthetic_case
+from scipy.spatial import cKDTree
 
 from palpate.core.errors import InputError
-from palpate.core.fem.contact_force import RigidHold
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.contact_force import InterfaceMotion, RigidHold, organ_terms, tissue_reaction
+from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
+from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
+from palpate.core.fem.scenes import cap_traction, sphere_materials, sphere_scene
+from palpate.core.fem.space import Space
+from palpate.core.fem.terms.loads import traction
 from palpate.core.identify.contact import ContactForceScene
 from palpate.core.identify.coupled import CoupledScene, SceneOptions
 from palpate.core.identify.identify import identify
@@ -33,6 +40,34 @@ def test_true_interface_motion_gives_back_the_coupled_deformation(problem: Ident
     expected = coupled.observation.operator @ u
     error = scene.observation.operator @ found.u - expected
     assert np.linalg.norm(error) < 0.03 * np.linalg.norm(expected)
+
+
+def test_force_and_hold_balance_the_coupled_body_node_by_node() -> None:
+    """A pulled ball in linear tissue: organ alone under the pull and the tissue's reaction moves as in the coupled solve."""
+    mesh = sphere_in_cube(2, 1, 2)
+    coupled = sphere_scene(mesh, "p2p1", 50.0)
+    whole = coupled.solve(NewtonOptions(rtol=1e-11))
+    assert whole.converged
+    (tissue, tissue_of), (organ, organ_of) = (
+        (Space.of(part, "p2p1"), cKDTree(coupled.space.nodes))
+        for part in (mesh.submesh((TISSUE,))[0], mesh.submesh((ORGAN,))[0])
+    )
+    u_tissue, u_organ = whole.u[tissue_of.query(tissue.nodes)[1]], whole.u[organ_of.query(organ.nodes)[1]]
+    faces, _ = organ.mesh.boundary
+    shared = np.unique(organ.face_nodes(faces))
+    there = cKDTree(tissue.nodes).query(organ.nodes[shared])[1]
+    outer = np.flatnonzero(np.isclose(np.abs(tissue.nodes).max(axis=1), np.abs(mesh.points).max()))
+    materials = sphere_materials(50.0)
+    force = tissue_reaction(tissue, {TISSUE: materials[TISSUE]}, InterfaceMotion(there, u_tissue[there]), outer)
+    hold = organ_terms(organ, InterfaceMotion(shared, u_organ[shared]), force, 20.0)
+    # A single ball's surface has the same corner points in both meshes, so the caps are the same faces.
+    pull = traction(organ, faces, cap_traction(organ.mesh, faces, organ.mesh))
+    alone = Assembler(organ, np.ones(3 * organ.n_nodes, dtype=bool), [*hold, pull])
+    found = solve_equilibrium(
+        alone, {ORGAN: materials[ORGAN]}, options=NewtonOptions(rtol=1e-11, follow_buckling=False)
+    )
+    assert found.converged and found.stable, found.reason
+    assert np.abs(found.u - u_organ).max() < 1e-6 * np.abs(u_organ).max()
 
 
 def test_an_organ_too_soft_for_its_dead_load_is_reported_not_converged(problem: IdentificationProblem) -> None:

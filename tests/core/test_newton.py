@@ -149,7 +149,11 @@ def test_an_overloaded_column_is_followed_to_its_bent_stable_state() -> None:
     assert found.converged and found.stable, found.reason
     sideways = np.linalg.norm(found.u[:, :2], axis=1).max()
     assert sideways > 0.3 * LENGTH  # the elastica bends far soon after Euler's load
-    assert found.residual <= 1e-8
+    assert found.residual <= 1e-8 and found.buckled
+    straight = solve_equilibrium(assembler, COLUMN, options=NewtonOptions(follow_buckling=False))
+    assert not straight.converged and not straight.buckled
+    assert "loses its stability under this load (it buckles)" in straight.reason
+    assert 0.8 < 1.3 * straight.load < 1.3  # where Euler says, within what a stocky column and a coarse mesh allow
 
 
 def test_what_has_no_equilibrium_is_said_and_stays_finite() -> None:
