@@ -104,3 +104,30 @@ def test_superlu_says_that_it_has_no_factor_yet() -> None:
     pattern, _, _ = random_matrix(5)
     with pytest.raises(FactorisationError, match="before factorise"):
         make_solver(pattern, "superlu").solve(np.ones(pattern.n))
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-40, 1.0, 1e40, 1e150])
+def test_the_size_of_the_numbers_does_not_matter(scale: float) -> None:
+    """Single precision alone ends at 1e38, and PARDISO does not survive an overflow."""
+    pattern, values, dense = random_matrix(6)
+    solver = available("pardiso", pattern)
+    solver.factorise(scale * values)
+    b = np.random.default_rng(7).normal(size=(pattern.n, 2)) * [1e-50, 1e50]
+    x = solver.solve(b)
+    np.testing.assert_allclose(scale * (dense @ x[:, 1]), b[:, 1], rtol=1e-9, atol=1e-9 * 1e50)
+    assert solver.n_negative() == int((np.linalg.eigvalsh(dense) < 0.0).sum())
+
+
+def test_where_single_precision_fails_double_serves() -> None:
+    """A matrix with condition 1e11, beyond refinement from single precision: exact answers all the same."""
+    pattern, values, dense = random_matrix(8)
+    lowest = np.linalg.eigvalsh(dense)
+    shift = lowest[lowest > 0.0][0] - 1e-10
+    values[pattern.indptr[:-1]] -= shift
+    dense -= shift * np.eye(len(dense))
+    solver = available("pardiso", pattern)
+    solver.factorise(values)
+    x = np.random.default_rng(9).normal(size=pattern.n)
+    found = solver.solve(dense @ x)
+    assert np.linalg.norm(dense @ (found - x)) < 1e-10 * np.linalg.norm(dense @ x)
+    assert np.linalg.norm(found - x) < 1e-3 * np.linalg.norm(x)
