@@ -43,10 +43,10 @@ class _Handle:
         self.precision = precision
         self._memory = np.zeros(64, dtype=np.int64)
         self.iparm = np.zeros(64, dtype=np.int32)
-        # Own settings, METIS, refinement only after perturbed pivots, pivots perturbed below 1e-8 of the
+        # Own settings, METIS, refinement only after perturbed pivots, pivots perturbed below 1e-8 (1e-13 in double) of the
         # norm, Bunch-Kaufman, precision, indices from 0.
         single = precision is np.float32
-        self.iparm[[0, 1, 9, 20, 27, 34]] = [1, 2, 8, 1, int(single), 1]
+        self.iparm[[0, 1, 9, 20, 27, 34]] = [1, 2, 8 if single else 13, 1, int(single), 1]
         self._permutation = np.zeros(max(pattern.n, 1), dtype=np.int32)
         self._values = np.zeros(len(pattern.indices), dtype=precision)
         self._scale = 1.0
