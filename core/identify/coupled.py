@@ -21,9 +21,9 @@ from palpate.core.problem import IdentificationProblem, SurfacePair
 
 FloatArray = NDArray[np.float64]
 
-# Wall stiffness over the tissue's shear modulus, 1/mm: tissue pulls on a wall with less than its modulus, so walls stay
-# within 0.02 mm of what was seen, a twentieth of contour noise.
-WALL_STIFFNESS = 50.0
+# Wall stiffness over the tissue's shear modulus, 1/mm. Nearly incompressible tissue that must make room pulls on a wall with up to
+# ten times its modulus (measured): walls still stay within 0.03 mm of what was seen.
+WALL_STIFFNESS = 400.0
 
 
 # Walls have settled when a round moves them by less than this (rms), mm.

@@ -39,9 +39,7 @@ def job_result(problem: IdentificationProblem, tmp_path_factory: pytest.TempPath
 
 def _run(problem: IdentificationProblem, folder: Path, options: dict[str, Any]) -> dict[str, Any]:
     np.savez(folder / "problem.npz", **problem.arrays())
-    job = Job(
-        "palpate.core.identify.job:run", str(folder), {"problem": str(folder / "problem.npz")}, options, seed=3
-    )
+    job = Job("palpate.core.identify.job:run", str(folder), {"problem": str(folder / "problem.npz")}, options, seed=3)
     return run(job, Reporter(lambda message: None))
 
 
