@@ -34,7 +34,7 @@ def run(args, console):
         time.sleep(60)
 sleeper.run = run
 sys.modules["palpate.ui.cli.sleeper"] = sleeper
-cli.COMMANDS = ("sleeper",)
+cli.COMMANDS = {"sleeper": "sleeper"}
 sys.exit(cli.main(["sleeper", *sys.argv[1:]]))
 """
 
@@ -164,9 +164,17 @@ def test_seed_that_is_neither_is_wrong_usage() -> None:
         no_points(seeds("prostate=1,2,3"))
 
 
+def test_doctor_speaks_where_other_commands_cannot_load() -> None:
+    code = "import sys; sys.modules['SimpleITK'] = None; import palpate.ui.cli.main as m; sys.exit(m.main(['doctor', '-h']))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "usage: palpate doctor" in done.stdout
+
+
 def test_every_command_explains_itself() -> None:
-    for module in map(cli._module, cli.COMMANDS):
-        assert module.__doc__ and module.HELP and module.NAME
+    for name in cli.COMMANDS:
+        module = cli._module(name)
+        assert module.__doc__ and module.HELP and name == module.NAME
         with pytest.raises(SystemExit, match="0"):
             cli.parser().parse_args([module.NAME, "--help"])
 

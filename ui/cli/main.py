@@ -19,19 +19,11 @@ from palpate.ui.cli.console import Console
 from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_left
 
 # Each is a module beside this one with NAME, HELP, add_arguments(parser) and run(args, console) -> (data, text).
-COMMANDS = (
-    "analyze",
-    "import_scans",
-    "segment",
-    "mesh",
-    "identify",
-    "report",
-    "simulate",
-    "export",
-    "bench",
-    "validate",
-    "doctor",
-)
+COMMANDS = {
+    "analyze": "analyze", "import": "import_scans", "segment": "segment", "mesh": "mesh", "identify": "identify",
+    "report": "report", "simulate": "simulate", "export": "export", "bench": "bench", "validate": "validate",
+    "doctor": "doctor",
+}  # fmt: skip
 _DESCRIPTION = (
     "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "
     "Ends with 0 done, 2 wrong usage, 3 bad input, 4 no convergence, 130 cancelled."
@@ -67,13 +59,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 3
 
 
-def parser() -> Parser:
-    """The whole command line."""
+def parser(given: Sequence[str] = ()) -> Parser:
+    """The command line: of the one command that ``given`` names, or of all.
+
+    Only what is asked for is loaded, so that `doctor` can speak where a library of another command is broken.
+    """
+    wanted = [name for name in given[:1] if name in COMMANDS] or list(COMMANDS)
     top = Parser(prog="palpate", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"palpate {metadata.version('palpate')}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = common()
-    for module in map(_module, COMMANDS):
+    for module in map(_module, wanted):
         sub = commands.add_parser(
             module.NAME, help=module.HELP, description=module.__doc__, parents=[shared],
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -89,7 +85,7 @@ def one_line(text: str) -> str:
 
 
 def _run(given: Sequence[str], console: Console) -> int:
-    args = parser().parse_args(given)
+    args = parser(given).parse_args(given)
     with console:
         data, text = args._module.run(args, console)
     console.result(data, text)
@@ -98,7 +94,7 @@ def _run(given: Sequence[str], console: Console) -> int:
 
 
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"palpate.ui.cli.{name}")
+    return importlib.import_module(f"palpate.ui.cli.{COMMANDS[name]}")
 
 
 def _os_error(error: OSError) -> str:
