@@ -161,7 +161,9 @@ def _without(mask: sitk.Image, parts: Sequence[str], surface: Surface) -> sitk.I
     """The mask less the given sides."""
     volume = Volume.from_sitk(mask)
     inside = volume.array > 0
-    kept = ~np.isin(_part_of(volume.to_lps(np.argwhere(inside)), surface), [PARTS.index(part) for part in parts])
+    kept = ~np.isin(
+        _part_of(volume.to_lps(np.argwhere(inside).astype(np.float64)), surface), [PARTS.index(part) for part in parts]
+    )
     array = volume.array.copy()
     array[inside] = kept
     return volume.with_array(array).to_sitk()

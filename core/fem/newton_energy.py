@@ -40,11 +40,11 @@ def minimise(
             return Outcome(balanced, False, None, True)
         direction = moved(assembler, State(np.zeros_like(u), np.zeros_like(pressure)), 1.0, step)
         slope = float(direction.u.reshape(-1) @ residual.r_u)
-        found = _line_search(assembler, balanced, direction, energy, slope, load, residual.min_jacobian, work)
-        if found is None:
+        lower = _line_search(assembler, balanced, direction, energy, slope, load, residual.min_jacobian, work)
+        if lower is None:
             work.reason = "the line search found no lower energy"
             return Outcome(balanced, False, None, True)
-        u, pressure, energy = found
+        u, pressure, energy = lower
     work.reason = "no convergence of the energy iteration"
     return Outcome(State(u, pressure), False, None, True)
 

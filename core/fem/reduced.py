@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,8 +133,10 @@ class ReducedModel:
         arrays = load_checkpoint(path, _fingerprint(scene))
         if arrays is None:
             return None
-        stored = {name: arrays[name] if arrays[name].ndim else arrays[name].item() for name in _STORED}
-        return cls(scene=scene, features=Features(arrays["powers"], float(arrays["rho"])), **stored)
+        stored: dict[str, Any] = {name: arrays[name] if arrays[name].ndim else arrays[name].item() for name in _STORED}
+        return cls(
+            scene=scene, features=Features(np.asarray(arrays["powers"], dtype=np.int64), float(arrays["rho"])), **stored
+        )
 
     @property
     def _half(self) -> FloatArray:

@@ -63,7 +63,7 @@ class Space:
     def inverse_jacobians(self) -> FloatArray:
         """(m, 3, 3) dxi/dX of the straight-sided cells, 1/mm."""
         X = self.mesh.points[self.mesh.cells]
-        return np.linalg.inv(np.swapaxes(X[:, 1:] - X[:, :1], 1, 2))
+        return np.asarray(np.linalg.inv(np.swapaxes(X[:, 1:] - X[:, :1], 1, 2)), dtype=np.float64)
 
     @cached_property
     def face_nodes_by_vertices(self) -> dict[tuple[int, int], int]:
@@ -71,7 +71,7 @@ class Space:
         if self.element.degree == 1:
             return {}
         pairs = np.sort(self.mesh.cells[:, EDGES], axis=2).reshape(-1, 2)
-        return dict(zip(map(tuple, pairs.tolist()), self.cell_nodes[:, 4:].ravel().tolist(), strict=True))
+        return {(a, b): n for (a, b), n in zip(pairs.tolist(), self.cell_nodes[:, 4:].ravel().tolist(), strict=True)}
 
     def face_nodes(self, faces: IntArray) -> IntArray:
         """Nodes (f, 3 or 6) of faces (f, 3) given by vertices; mid-edges in the order 01, 12, 20."""

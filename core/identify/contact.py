@@ -99,9 +99,11 @@ def _matched(space: Space, faces: IntArray, problem: IdentificationProblem) -> F
     """(n, 3) displacement that slides the organ's rest surface onto the deformed one, of a uniform linear organ."""
     points = wall_points(space.face_nodes(faces), space.nodes)
     rest = points.positions(space.nodes)
-    fields = [SignedDistanceField.from_surface(s.points, s.faces) for s in (problem.organ.rest, problem.organ.deformed)]
+    at_rest, deformed = (
+        SignedDistanceField.from_surface(s.points, s.faces) for s in (problem.organ.rest, problem.organ.deformed)
+    )
     G = problem.facts.tissue_shear_modulus_kpa
-    wall = SlidingWall.between(points, rest, *(f.value_and_gradient for f in fields), 50.0 * G)
+    wall = SlidingWall.between(points, rest, at_rest.value_and_gradient, deformed.value_and_gradient, 50.0 * G)
     # A round organ could spin or slide freely within its own surface: softly held to the motion of its centre.
     shift = problem.organ.deformed.points.mean(axis=0) - problem.organ.rest.points.mean(axis=0)
     every = PointSet(np.arange(space.n_nodes)[:, None], np.ones((space.n_nodes, 1)), np.ones(space.n_nodes))

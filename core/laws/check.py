@@ -52,4 +52,5 @@ def _difference(f: Callable[[FloatArray], FloatArray], F: FloatArray, k: int, h:
     step = np.zeros((3, 3))
     step[k // 3, k % 3] = h
     weights = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
-    return sum(w * (f(F + (n + 1) * step) - f(F - (n + 1) * step)) for n, w in enumerate(weights)) / h
+    terms = [w * (f(F + (n + 1) * step) - f(F - (n + 1) * step)) for n, w in enumerate(weights)]
+    return np.asarray(np.sum(terms, axis=0) / h, dtype=np.float64)

@@ -104,7 +104,7 @@ def sample_surface(surface: Surface, spacing_mm: float) -> tuple[FloatArray, Flo
     total = np.bincount(group, area)
     mean = np.stack([np.bincount(group, area * centre[:, i]) for i in range(3)], axis=1) / total[:, None]
     _, nearest = cKDTree(centre).query(mean)
-    return centre[nearest], normal[nearest], region[nearest], total
+    return centre[nearest], normal[nearest], region[nearest], np.asarray(total, dtype=np.float64)
 
 
 def _away_from_rim(surface: Surface, centre: FloatArray) -> NDArray[np.bool_]:

@@ -71,13 +71,12 @@ def element_errors(
     repeats: int,
 ) -> list[Row]:
     """Rows of every element on each of nested meshes, against `REFERENCE_ELEMENT` on `fine`, which refines them all."""
-    coarse = meshes[0]
-    reference_scene = sphere_scene(fine, REFERENCE_ELEMENT, ratio, drive, coarse=coarse)
+    reference_scene = sphere_scene(fine, REFERENCE_ELEMENT, ratio, drive)
     reference = reference_scene.solve(NewtonOptions(stability=False))
     rows = []
     for mesh in meshes:
         for element in elements:
-            scene = sphere_scene(mesh, element, ratio, drive, coarse=coarse)
+            scene = sphere_scene(mesh, element, ratio, drive)
             found, seconds = timed(scene, repeats)
             row: Row = {"ratio": ratio, "drive": drive, "element": element, "cells": len(mesh.cells)}
             row |= {"unknowns": scene.assembler.pattern.n, "seconds": seconds, "converged": found.converged}
