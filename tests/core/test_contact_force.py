@@ -12,9 +12,8 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.contact_force import InterfaceMotion, RigidHold, organ_terms, tissue_reaction
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
 from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
-from palpate.core.fem.scenes import cap_traction, sphere_materials, sphere_scene
+from palpate.core.fem.scenes import cap_pull, sphere_materials, sphere_scene
 from palpate.core.fem.space import Space
-from palpate.core.fem.terms.loads import traction
 from palpate.core.identify.contact import ContactForceScene
 from palpate.core.identify.coupled import CoupledScene, SceneOptions
 from palpate.core.identify.identify import identify
@@ -60,9 +59,7 @@ def test_force_and_hold_balance_the_coupled_body_node_by_node() -> None:
     materials = sphere_materials(50.0)
     force = tissue_reaction(tissue, {TISSUE: materials[TISSUE]}, InterfaceMotion(there, u_tissue[there]), outer)
     hold = organ_terms(organ, InterfaceMotion(shared, u_organ[shared]), force, 20.0)
-    # A single ball's surface has the same corner points in both meshes, so the caps are the same faces.
-    pull = traction(organ, faces, cap_traction(organ.mesh, faces, organ.mesh))
-    alone = Assembler(organ, np.ones(3 * organ.n_nodes, dtype=bool), [*hold, pull])
+    alone = Assembler(organ, np.ones(3 * organ.n_nodes, dtype=bool), [*hold, cap_pull(organ, faces)])
     found = solve_equilibrium(
         alone, {ORGAN: materials[ORGAN]}, options=NewtonOptions(rtol=1e-11, follow_buckling=False)
     )

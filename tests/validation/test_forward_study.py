@@ -1,0 +1,62 @@
+"""The element study in short: 480 cells against 3,840. The full table: `palpate validate forward`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.core.fem.elements import DEFAULT_ELEMENT
+from palpate.core.fem.meshes import ORGAN, TISSUE, refined, sphere_in_cube
+from palpate.core.fem.scenes import DRIVES, sphere_scene, standard_sphere_mesh
+from palpate.core.validate.forward import ForwardOptions, element_errors, forward, seconds_to
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_the_default_element_does_not_lock(drive: str) -> None:
+    """Its error is small and the same whatever the bulk modulus; the paper's element is several times worse."""
+    mesh = sphere_in_cube(2, 1, 2)
+    fine = refined(mesh)
+    found = {}
+    for ratio in (50.0, 1000.0):
+        for row in element_errors([mesh], fine, ratio, drive, ("p1", DEFAULT_ELEMENT), 1):
+            assert row["converged"] and row["reference_converged"]
+            found[row["element"], ratio] = float(row["rms"])
+    assert found[DEFAULT_ELEMENT, 1000.0] < 0.035
+    assert found[DEFAULT_ELEMENT, 1000.0] < 1.1 * found[DEFAULT_ELEMENT, 50.0]
+    assert found["p1", 1000.0] > 5.0 * found[DEFAULT_ELEMENT, 1000.0]
+
+
+def test_the_study_gives_a_row_for_every_case() -> None:
+    options = ForwardOptions(cells=80, ratios=(50.0,), elements=("p1", "p1p1"), repeats=1, levels=1)
+    found = forward(options)
+    rows = found["rows"]
+    assert isinstance(rows, list) and len(rows) == 4
+    assert {(r["drive"], r["element"]) for r in rows} == {(d, e) for d in DRIVES for e in ("p1", "p1p1")}
+    assert all(0.0 < r["rms"] < r["largest"] < 1.0 and r["seconds"] > 0.0 for r in rows)
+
+
+def test_time_to_an_error_is_read_off_in_logarithms() -> None:
+    rows = [{"rms": 0.08, "seconds": 1.0}, {"rms": 0.02, "seconds": 10.0}]
+    assert seconds_to(0.01, rows) == pytest.approx(10.0**1.5)
+    assert seconds_to(0.01, rows[:1]) is None
+
+
+def test_the_load_on_the_sphere_has_no_net_force_and_does_not_depend_on_refinement() -> None:
+    mesh = sphere_in_cube(2, 1, 2)
+    totals = []
+    for m in (mesh, refined(mesh)):
+        load = sphere_scene(m, "p2p1").assembler.terms[0]
+        assert np.abs(load.force.sum(axis=0)).max() < 1e-9 * np.abs(load.force).sum()  # type: ignore[attr-defined]
+        totals.append(np.abs(load.force).sum())  # type: ignore[attr-defined]
+    assert totals[0] == pytest.approx(totals[1], rel=0.02)
+
+
+def test_the_standard_mesh_is_a_ball_in_a_cube() -> None:
+    mesh = standard_sphere_mesh(4000)
+    assert abs(len(mesh.cells) - 4000) < 400
+    assert mesh.volumes.sum() == pytest.approx(50.0**3, rel=1e-12)
+    ball = 4.0 / 3.0 * np.pi * 1000.0
+    assert mesh.volumes[mesh.regions == ORGAN].sum() == pytest.approx(ball, rel=0.08)
+    surface = np.unique(mesh.region_boundary((ORGAN,))[0])
+    np.testing.assert_allclose(np.linalg.norm(mesh.points[surface], axis=1), 10.0, rtol=1e-12)
+    assert set(np.unique(mesh.regions)) == {ORGAN, TISSUE}
