@@ -27,7 +27,9 @@ BoolArray = NDArray[np.bool_]
 
 _CHUNK = 1024  # quadrature points whose moduli are held at once: they stay in the cache
 _REST_STRAIN = 1e-4  # forces are never compared with less than this strain's over the body's section
-STABILISATION = 1.0  # alpha of p1p1; between 0.5 and 2 the solution hardly changes (validated with the element table)
+# alpha of p1p1. Dohrmann & Bochev take 1; on the sphere in a cube 4 errs a third less at every size, drive and bulk modulus (5.3 to
+# 3.7 % at 3,840 cells by traction), because it gives back some of what linear displacements lock in shear; 20 is too soft.
+STABILISATION = 4.0
 
 
 @dataclass(frozen=True, eq=False)

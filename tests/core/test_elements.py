@@ -16,7 +16,7 @@ from palpate.core.laws import LINEAR, MOONEY_RIVLIN, ST_VENANT_KIRCHHOFF, mooney
 
 NAMES = sorted(ELEMENTS)
 STIFF = Material(MOONEY_RIVLIN, mooney_rivlin_parameters(40.0, 4000.0))
-TIGHT = NewtonOptions(rtol=1e-13)
+TIGHT = NewtonOptions(rtol=2e-14)
 
 
 def test_an_unknown_element_is_refused_by_name() -> None:

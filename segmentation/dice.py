@@ -1,0 +1,114 @@
+"""How well found organs agree with drawn ones: Dice by organ and by what a person pointed at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.segmentation.organs.pelvis import segment_pelvis
+from palpate.segmentation.organs.prompts import ORGANS, Prompts
+from palpate.segmentation.volume import Volume
+
+FloatArray = NDArray[np.float64]
+MODES = ("auto", "click", "extremes")
+
+
+@dataclass(frozen=True)
+class DiceRow:
+    """One organ found in one way. share_inside : share of the drawn organ that was found (what counts for bone).
+
+    shift_mm : from the drawn organ's centroid to the found one's.
+    """
+
+    organ: str
+    mode: str
+    dice: float
+    share_inside: float
+    volume_cc: float
+    reference_cc: float
+    shift_mm: float
+    confidence: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON object of a row, figures rounded."""
+        return {k: round(v, 4) if isinstance(v, float) else v for k, v in vars(self).items()}
+
+
+def dice(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+    """Dice coefficient of two masks of one shape; 1 for two empty ones."""
+    total = int(a.sum()) + int(b.sum())
+    return 1.0 if total == 0 else 2.0 * int((a & b).sum()) / total
+
+
+def dice_table(ct: Volume, reference: Mapping[str, Volume], modes: Iterable[str] = MODES) -> list[DiceRow]:
+    """Segments a CT (HU) in each mode and compares with drawn masks.
+
+    reference : organ -> mask; prostate, bladder, rectum, and bone or parts of it such as bone_left_femur. Clicks and
+    extreme points are taken from the reference: its centre, and its outermost voxels.
+
+    Raises InputError for an unknown mode or organ, or an empty reference.
+    """
+    for name, mask in reference.items():
+        if name not in ORGANS and not name.startswith("bone"):
+            raise InputError(f"{name!r} is no organ that is compared; known are {', '.join(ORGANS)} and bone")
+        if not mask.array.any():
+            raise InputError(f"the reference of {name} is empty; correct the structure's name")
+    rows = []
+    for mode in modes:
+        found = segment_pelvis(ct, _prompts(mode, reference))
+        for name, mask in reference.items():
+            bone = name.startswith("bone")
+            if (bone and mode != "auto") or (not bone and name not in found.organs):
+                continue
+            known = None if bone else found.organs[name].confidence
+            rows.append(_row(name, mode, found.mask("bone" if bone else name, mask), mask, known))
+    return rows
+
+
+def click_of(mask: Volume) -> FloatArray:
+    """Where a person would click on an organ: the voxel of the mask nearest its centroid, (3,) mm."""
+    points = mask.to_lps(np.argwhere(mask.array).astype(float))
+    away = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    return np.asarray(points[away.argmin()])
+
+
+def extremes_of(mask: Volume) -> FloatArray:
+    """The six extreme points (6, 3) mm of an organ: the middle of its outermost voxels along x, y, z."""
+    points = mask.to_lps(np.argwhere(mask.array).astype(float))
+    found = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            along = sign * points[:, axis]
+            # Half a voxel out: the organ ends between voxel centres.
+            point = points[along > along.max() - 1e-3].mean(axis=0)
+            point[axis] += sign * 0.5 * mask.spacing[axis]
+            found.append(point)
+    return np.array(found)
+
+
+def _prompts(mode: str, reference: Mapping[str, Volume]) -> Prompts:
+    organs = {name: mask for name, mask in reference.items() if name in ORGANS}
+    if mode == "auto":
+        return Prompts()
+    if mode == "click":
+        return Prompts({name: click_of(mask) for name, mask in organs.items()})
+    if mode == "extremes":
+        return Prompts({}, {name: extremes_of(mask) for name, mask in organs.items()})
+    raise InputError(f"the mode {mode!r} is unknown; known are {', '.join(MODES)}")
+
+
+def _row(organ: str, mode: str, found: NDArray[np.bool_], reference: Volume, confidence: float | None) -> DiceRow:
+    drawn = reference.array.astype(bool)
+    voxel_cc = float(np.abs(np.linalg.det(reference.affine[:3, :3]))) / 1000.0
+    shift = np.nan
+    if found.any():
+        centres = [reference.to_lps(np.argwhere(m).mean(axis=0)[None])[0] for m in (found, drawn)]
+        shift = float(np.linalg.norm(centres[0] - centres[1]))
+    inside = int((found & drawn).sum()) / int(drawn.sum())
+    volumes = float(found.sum()) * voxel_cc, float(drawn.sum()) * voxel_cc
+    return DiceRow(organ, mode, dice(found, drawn), inside, *volumes, shift, confidence)

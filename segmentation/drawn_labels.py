@@ -1,0 +1,51 @@
+"""What a person drew on the scans of a case, as the import step left it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.grid import in_lps_order
+from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.segmentation.nifti_labels import read_labels
+from palpate.segmentation.organs.working_grid import mask_on
+from palpate.segmentation.volume import Volume
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """volume : the drawn labels in the rest frame, axes in LPS order. organs : masks of prostate, bladder and rectum as
+    far as drawn. bone : mask of what bone was drawn, or None. prostate_labels : 1 and 2 where the halves were drawn, or
+    None where left and right are yet to be told apart.
+    """
+
+    volume: Volume
+    organs: Mapping[str, Volume]
+    bone: Volume | None
+    prostate_labels: NDArray[np.uint8] | None
+
+    def bone_on(self, grid: Volume) -> NDArray[np.bool_]:
+        """The drawn bone on a grid; nothing where none was drawn."""
+        return np.zeros(grid.array.shape, dtype=bool) if self.bone is None else mask_on(self.bone, grid)
+
+
+def drawn_labels(case: CaseFolder, state: str) -> Drawn | None:
+    """What was drawn on one state ("rest" or "deformed"); None where nothing was. Raises InputError naming a bad file."""
+    name = f"{state}_user.nii.gz"
+    if not case.has(name):
+        return None
+    volume = in_lps_order(read_labels(case.file(name)))
+    facts = case.read_json("user_labels.json") if case.has("user_labels.json") else {}
+    values = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,)}
+    organs = {organ: volume.with_array(np.isin(volume.array, labels)) for organ, labels in values.items()}
+    organs = {organ: mask for organ, mask in organs.items() if mask.array.any()}
+    bone = volume.with_array(volume.array == BONE)
+    is_split = bool(facts.get(state, {}).get("prostate_is_split", len(np.unique(volume.array[volume.array > 0])) > 1))
+    halves = np.where(np.isin(volume.array, ORGAN_LABELS), volume.array, 0).astype(np.uint8)
+    return Drawn(
+        volume, organs, bone if bone.array.any() else None, halves if is_split and "prostate" in organs else None
+    )

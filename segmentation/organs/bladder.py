@@ -1,0 +1,144 @@
+"""The bladder: a homogeneous region of urine, and the wall around it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
+from palpate.segmentation.organs.prompts import Prompts
+from palpate.segmentation.organs.scene import Found, Scene
+from palpate.segmentation.organs.surface_mesh import Shell, profiles, shell_of_mask
+from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest, opened
+from palpate.segmentation.volume import Volume
+
+FloatArray = NDArray[np.float64]
+
+# What urine without contrast medium can be, and how far above its own median it still counts.
+LOWEST_HU, ABOVE_HU = -24.0, 15.0
+TRIED_HU = (8.0, 16.0, 24.0, 32.0)
+# Erosion that parts the bladder from partial volume between fat and muscle, which has the same HU.
+CORE_MM = 4.0
+# A ball of this share of the largest one fits everywhere into a bladder, but for bulges as high as given; what leaks
+# out of it is thinner.
+ROUND_SHARE, ROUND_MM, BULGE_MM, SMOOTH_MM = 0.5, (4.0, 13.0), 4.0, 3.0
+# Wall that is added where nothing tells it from its neighbour, and the most that is looked for against fat.
+WALL_MM, THICKEST_MM = 0.5, 4.0
+INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
+SMALLEST_CC, ENOUGH_CC = 6.0, 80.0
+
+
+def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
+    """The bladder, wall included; None where no urine is found."""
+    smooth = blurred(scene.filled, 2.0, scene.step)
+    allowed = _allowed(scene, prompts)
+    point = prompts.point("bladder")
+    core = _best_core(scene, smooth, allowed) if point is None else _core_at(scene, smooth, allowed, point)
+    if core is None:
+        return None
+    urine = float(np.median(smooth[core]))
+    like_urine = (smooth > min(LOWEST_HU, urine - ABOVE_HU)) & (smooth < urine + ABOVE_HU) & allowed
+    region = _grown(_whole_core(core, like_urine, scene.step), like_urine, scene.step)
+    shell, seen = _outer(scene, shell_of_mask(region, scene.grid, 1.5), urine)
+    mask = largest(np.asarray(ndimage.binary_fill_holes(shell.voxels(scene.grid))))
+    spread = float(smooth[eroded(region, 3.0, scene.step)].std())
+    return Found(mask, prompts.mode("bladder"), _confidence(scene, mask, spread, seen))
+
+
+def _allowed(scene: Scene, prompts: Prompts) -> Mask:
+    """Where the bladder may be: above the symphysis' lower edge, in front of the sacrum, not near gas or bone."""
+    box = prompts.box("bladder")
+    near = scene.body & ~dilated(scene.gas, 3.0, scene.step) & ~scene.bone
+    if box is not None:
+        return near & scene.box_mask(box, 1.0)
+    _, y, z = scene.axes()
+    front = scene.pelvis.symphysis
+    return near & (z > front[0, 2]) & (y > front[0, 1] - 20.0) & (y < front[1, 1] + 95.0)
+
+
+def _best_core(scene: Scene, smooth: NDArray[np.float32], allowed: Mask) -> Mask | None:
+    """The inner part of the region most like a bladder: large, low in HU, homogeneous, at the midline."""
+    best, best_score = None, 0.0
+    for high in TRIED_HU:
+        inner = eroded((smooth > LOWEST_HU) & (smooth < high) & allowed, CORE_MM, scene.step)
+        parts, count = ndimage.label(inner)
+        sizes = np.bincount(parts.ravel(), minlength=count + 1)
+        sizes[0] = 0
+        for number in np.argsort(sizes)[::-1][:6]:
+            if sizes[number] * scene.step**3 < 1000.0:
+                break
+            part = parts == number
+            score = _score(scene, part, float(smooth[part].std())) * (1.0 - high / 80.0)
+            if score > best_score:
+                best, best_score = part, score
+    return best
+
+
+def _score(scene: Scene, part: Mask, spread: float) -> float:
+    x, y, z = scene.grid.to_lps(np.argwhere(part).mean(axis=0)[None])[0]
+    off = x - scene.pelvis.midline_x(y, z)
+    size = min(scene.cc(part), ENOUGH_CC) / ENOUGH_CC
+    top = scene.pelvis.symphysis[1, 2]
+    high = max(0.0, abs(z - top - 15.0) - 35.0)
+    return float(size * np.exp(-0.5 * (off / 25.0) ** 2 - 0.5 * (high / 20.0) ** 2) / (1.0 + (spread / 10.0) ** 2))
+
+
+def _core_at(scene: Scene, smooth: NDArray[np.float32], allowed: Mask, point: FloatArray) -> Mask | None:
+    """The inner part of the homogeneous region about a point."""
+    at = scene.index(point)
+    around = scene.box_mask(np.array([point, point]), 4.0) & allowed
+    if not around.any():
+        return None
+    urine = float(np.median(smooth[around]))
+    inner = eroded((np.abs(smooth - urine) < ABOVE_HU) & allowed, CORE_MM, scene.step)
+    parts, count = ndimage.label(inner)
+    if count == 0:
+        return None
+    far, nearest = ndimage.distance_transform_edt(parts == 0, sampling=scene.step, return_indices=True)
+    number = parts[tuple(nearest[(slice(None), *at)])]
+    return np.asarray(parts == number) if far[at] < 15.0 else None
+
+
+def _whole_core(core: Mask, like_urine: Mask, step: float) -> Mask:
+    """The inner part of all that is like this urine and hangs together with what was found first."""
+    parts, _ = ndimage.label(eroded(like_urine, CORE_MM, step) | core)
+    return np.asarray(np.isin(parts, np.unique(parts[core])))
+
+
+def _grown(core: Mask, like_urine: Mask, step: float) -> Mask:
+    """The core grown back to the region's edge, without what leaks out of it through a narrow or a thin place."""
+    near = like_urine & dilated(core, CORE_MM + step, step)
+    parts, _ = ndimage.label(near)
+    near &= np.isin(parts, np.unique(parts[core & near]))
+    deepest = float(ndimage.distance_transform_edt(near, sampling=step).max())
+    trunk = largest(opened(near, float(np.clip(ROUND_SHARE * deepest, *ROUND_MM)), step))
+    region = opened(near & dilated(trunk, BULGE_MM, step), SMOOTH_MM, step)
+    return largest(np.asarray(ndimage.binary_fill_holes(region)))
+
+
+def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:
+    """The wall's outer surface, from the urine's, and the share of it that a contrast shows."""
+    offsets = np.arange(-INWARD_MM, THICKEST_MM + 1e-6, STEP_MM)
+    sharp = Volume(blurred(scene.hu, 0.8, scene.step), scene.grid.affine)
+    values = profiles(sharp, shell.points, shell.normals, offsets)
+    start = np.full(len(values), np.searchsorted(offsets, 0.0))
+    fat = crossing(values, start, scene.fat_edge, len(offsets))
+    against_fat = np.isfinite(fat)
+    inside = np.clip((values - scene.fat_edge) / 40.0, -1.0, 1.0)
+    # Against soft tissue the wall cannot be told from its neighbour: it ends a little beyond the urine.
+    inside[~against_fat] = np.where(offsets < WALL_MM, 0.5, -0.5)
+    found = optimal_surface(region_cost(inside), shell.edges, 1, STIFFNESS)
+    near = crossing(values, found, scene.fat_edge, 2)
+    place = np.where(np.isfinite(near), near, found + 0.5)
+    move = shell.smoothed(offsets[0] + STEP_MM * place, 4)
+    contrast = against_fat | (values[:, -1] > urine + ABOVE_HU)
+    return Shell(shell.points + move[:, None] * shell.normals, shell.faces), float(contrast.mean())
+
+
+def _confidence(scene: Scene, mask: Mask, spread: float, seen: float) -> float:
+    """From size, evenness of the urine and the share of the surface that a contrast shows."""
+    cc = scene.cc(mask)
+    size = np.clip((cc - SMALLEST_CC) / 25.0, 0.0, 1.0) * np.clip((1500.0 - cc) / 500.0, 0.0, 1.0)
+    even = 1.0 / (1.0 + (spread / 9.0) ** 2)
+    return round(float(size * even * np.clip((seen - 0.3) / 0.5, 0.0, 1.0)), 3)

@@ -1,0 +1,78 @@
+"""A CT of the male pelvis to organs: automatic, or led by what a person points at or has drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation.organs.bladder import find_bladder
+from palpate.segmentation.organs.prompts import Prompts
+from palpate.segmentation.organs.prostate import find_prostate
+from palpate.segmentation.organs.rectum import find_rectum
+from palpate.segmentation.organs.scene import Found, Scene, make_scene
+from palpate.segmentation.organs.working_grid import Mask, mask_on
+from palpate.segmentation.volume import Volume
+
+# Below this a label wants a person's eye.
+DOUBTFUL = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """scene : the CT as it was worked on. organs : prostate, bladder, rectum where found, masks on the scene's grid."""
+
+    scene: Scene
+    organs: Mapping[str, Found] = field(default_factory=dict)
+
+    def mask(self, organ: str, grid: Volume) -> Mask:
+        """An organ, "bone" or "body" on another grid."""
+        if organ == "bone":
+            return mask_on(self.scene.whole_bone, grid)
+        found = self.scene.body if organ == "body" else self.organs[organ].mask
+        return mask_on(self.scene.grid.with_array(found), grid)
+
+
+def segment_pelvis(
+    ct: Volume,
+    prompts: Prompts | None = None,
+    drawn: Mapping[str, Volume] | None = None,
+    progress: Progress = silent,
+) -> Segmentation:
+    """Prostate, bladder, rectum and bone of a CT (HU, any grid in patient coordinates).
+
+    prompts : what a person pointed at. drawn : organ -> mask that a person has drawn, which is taken as it is.
+
+    Raises InputError when the scan holds no body or no pubic bones, or no prostate is found.
+    """
+    prompts, drawn = prompts or Prompts(), drawn or {}
+    progress(0.0, "body and bone")
+    scene = make_scene(ct, prompts)
+    organs = {name: Found(mask_on(mask, scene.grid), "user", 1.0) for name, mask in drawn.items()}
+    progress(0.4, "bladder")
+    if "bladder" not in organs:
+        _keep(organs, "bladder", find_bladder(scene, prompts))
+    progress(0.65, "rectum")
+    if "rectum" not in organs:
+        _keep(organs, "rectum", find_rectum(scene, prompts, _mask(organs, "bladder")))
+    progress(0.75, "prostate")
+    if "prostate" not in organs:
+        found = find_prostate(scene, prompts, _mask(organs, "bladder"), _mask(organs, "rectum"))
+        if found is None or not found.mask.any():
+            raise InputError("no prostate was found in the scan; click on it with --seed prostate=x,y,z (mm, LPS)")
+        organs["prostate"] = found
+    progress(1.0, "organs found")
+    return Segmentation(scene, organs)
+
+
+def _keep(organs: dict[str, Found], name: str, found: Found | None) -> None:
+    if found is not None and found.mask.any():
+        organs[name] = found
+
+
+def _mask(organs: Mapping[str, Found], name: str) -> Mask | None:
+    found = organs.get(name)
+    return None if found is None else np.asarray(found.mask)

@@ -1,0 +1,103 @@
+"""The rectum: gas, stool and wall, as one tube."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from palpate.segmentation.organs import rectum_track as track
+from palpate.segmentation.organs.edges import mask_to_edges
+from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
+from palpate.segmentation.organs.prompts import Prompts
+from palpate.segmentation.organs.rectum_track import ANGLES, RADII, RADIUS_STEP, UNIT, Track
+from palpate.segmentation.organs.scene import Found, Scene
+from palpate.segmentation.organs.surface_mesh import Shell
+from palpate.segmentation.organs.working_grid import Mask, blurred
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+ALONG_STIFFNESS = 0.35
+PRIOR_WEIGHT = 0.02
+SNAP_MM = 2.0
+
+
+def find_rectum(scene: Scene, prompts: Prompts, bladder: Mask | None) -> Found | None:
+    """The rectum with its wall, from the anal canal to the sigmoid; None where nothing like it is there."""
+    avoid = scene.bone if bladder is None else scene.bone | bladder
+    point = prompts.point("rectum")
+    start = track.start_of(scene, avoid) if point is None else np.asarray(point)
+    if start is None:
+        return None
+    path = track.follow(scene, avoid, start, _ends(scene, prompts))
+    if len(path.z) < 4:
+        return None
+    path, inside = _together(scene, avoid, path)
+    mask = mask_to_edges(scene, _tube(path).voxels(scene.grid), SNAP_MM) & ~avoid
+    box = prompts.box("rectum")
+    if box is not None:
+        mask &= scene.box_mask(box, 1.0)
+    return Found(mask, prompts.mode("rectum"), _confidence(scene, path, inside))
+
+
+def _ends(scene: Scene, prompts: Prompts) -> tuple[float, float]:
+    box, front = prompts.box("rectum"), scene.pelvis.symphysis
+    low, high = (front[0, 2] - track.BELOW_MM, front[1, 2] + track.ABOVE_MM) if box is None else box[:, 2]
+    z = scene.axes()[2].ravel()
+    return max(float(low), float(z[0])), min(float(high), float(z[-1]))
+
+
+def _together(scene: Scene, avoid: Mask, path: Track) -> tuple[Track, Mask]:
+    """The outlines of all slices found again as one surface; and the radii at which fat or gas speak for them."""
+    count = len(path.z)
+    centres = ndimage.gaussian_filter1d(path.centres, 1.5, axis=0, mode="nearest")
+    seen = np.array([_seen_from(path, k, centres[k]) for k in range(count)])
+    expected = ndimage.gaussian_filter(seen, (1.0, 1.0), mode=("nearest", "wrap")).ravel()
+    soft = blurred(scene.filled, 0.8, scene.step)
+    section = [track.sampled(scene, a, centres, path.z) for a in (soft, scene.hu, avoid.astype(np.float32))]
+    inside, gas_radius = track.evidence(section[0], section[1], section[2], scene.fat_edge)
+    cost = region_cost(inside) + track.prior_cost(np.maximum(expected, gas_radius), PRIOR_WEIGHT)
+    cost -= track.EDGE_WEIGHT * track.soft_edge(section[0], scene)
+    index = optimal_surface(cost, _grid_edges(count), 2, ALONG_STIFFNESS)
+    near = crossing(section[0], index, scene.fat_edge, 2)
+    radii = RADII[0] + RADIUS_STEP * np.where(np.isfinite(near), near, index + 0.5)
+    spoken = np.isfinite(near) | (gas_radius > 0.0)
+    return Track(path.z, centres, radii.reshape(count, ANGLES)), spoken
+
+
+def _seen_from(path: Track, k: int, centre: FloatArray) -> FloatArray:
+    return track.about(path.centres[k] + path.radii[k][:, None] * UNIT, centre)
+
+
+def _grid_edges(count: int) -> IntArray:
+    node = np.arange(count * ANGLES).reshape(count, ANGLES)
+    around = np.stack([node, np.roll(node, -1, axis=1)], axis=-1).reshape(-1, 2)
+    along = np.stack([node[:-1], node[1:]], axis=-1).reshape(-1, 2)
+    return np.concatenate([around, along])
+
+
+def _tube(path: Track) -> Shell:
+    """A closed tube through the outlines, with flat ends half a slice beyond the last ones."""
+    count = len(path.z)
+    ring = path.centres[:, None, :] + path.radii[:, :, None] * UNIT[None]
+    half = 0.5 * float(np.diff(path.z).mean())
+    ring = np.concatenate([ring[:1], ring, ring[-1:]])
+    z = np.concatenate([[path.z[0] - half], path.z, [path.z[-1] + half]])
+    points = np.concatenate([ring, np.broadcast_to(z[:, None, None], (*ring.shape[:2], 1))], axis=2).reshape(-1, 3)
+    ends = np.array([[*path.centres[0], z[0]], [*path.centres[-1], z[-1]]])
+    node = np.arange((count + 2) * ANGLES).reshape(count + 2, ANGLES)
+    after = np.roll(node, -1, axis=1)
+    a, b, c, d = node[:-1].ravel(), after[:-1].ravel(), after[1:].ravel(), node[1:].ravel()
+    bottom = np.column_stack([np.full(ANGLES, len(points)), after[0], node[0]])
+    top = np.column_stack([np.full(ANGLES, len(points) + 1), node[-1], after[-1]])
+    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d]), bottom, top])
+    return Shell(np.concatenate([points, ends]), faces)
+
+
+def _confidence(scene: Scene, path: Track, spoken: Mask) -> float:
+    """From length, the share of the wall that fat or gas shows, and size."""
+    length = np.clip((path.z[-1] - path.z[0] - 20.0) / 40.0, 0.0, 1.0)
+    width = float(np.sqrt(np.mean(path.radii**2)))
+    size = np.exp(-0.5 * (np.log(width / 14.0) / 0.5) ** 2)
+    return round(float(length * size * np.clip((spoken.mean() - 0.2) / 0.5, 0.0, 1.0)), 3)

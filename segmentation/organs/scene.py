@@ -1,0 +1,141 @@
+"""What every organ is sought in: the CT on one even grid about the pelvis, its bones and landmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.segmentation.organs.body import body_mask, without_surroundings
+from palpate.segmentation.organs.bone import bone_mask
+from palpate.segmentation.organs.landmarks import Pelvis, find_pelvis
+from palpate.segmentation.organs.prompts import Prompts
+from palpate.segmentation.organs.working_grid import (
+    COARSE_MM,
+    FINE_MM,
+    LOW_HU,
+    Mask,
+    blurred,
+    bounds,
+    gas_filled,
+    mask_on,
+    resampled,
+    shrunk,
+    upright,
+)
+from palpate.segmentation.volume import Volume
+
+FloatArray = NDArray[np.float64]
+
+BONE_MM = 2.0
+# Room about the landmarks, mm: to both sides of the midline, in front of and behind the symphysis, below and above it.
+BESIDE, BEFORE, BEHIND, BELOW, ABOVE = 80.0, 25.0, 125.0, 50.0, 95.0
+ROOM_ABOUT_PROMPTS = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An organ as found. mask : on the scene's grid. method : auto, click, box, extremes or user.
+
+    confidence : 0 to 1, how well picture and anatomy support it. notes : what a person should look at.
+    """
+
+    mask: Mask
+    method: str
+    confidence: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The CT ready for segmentation; all arrays on ``grid``.
+
+    grid : even and upright. hu : HU cut to LOW_HU..HIGH_HU. filled : the same with gas as soft tissue. gas, body, bone :
+    masks. whole_bone : bone of the whole scan on a 2 mm grid. fat, muscle : typical HU of this scan.
+    """
+
+    grid: Volume
+    hu: NDArray[np.float32]
+    filled: NDArray[np.float32]
+    gas: Mask
+    body: Mask
+    bone: Mask
+    pelvis: Pelvis
+    whole_bone: Volume
+    fat: float
+    muscle: float
+
+    @property
+    def step(self) -> float:
+        """Spacing of the grid, mm."""
+        return float(self.grid.spacing[0])
+
+    @property
+    def fat_edge(self) -> float:
+        """HU half-way from fat to soft tissue: where a boundary against fat lies."""
+        return 0.5 * (self.fat + 40.0)
+
+    def axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coordinates x, y, z of the grid, shaped to broadcast over it."""
+        origin, shape = self.grid.affine[:3, 3], self.grid.array.shape
+        x, y, z = (origin[i] + self.step * np.arange(shape[i]) for i in range(3))
+        return x[:, None, None], y[None, :, None], z[None, None, :]
+
+    def index(self, point: FloatArray) -> tuple[int, int, int]:
+        """The voxel nearest a point (3,) mm, moved onto the grid where it lies beyond."""
+        nearest = np.rint(self.grid.to_index(np.asarray(point)[None])[0]).astype(int)
+        i, j, k = np.clip(nearest, 0, np.array(self.grid.array.shape) - 1)
+        return int(i), int(j), int(k)
+
+    def box_mask(self, box: FloatArray, margin_mm: float) -> Mask:
+        """Voxels within a box (2, 3) mm and a margin."""
+        inside = np.ones(self.grid.array.shape, dtype=bool)
+        for axis, coordinate in enumerate(self.axes()):
+            inside &= (coordinate > box[0, axis] - margin_mm) & (coordinate < box[1, axis] + margin_mm)
+        return inside
+
+    def cc(self, mask: Mask) -> float:
+        """Volume of a mask, cc."""
+        return float(mask.sum()) * self.step**3 / 1000.0
+
+
+def make_scene(ct: Volume, prompts: Prompts | None = None, step_mm: float = FINE_MM) -> Scene:
+    """Bodies, bones and landmarks of a CT (HU, any grid), and the part of it about the prostate, evenly sampled.
+
+    Raises InputError when the scan holds no body or no pubic bones.
+    """
+    coarse = shrunk(ct, COARSE_MM)
+    body = coarse.with_array(body_mask(coarse))
+    for_bone = shrunk(ct, BONE_MM)
+    for_bone = without_surroundings(for_bone, mask_on(body, for_bone))
+    whole_bone = for_bone.with_array(bone_mask(for_bone))
+    pelvis = find_pelvis(whole_bone)
+    grid = upright(*_region(ct, pelvis, prompts or Prompts()), step_mm)
+    hu = resampled(ct, grid).array
+    inside = mask_on(body, grid)
+    filled, gas = gas_filled(np.where(inside, hu, np.float32(LOW_HU)), step_mm)
+    fat, muscle = _typical(for_bone.array, mask_on(body, for_bone))
+    bone = mask_on(whole_bone, grid)
+    return Scene(grid, hu, filled, gas & inside, inside, bone, pelvis, whole_bone, fat, muscle)
+
+
+def _region(ct: Volume, pelvis: Pelvis, prompts: Prompts) -> tuple[FloatArray, FloatArray]:
+    front, middle = pelvis.symphysis, pelvis.symphysis.mean(axis=0)
+    low = np.array([middle[0] - BESIDE, front[0, 1] - BEFORE, front[0, 2] - BELOW])
+    high = np.array([middle[0] + BESIDE, front[1, 1] + BEHIND, front[1, 2] + ABOVE])
+    points = [*prompts.seeds.values()]
+    for group in (*prompts.extremes.values(), *prompts.boxes.values()):
+        points.extend(group)
+    for point in points:
+        low, high = np.minimum(low, point - ROOM_ABOUT_PROMPTS), np.maximum(high, point + ROOM_ABOUT_PROMPTS)
+    scan = bounds(ct)
+    return np.maximum(low, scan[0]), np.minimum(high, scan[1])
+
+
+def _typical(hu: NDArray[np.floating], body: Mask) -> tuple[float, float]:
+    """Most frequent HU of fat and of muscle."""
+    count, edges = np.histogram(blurred(hu, 2.0, BONE_MM)[body], bins=np.arange(-160.0, 120.0, 4.0))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    fat, muscle = (middle < -60.0), (middle > 10.0) & (middle < 90.0)
+    return float(middle[fat][count[fat].argmax()]), float(middle[muscle][count[muscle].argmax()])

@@ -1,0 +1,103 @@
+"""Closed triangle surfaces while an organ is being drawn: normals, neighbours, samples along normals, voxels inside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyvista as pv
+import vtk
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array, csr_array, diags_array
+from skimage.measure import marching_cubes
+from vtk.util.numpy_support import vtk_to_numpy
+
+from palpate.segmentation.organs.working_grid import Mask
+from palpate.segmentation.volume import Volume
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shell:
+    """points : (n, 3) mm LPS. faces : (f, 3) indices, wound so that normals point outward."""
+
+    points: FloatArray
+    faces: IntArray
+
+    @cached_property
+    def edges(self) -> IntArray:
+        """Neighbouring points (e, 2), each pair once."""
+        pairs = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
+        return np.unique(np.sort(pairs, axis=1), axis=0)
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Unit outward normals (n, 3)."""
+        a, b, c = (self.points[self.faces[:, i]] for i in range(3))
+        cross, total = np.cross(b - a, c - a), np.zeros_like(self.points)
+        for corner in range(3):
+            np.add.at(total, self.faces[:, corner], cross)
+        return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+
+    @cached_property
+    def mean_of_neighbours(self) -> csr_array:
+        """Matrix (n, n) that takes values at points to the mean over each point's neighbours."""
+        n, e = len(self.points), self.edges
+        link = csr_array(coo_array((np.ones(len(e)), (e[:, 0], e[:, 1])), shape=(n, n)))
+        link = link + link.T
+        count = np.maximum(np.asarray(link.sum(axis=1)).ravel(), 1.0)
+        return csr_array(diags_array(1.0 / count) @ link)
+
+    def smoothed(self, values: FloatArray, rounds: int, weight: FloatArray | None = None) -> FloatArray:
+        """Values (n,) drawn towards their neighbours, by turns in and out so that nothing shrinks (Taubin 1995).
+
+        weight : (n,) 0 keeps a value, 1 lets it move; all may move where None.
+        """
+        move = np.ones(len(self.points)) if weight is None else weight
+        move = move if values.ndim == 1 else move[:, None]
+        for factor in [0.5, -0.52] * rounds:
+            values = values + factor * move * (self.mean_of_neighbours @ values - values)
+        return values
+
+    def voxels(self, grid: Volume) -> Mask:
+        """Which voxel centres of an upright even grid lie inside."""
+        stencil = vtk.vtkPolyDataToImageStencil()
+        stencil.SetInputData(pv.PolyData(self.points, np.insert(self.faces, 0, 3, axis=1).ravel()))
+        stencil.SetOutputOrigin(grid.affine[:3, 3])
+        stencil.SetOutputSpacing(grid.spacing)
+        shape = grid.array.shape
+        stencil.SetOutputWholeExtent(0, shape[0] - 1, 0, shape[1] - 1, 0, shape[2] - 1)
+        image = vtk.vtkImageStencilToImage()
+        image.SetInputConnection(stencil.GetOutputPort())
+        image.SetInsideValue(1)
+        image.SetOutsideValue(0)
+        image.SetOutputScalarTypeToUnsignedChar()
+        image.Update()
+        flat = vtk_to_numpy(image.GetOutput().GetPointData().GetScalars())
+        return np.asarray(np.transpose(flat.reshape(shape[::-1])) > 0)
+
+
+def shell_of_mask(mask: Mask, grid: Volume, sigma_mm: float) -> Shell:
+    """Smooth surface of a mask on an upright grid; closed where the mask meets the grid's end."""
+    pad = 3
+    soft = ndimage.gaussian_filter(np.pad(mask, pad).astype(np.float32), sigma_mm / grid.spacing)
+    index, faces, _, _ = marching_cubes(soft, 0.5, gradient_direction="descent")
+    shell = Shell(grid.to_lps(index.astype(float) - pad), faces.astype(np.int64))
+    return shell if _volume(shell) > 0 else Shell(shell.points, np.ascontiguousarray(shell.faces[:, ::-1]))
+
+
+def profiles(image: Volume, points: FloatArray, directions: FloatArray, offsets: FloatArray) -> FloatArray:
+    """Values (n, m) of an image at points (n, 3) + offsets (m,) mm along directions (n, 3); linear, nearest beyond the grid."""
+    at = points[:, None, :] + offsets[None, :, None] * directions[:, None, :]
+    index = image.to_index(at.reshape(-1, 3)).T
+    values = ndimage.map_coordinates(image.array, index, order=1, mode="nearest")
+    return np.asarray(values, dtype=np.float64).reshape(len(points), len(offsets))
+
+
+def _volume(shell: Shell) -> float:
+    a, b, c = (shell.points[shell.faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)))

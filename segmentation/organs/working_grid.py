@@ -1,0 +1,116 @@
+"""Grids to work on: upright in the patient, evenly spaced, and as large as is needed."""
+
+from __future__ import annotations
+
+import numpy as np
+import SimpleITK as sitk
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from palpate.segmentation.volume import Volume
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Spacing, mm, for finding organs and for drawing their boundaries.
+COARSE_MM = 3.0
+FINE_MM = 1.25
+# HU outside this are cut off before interpolation, so that gas and metal do not ring.
+LOW_HU, HIGH_HU = -400.0, 700.0
+AIR_HU = -1000.0
+# Half-way from soft tissue to gas as it is cut off at LOW_HU; fat is never as dark.
+GAS_HU = -180.0
+RIM_MM = 1.6
+# What stands in for gas, and for the voxels that gas has darkened, so that an edge is an edge against fat only.
+SOFT_HU = 40.0
+
+
+def upright(low: FloatArray, high: FloatArray, step_mm: float) -> Volume:
+    """An empty grid (array of zeros) with axes along LPS whose voxels fill the box from ``low`` to ``high`` (3,) mm."""
+    shape = np.maximum(1, np.ceil((np.asarray(high) - low) / step_mm - 1e-9).astype(int))
+    affine = np.diag([step_mm, step_mm, step_mm, 1.0])
+    affine[:3, 3] = np.asarray(low) + 0.5 * step_mm
+    return Volume(np.zeros(shape, dtype=np.uint8), affine)
+
+
+def bounds(volume: Volume) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest coordinates (3,) mm that a volume's voxels, edges included, reach."""
+    n = np.array(volume.array.shape) - 0.5
+    corners = np.array([[i, j, k] for i in (-0.5, n[0]) for j in (-0.5, n[1]) for k in (-0.5, n[2])])
+    points = volume.to_lps(corners)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def resampled(ct: Volume, grid: Volume, smooth: bool = True) -> Volume:
+    """The CT (HU, cut to LOW_HU..HIGH_HU) on a grid, float32. ``smooth``: cubic, else linear."""
+    image = sitk.Clamp(sitk.Cast(ct.to_sitk(), sitk.sitkFloat32), sitk.sitkFloat32, LOW_HU, HIGH_HU)
+    how = sitk.sitkBSpline3 if smooth else sitk.sitkLinear
+    return _sampled(image, grid, how)
+
+
+def mask_on(mask: Volume, grid: Volume) -> Mask:
+    """A mask on another grid, its outline interpolated."""
+    image = sitk.Cast(mask.with_array(mask.array.astype(np.uint8)).to_sitk(), sitk.sitkFloat32)
+    return _sampled(image, grid, sitk.sitkLinear).array > 0.5
+
+
+def _sampled(image: sitk.Image, grid: Volume, how: int) -> Volume:
+    """An image on another grid. Beyond its last voxels the image goes on as it ends: organs do, too."""
+    resample = sitk.ResampleImageFilter()
+    resample.SetSize([int(n) for n in grid.array.shape])
+    resample.SetOutputOrigin([float(x) for x in grid.affine[:3, 3]])
+    resample.SetOutputSpacing([float(s) for s in grid.spacing])
+    resample.SetOutputDirection((grid.affine[:3, :3] / grid.spacing).ravel().tolist())
+    resample.SetOutputPixelType(sitk.sitkFloat32)
+    resample.SetInterpolator(how)
+    resample.UseNearestNeighborExtrapolatorOn()
+    return Volume.from_sitk(resample.Execute(image))
+
+
+def shrunk(ct: Volume, step_mm: float) -> Volume:
+    """The CT averaged to about ``step_mm``, float32, on an upright grid over its whole extent."""
+    factor = [max(1, int(step_mm / s + 1e-6)) for s in ct.spacing]
+    image = sitk.BinShrink(sitk.Cast(ct.to_sitk(), sitk.sitkFloat32), factor)
+    low, high = bounds(ct)
+    return resampled(Volume.from_sitk(image), upright(low, high, step_mm), smooth=False)
+
+
+def blurred(array: NDArray[np.floating], sigma_mm: float, step_mm: float) -> NDArray[np.float32]:
+    """Gaussian smoothing of an array on an even grid."""
+    return np.asarray(ndimage.gaussian_filter(array.astype(np.float32), sigma_mm / step_mm, mode="nearest"))
+
+
+def gas_filled(array: NDArray[np.floating], step_mm: float) -> tuple[NDArray[np.float32], Mask]:
+    """HU with gas, and the rim that it darkens, set to soft tissue; and the mask of the gas itself."""
+    gas = array < GAS_HU
+    rim = dilated(gas, RIM_MM, step_mm) & (array < SOFT_HU)
+    return np.where(rim, np.float32(SOFT_HU), array).astype(np.float32), gas
+
+
+def dilated(mask: Mask, radius_mm: float, step_mm: float) -> Mask:
+    """The mask grown by a ball."""
+    if not mask.any():
+        return mask.copy()
+    return np.asarray(ndimage.distance_transform_edt(~mask, sampling=step_mm) <= radius_mm)
+
+
+def eroded(mask: Mask, radius_mm: float, step_mm: float) -> Mask:
+    """The mask shrunk by a ball; what lies beyond the grid counts as mask."""
+    if mask.all():
+        return mask.copy()
+    return np.asarray(ndimage.distance_transform_edt(mask, sampling=step_mm) > radius_mm)
+
+
+def opened(mask: Mask, radius_mm: float, step_mm: float) -> Mask:
+    """The mask without what a ball cannot enter."""
+    return dilated(eroded(mask, radius_mm, step_mm), radius_mm, step_mm) & mask
+
+
+def largest(mask: Mask) -> Mask:
+    """The largest connected part (6 neighbours)."""
+    parts, count = ndimage.label(mask)
+    if count < 2:
+        return mask
+    sizes = np.bincount(parts.ravel())
+    sizes[0] = 0
+    return np.asarray(parts == sizes.argmax())

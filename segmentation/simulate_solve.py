@@ -1,0 +1,197 @@
+"""The deformed state of a simulation: equilibrium on a fine mesh of an element that no identification uses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from palpate.core.errors import ConvergenceError
+from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.materials import Material
+from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.space import Space
+from palpate.core.laws.linear import LINEAR, bulk_modulus
+from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_parameters
+from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.segmentation.meshing import MeshedCase
+from palpate.segmentation.simulate_glide import Glide
+from palpate.segmentation.simulate_motion import MovedWall
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+
+ELEMENT = "p2"
+ORGAN_POISSON_RATIO = 0.495
+# Gliding walls have found their place when a round moves them by less (rms), mm.
+SETTLED_MM = 0.01
+ROUNDS = 30
+_OPTIONS = NewtonOptions(rtol=1e-6, stability=False)
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """True shear moduli, kPa.
+
+    organ : label -> G. tissue, tissue_poisson_ratio : of the surrounding tissue. mu1_share : mu1 / (mu1 + mu2).
+    """
+
+    organ: Mapping[int, float]
+    tissue: float = 20.0
+    tissue_poisson_ratio: float = 0.49
+    mu1_share: float = 0.5
+
+    def materials(self) -> dict[int, Material]:
+        """Laws by region: Mooney-Rivlin organ (G = 2 (mu1 + mu2)), linear tissue."""
+        result = {
+            label: Material(
+                MOONEY_RIVLIN, mooney_rivlin_parameters(G, bulk_modulus(G, ORGAN_POISSON_RATIO), self.mu1_share)
+            )
+            for label, G in self.organ.items()
+        }
+        K = bulk_modulus(self.tissue, self.tissue_poisson_ratio)
+        result[SURROUNDING_TISSUE] = Material(LINEAR, np.array([self.tissue, K]))
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class DeformedState:
+    """What the simulation found.
+
+    space : of the mesh at rest. u : (n, 3) mm at its nodes. boundary : name -> its nodes. strain : see `organ_strain`.
+    solver : figures of the solve.
+    """
+
+    space: Space
+    u: FloatArray
+    boundary: Mapping[str, IntArray]
+    strain: dict[str, float]
+    solver: dict[str, Any] = field(default_factory=dict)
+
+
+def solve_deformed(
+    meshed: MeshedCase,
+    stiffness: Stiffness,
+    walls: Mapping[str, MovedWall],
+    contact: str = "gliding",
+    element: str = ELEMENT,
+) -> DeformedState:
+    """Equilibrium with bone and the region's edge fixed and the walls of hollow organs where their motions put them.
+
+    contact : "tied", every wall point goes where its motion says, or "gliding", the wall's shape is that of the motion
+    but the tissue slides along it without friction, as along an organ that gas or liquid has filled.
+
+    Raises ConvergenceError when there is no equilibrium or the tissue would fold over itself.
+    """
+    space = Space.of(meshed.mesh, element)
+    nodes = {name: np.unique(space.face_nodes(faces)) for name, faces in meshed.boundary.items()}
+    prescribed = _prescribed(space, nodes, walls)
+    free = np.ones((space.n_nodes, 3), dtype=bool)
+    free[np.concatenate(list(nodes.values()))] = False
+    assembler = Assembler(space, free.ravel())
+    found = solve_equilibrium(assembler, stiffness.materials(), prescribed.ravel(), options=_OPTIONS)
+    _require(found)
+    figures = _figures(space, found)
+    if contact == "gliding":
+        found, rounds = _glide(meshed, space, nodes, stiffness, walls, found)
+        figures |= {"glide_rounds": rounds}
+    F = assembler.deformation_gradients(found.u)
+    figures |= {"contact": contact, "smallest_volume_ratio": _unfolded(meshed, F)}
+    organ = np.isin(meshed.mesh.regions, ORGAN_LABELS)
+    return DeformedState(space, found.u, nodes, organ_strain(F[organ], assembler.weight[organ]), figures)
+
+
+def organ_strain(F: FloatArray, weight: FloatArray) -> dict[str, float]:
+    """Size of the organ's strain from F (m, q, 3, 3) at points of volume weight (m, q) mm3.
+
+    rms and p95 of the largest principal logarithmic (Hencky) strain by magnitude, max_i |ln lambda_i|, and the rms
+    equivalent (von Mises) strain sqrt(2/3 dev H : dev H).
+    """
+    stretches = np.linalg.svd(F, compute_uv=False)
+    H = np.log(stretches).reshape(-1, 3)
+    share = weight.ravel() / weight.sum()
+    largest = np.abs(H).max(axis=1)
+    deviator = H - H.mean(axis=1, keepdims=True)
+    order = np.argsort(largest)
+    p95 = largest[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
+    return {
+        "rms_largest_principal": float(np.sqrt(share @ largest**2)),
+        "p95_largest_principal": float(p95),
+        "rms_equivalent": float(np.sqrt(share @ (2.0 / 3.0 * (deviator**2).sum(axis=1)))),
+    }
+
+
+def _prescribed(space: Space, nodes: Mapping[str, IntArray], walls: Mapping[str, MovedWall]) -> FloatArray:
+    """Displacements (n, 3) mm of the boundary's nodes; where boundaries meet, bone and the region's edge have the last word."""
+    u = np.zeros((space.n_nodes, 3))
+    for name, wall in walls.items():
+        if name in nodes:
+            u[nodes[name]] = wall.motion.displacement(space.nodes[nodes[name]])
+    for name in {"bone", "outer"} & set(nodes):
+        u[nodes[name]] = 0.0
+    return u
+
+
+def _glide(
+    meshed: MeshedCase,
+    space: Space,
+    nodes: Mapping[str, IntArray],
+    stiffness: Stiffness,
+    walls: Mapping[str, MovedWall],
+    tied: Equilibrium,
+) -> tuple[Equilibrium, int]:
+    """From the state with tied walls, let the walls slide along their new shapes until they stay where they are."""
+    moving = {name: wall for name, wall in walls.items() if name in nodes}
+    held = np.concatenate([points for name, points in nodes.items() if name not in moving])
+    free = np.ones((space.n_nodes, 3), dtype=bool)
+    free[held] = False
+    glides = [
+        Glide.of(space, space.face_nodes(meshed.boundary[name]), wall, tied.u, stiffness.tissue)
+        for name, wall in moving.items()
+    ]
+    assembler = Assembler(space, free.ravel(), glides)
+    found, moved, pace, target = tied, np.inf, 1.0, tied.u
+    for number in range(1, ROUNDS + 1):
+        assembler.terms = tuple(glide.linearised(target) for glide in glides)
+        found = solve_equilibrium(assembler, stiffness.materials(), start=State(found.u, found.p), options=_OPTIONS)
+        _require(found)
+        change = found.u - target
+        before, moved = moved, max(glide.sliding(change) for glide in glides)
+        if moved < SETTLED_MM:
+            return found, number
+        if moved > 0.8 * before:
+            pace = max(0.5 * pace, 0.2)  # the walls swing about their place: go part of the way
+        target = target + pace * change
+    raise ConvergenceError(
+        f"the gliding walls still move by {moved:.2f} mm after {ROUNDS} rounds; make the walls move less or set contact to 'tied'"
+    )
+
+
+def _require(found: Equilibrium) -> None:
+    if not found.converged:
+        raise ConvergenceError(
+            f"the simulated deformation has no equilibrium ({found.reason}); make the walls move less"
+        )
+
+
+def _unfolded(meshed: MeshedCase, F: FloatArray) -> float:
+    """Smallest volume ratio. Raises ConvergenceError where it is not positive."""
+    ratio = np.linalg.det(F).min(axis=1)
+    worst = int(ratio.argmin())
+    if ratio[worst] <= 0.0:
+        place = meshed.mesh.points[meshed.mesh.cells[worst]].mean(axis=0).round(1).tolist()
+        raise ConvergenceError(
+            f"the simulated tissue folds over itself (volume ratio {ratio[worst]:.2f} at {place} mm); make the walls move less"
+        )
+    return float(ratio[worst])
+
+
+def _figures(space: Space, found: Equilibrium) -> dict[str, Any]:
+    return {
+        "element": space.element.name,
+        "cells": len(space.mesh.cells),
+        "nodes": space.n_nodes,
+        "load_steps": found.load_steps,
+        "factorisations": found.factorisations,
+        "relative_residual": found.residual,
+    }

@@ -1,0 +1,182 @@
+"""What a simulation starts from: the phantom, or a case with its contours and perhaps its CT."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from palpate.core.errors import InputError
+from palpate.segmentation import phantom
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.dicom_series import read_series
+from palpate.segmentation.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
+from palpate.segmentation.partition import Partition, make_partition
+from palpate.segmentation.scanner import Scanner, voxel_mean
+from palpate.segmentation.smooth_field import FloatArray
+from palpate.segmentation.volume import Volume
+
+LabelArray = NDArray[np.uint8]
+# Rest positions (n, 3) mm of points (n, 3) mm in the scanner's coordinates.
+ToRest = Callable[[FloatArray], FloatArray]
+
+
+class Source(Protocol):
+    """A body at rest, in the rest scan's coordinates."""
+
+    @property
+    def name(self) -> str:
+        """The case's name."""
+
+    @property
+    def model_labels(self) -> Volume:
+        """Labels to be meshed, 0 outside the modelled region."""
+
+    @property
+    def label_grid(self) -> Volume:
+        """Grid on which labels are written."""
+
+    def labels(self, points: FloatArray) -> LabelArray:
+        """Label (n,) of points (n, 3) mm."""
+
+    def scan(self, to_rest: ToRest | None, grid: Volume | None, seed: int) -> Volume:
+        """CT (int16) of the body moved so that y shows what ``to_rest`` (None: nothing moved) says; grid None: the own one."""
+
+
+@dataclass(frozen=True)
+class PhantomSource:
+    """The analytic pelvis.
+
+    voxel_mm : of its CT and labels. low_mm, high_mm : the CT's field of view about the anatomy's zero. region_mm :
+    semi-axes of the modelled region, a rounded box around ``region_centre_mm`` about the prostate's centroid.
+    """
+
+    voxel_mm: tuple[float, float, float] = (1.2, 1.2, 2.0)
+    low_mm: tuple[float, float, float] = (-174.0, -101.0, -60.0)
+    high_mm: tuple[float, float, float] = (177.0, 128.0, 74.0)
+    region_mm: tuple[float, float, float] = (58.0, 64.0, 67.0)
+    region_centre_mm: tuple[float, float, float] = (0.0, 8.0, 15.0)
+    model_voxel_mm: float = 1.25
+    scanner: Scanner = field(default_factory=Scanner)
+    name: str = "phantom"
+
+    @property
+    def ct_grid(self) -> Volume:
+        """Grid of the CT at rest."""
+        return _grid(np.add(self.low_mm, phantom.ORIGIN_MM), np.add(self.high_mm, phantom.ORIGIN_MM), self.voxel_mm)
+
+    @property
+    def label_grid(self) -> Volume:
+        """See `Source.label_grid`."""
+        return self._region_grid(self.voxel_mm)
+
+    @property
+    def model_labels(self) -> Volume:
+        """See `Source.model_labels`."""
+        return labels_on(self.labels, self._region_grid((self.model_voxel_mm,) * 3))
+
+    def labels(self, points: FloatArray) -> LabelArray:
+        """See `Source.labels`."""
+        reach = (np.abs(points - self._centre) / np.array(self.region_mm)) ** 4
+        return np.where(reach.sum(axis=1) < 1.0, phantom.labels(points), OUTSIDE).astype(np.uint8)
+
+    def scan(self, to_rest: ToRest | None, grid: Volume | None, seed: int) -> Volume:
+        """See `Source.scan`."""
+        body = phantom.hu if to_rest is None else lambda points: phantom.hu(to_rest(points))
+        return self.scanner.scan(body, grid or self.ct_grid, seed)
+
+    @property
+    def _centre(self) -> FloatArray:
+        return np.add(phantom.prostate_centroid(), self.region_centre_mm)
+
+    def _region_grid(self, voxel_mm: tuple[float, float, float]) -> Volume:
+        reach = np.array(self.region_mm) + 2.0 * np.array(voxel_mm)
+        return _grid(self._centre - reach, self._centre + reach, voxel_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeSource:
+    """A real body: labels of the state at rest and its CT (None: labels can be simulated, scans cannot)."""
+
+    name: str
+    model_labels: Volume
+    ct: Volume | None
+
+    @property
+    def label_grid(self) -> Volume:
+        """See `Source.label_grid`."""
+        return self.model_labels
+
+    def labels(self, points: FloatArray) -> LabelArray:
+        """See `Source.labels`: from the contours' smooth surfaces, so that a moved contour has no voxel steps."""
+        return self._partition.classify(points).astype(np.uint8)
+
+    def scan(self, to_rest: ToRest | None, grid: Volume | None, seed: int) -> Volume:
+        """See `Source.scan`: the given CT, or that CT interpolated (cubic) where its tissue was at rest."""
+        ct = self._needed_ct()
+        if to_rest is None and grid is None:
+            return ct
+        target = grid or ct
+        moved = voxel_mean(lambda points: self._hu(points if to_rest is None else to_rest(points)), target, (1, 1, 1))
+        low, high = int(ct.array.min()), int(ct.array.max())
+        return target.with_array(np.rint(np.clip(moved, low, high)).astype(np.int16))
+
+    def _needed_ct(self) -> Volume:
+        if self.ct is None:
+            raise InputError("simulation spec: output is 'dicom' but the source has no CT; set output to 'labels'")
+        return self.ct
+
+    @cached_property
+    def _partition(self) -> Partition:
+        return make_partition(self.model_labels)
+
+    @cached_property
+    def _spline(self) -> NDArray[np.float32]:
+        values = self._needed_ct().array.astype(np.float32)
+        return ndimage.spline_filter(values, order=3, output=np.float32, mode="nearest")
+
+    def _hu(self, points: FloatArray) -> FloatArray:
+        index = self._needed_ct().to_index(points).T
+        return np.asarray(
+            ndimage.map_coordinates(self._spline, index, order=3, prefilter=False, mode="nearest"), dtype=np.float64
+        )
+
+
+def case_source(path: Path) -> VolumeSource:
+    """A case folder as a source. Raises InputError, naming the file, when it has no labels or they lack organ or tissue."""
+    case = CaseFolder(path)
+    file = case.file("rest.nii.gz")
+    if not case.has_labels("rest"):
+        raise InputError(f"{file} is not there; contour the case or run `palpate segment` first")
+    labels = case.labels("rest")
+    present = set(np.unique(labels.array).tolist())
+    for wanted, what in ((ORGAN_LABELS, "organ (1, 2)"), ((SURROUNDING_TISSUE,), "surrounding tissue (3)")):
+        if not present & set(wanted):
+            raise InputError(f"{file} holds no {what}; run `palpate segment` or draw it")
+    ct = read_series(case.file("rest_ct"))[0] if case.has("rest_ct") else None
+    return VolumeSource(case.facts.name, labels, ct)
+
+
+def labels_on(labels: Callable[[FloatArray], LabelArray], grid: Volume) -> Volume:
+    """Labels (uint8) at the voxel centres of a grid."""
+    shape = grid.array.shape
+    result = np.empty(shape, dtype=np.uint8)
+    plane = np.stack(np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij"), axis=-1).reshape(-1, 2)
+    for k in range(shape[2]):
+        index = np.column_stack([plane, np.full(len(plane), k)]).astype(np.float64)
+        result[:, :, k] = labels(grid.to_lps(index)).reshape(shape[:2])
+    return grid.with_array(result)
+
+
+def _grid(low: FloatArray, high: FloatArray, voxel_mm: tuple[float, float, float]) -> Volume:
+    spacing = np.array(voxel_mm)
+    shape = np.ceil((np.asarray(high) - low) / spacing - 1e-9).astype(int)
+    affine = np.diag([*spacing, 1.0])
+    affine[:3, 3] = low
+    return Volume(np.zeros(tuple(shape), dtype=np.uint8), affine)

@@ -1,0 +1,222 @@
+"""Make a pair of scans whose stiffness is known: ``palpate simulate SPEC.json -o CASE --answers DIR``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation.case import CaseFolder, check_new_case
+from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
+from palpate.segmentation.itksnap import label_description
+from palpate.segmentation.labels import LABELS, ORGAN_LABELS
+from palpate.segmentation.meshing import MeshOptions, mesh_labels
+from palpate.segmentation.nifti_labels import write_labels
+from palpate.segmentation.scanner import Scanner
+from palpate.segmentation.simulate_contours import drawn_labels
+from palpate.segmentation.simulate_solve import DeformedState, solve_deformed
+from palpate.segmentation.simulate_source import PhantomSource, Source, case_source, labels_on
+from palpate.segmentation.simulate_spec import ScanSpec, SimulationSpec, parse_spec
+from palpate.segmentation.simulate_truth import surface_truth, truth_of, write_answers
+from palpate.segmentation.simulate_walls import moved_walls
+from palpate.segmentation.simulate_warp import BackwardMap
+from palpate.segmentation.smooth_field import FloatArray
+from palpate.segmentation.volume import Volume
+
+GRAVITY_SUPINE = (0.0, 9.81, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """A body, its deformed state and how the patient lay in the second scan."""
+
+    spec: SimulationSpec
+    source: Source
+    state: DeformedState
+    warp: BackwardMap
+    deformed_to_rest: FloatArray
+
+    def to_rest(self, points: FloatArray) -> FloatArray:
+        """Rest positions of points (n, 3) mm in the second scan's frame."""
+        T = self.deformed_to_rest
+        return self.warp.rest_points(points @ T[:3, :3].T + T[:3, 3])
+
+    @property
+    def rng(self) -> np.random.Generator:
+        return np.random.default_rng(self.spec.seed)
+
+
+def run_simulate(
+    spec: Mapping[str, Any],
+    case_path: Path | str,
+    answers_path: Path | str,
+    progress: Progress = silent,
+    base: Path | None = None,
+    mesh_cache: Path | None = None,
+) -> dict[str, Any]:
+    """Writes a case with two simulated states and, in another folder, its answers (NAME.json, NAME_surface.npz, NAME_labels).
+
+    spec : see `simulate_spec`. base : folder that the spec's paths start from. mesh_cache : see `mesh_labels`.
+    Output "dicom": rest_ct/, deformed_ct/ and contours/{rest,deformed}.nii.gz, each in its own scan's frame. Output
+    "labels": rest.nii.gz and deformed.nii.gz in one frame.
+
+    Returns the truth. Raises InputError for a bad spec, source or folder, ConvergenceError when the deformation asked for
+    has no equilibrium.
+    """
+    parsed = parse_spec(spec, base)
+    case_path, answers_path = Path(case_path), Path(answers_path)
+    _check_folders(case_path, answers_path)
+    progress(0.0, "reading the source")
+    pair = _deformed_pair(_source(parsed), parsed, progress, mesh_cache)
+    case = CaseFolder.create(case_path, _facts(pair, case_path.name))
+    truth = _write_truth(pair, case_path.name, answers_path, progress)
+    if parsed.output == "dicom":
+        _write_scans(pair, case, progress)
+    else:
+        _write_label_case(pair, case, progress)
+    progress(1.0, f"simulated, organ strain {100 * truth['organ_strain']['rms_largest_principal']:.0f} %")
+    return truth
+
+
+def _source(spec: SimulationSpec) -> Source:
+    if isinstance(spec.source, Path):
+        return case_source(spec.source)
+    scan = spec.scan
+    return PhantomSource(voxel_mm=scan.voxel_mm, scanner=Scanner(scan.blur_mm, scan.noise_hu))
+
+
+def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mesh_cache: Path | None) -> _Pair:
+    labels = source.model_labels
+    present = {label for label in ORGAN_LABELS if (labels.array == label).any()}
+    if present != set(spec.stiffness.organ):
+        wanted = " and ".join(LABELS[label] for label in sorted(present))
+        given = " and ".join(LABELS[label] for label in sorted(spec.stiffness.organ))
+        raise InputError(f"simulation spec: stiffness_kpa names {given}; the source's labels hold {wanted}; name these")
+    walls = moved_walls(labels, spec.rectum, spec.bladder)
+    progress(0.05, "meshing")
+    meshed = mesh_labels(labels, MeshOptions(edge_mm=spec.edge_mm), mesh_cache)
+    progress(0.3, f"solving {len(meshed.mesh.cells)} cells")
+    state = solve_deformed(meshed, spec.stiffness, walls, spec.contact, spec.element)
+    warp = BackwardMap(state.space, state.u, state.boundary, {name: wall.motion for name, wall in walls.items()})
+    centre = meshed.mesh.points[meshed.mesh.cells[np.isin(meshed.mesh.regions, ORGAN_LABELS)]].mean(axis=(0, 1))
+    return _Pair(
+        spec, source, state, warp, np.asarray(np.linalg.inv(second_position(spec.scan, centre)), dtype=np.float64)
+    )
+
+
+def second_position(scan: ScanSpec, centre: FloatArray) -> FloatArray:
+    """The rigid motion (4, 4) of the patient from the first scan to the second: about ``centre`` (3,) mm, then shifted."""
+    motion = np.eye(4)
+    motion[:3, :3] = Rotation.from_euler("xyz", scan.rotation_deg, degrees=True).as_matrix()
+    motion[:3, 3] = centre - motion[:3, :3] @ centre + np.array(scan.shift_mm)
+    return motion
+
+
+def _facts(pair: _Pair, folder: str) -> CaseFacts:
+    spec, source = pair.spec, pair.source
+    real = not isinstance(source, PhantomSource)
+    note = f"second state simulated by finite elements from {'a real scan' if real else 'an analytic phantom'}"
+    return CaseFacts(
+        name=f"{spec.name or folder} ({'simulated second state' if real else 'simulated'})",
+        tissue_shear_modulus_kpa=spec.stiffness.tissue,
+        tissue_poisson_ratio=spec.stiffness.tissue_poisson_ratio,
+        boundary_noise_sd_mm=spec.contour_noise_sd_mm or None,
+        gravity_rest=GRAVITY_SUPINE,
+        gravity_deformed=GRAVITY_SUPINE,
+        other={"simulated": True, "simulated_note": note},
+    )
+
+
+def _write_truth(pair: _Pair, name: str, folder: Path, progress: Progress) -> dict[str, Any]:
+    progress(0.6, "answers")
+    spec, source = pair.spec, pair.source
+    truth = {"name": name, "simulated": True, "spec": dict(spec.raw), "seed": spec.seed}
+    truth |= truth_of(pair.state, spec.stiffness, pair.deformed_to_rest, spec.seed)
+    labels = {
+        "rest": labels_on(source.labels, source.label_grid),
+        "deformed": labels_on(lambda p: source.labels(pair.warp.rest_points(p)), source.label_grid),
+    }
+    write_answers(folder, name, truth, surface_truth(pair.state, spec.seed), labels)
+    return truth
+
+
+def _write_scans(pair: _Pair, case: CaseFolder, progress: Progress) -> None:
+    seeds = pair.rng.integers(0, 2**31, size=2)
+    rest = None
+    for number, state in enumerate(("rest", "deformed")):
+        progress(0.65 + 0.15 * number, f"{state} scan")
+        to_rest = pair.to_rest if number else None
+        ct = pair.source.scan(to_rest, rest, int(seeds[number]))
+        rest = ct if rest is None else rest
+        write_ct_series(case.file(f"{state}_ct"), ct, _identity(pair, case, number, ct))
+    progress(0.95, "contours")
+    first, second = _drawn(pair, pair.to_rest, _padded(pair.source.label_grid, 6.0))
+    for state, labels in (("rest", first), ("deformed", second)):
+        with case.atomic_path(f"contours/{state}.nii.gz") as temporary:
+            write_labels(temporary, labels)
+    case.write_text("contours/labels.txt", label_description())
+
+
+def _write_label_case(pair: _Pair, case: CaseFolder, progress: Progress) -> None:
+    progress(0.7, "label volumes")
+    first, second = _drawn(pair, pair.warp.rest_points, pair.source.label_grid)
+    case.write_labels("rest", first)
+    case.write_labels("deformed", second)
+
+
+def _drawn(pair: _Pair, to_rest: Any, second_grid: Volume) -> tuple[Volume, Volume]:
+    """Contours of both states; each state's errors are its own."""
+    spec, source, rng = pair.spec, pair.source, pair.rng
+    noise = (spec.contour_noise_sd_mm, spec.noise_correlation_mm, rng)
+    rest = drawn_labels(source.labels, source.label_grid, *noise)
+    return rest, drawn_labels(lambda points: source.labels(to_rest(points)), second_grid, *noise)
+
+
+def _identity(pair: _Pair, case: CaseFolder, number: int, ct: Volume) -> SeriesIdentity:
+    real = not isinstance(pair.source, PhantomSource)
+    name = case.path.name
+    # The same spec and pixels give the same UIDs, anything else others.
+    key = f"{name} {pair.spec.seed} {int(ct.array.astype(np.int64).sum())} {number}"
+    what = ("rest", "deformed, simulated")[number] if real else ("rest, simulated", "deformed, simulated")[number]
+    derivation = (
+        ("Pixels of the source CT, identity replaced", "Source CT moved by a finite element simulation")
+        if real
+        else ("Analytic phantom", "Analytic phantom moved by a finite element simulation")
+    )[number]
+    return SeriesIdentity(
+        patient_id=f"PALPATE-{pair.spec.seed:04d}",
+        patient_name="Simulated^Pelvis",
+        study=f"study {key}",
+        series=f"series {key}",
+        frame_of_reference=f"frame {key}",
+        number=number + 1,
+        study_description="Palpate simulated pair, research use only",
+        series_description=f"CT pelvis {what}",
+        derivation=derivation,
+        date=("20240108", "20240115")[number],
+    )
+
+
+def _padded(grid: Volume, margin_mm: float) -> Volume:
+    extra = np.ceil(margin_mm / grid.spacing).astype(int)
+    affine = grid.affine.copy()
+    affine[:3, 3] = grid.to_lps(-extra[None, :].astype(float))[0]
+    return Volume(np.zeros(tuple(np.array(grid.array.shape) + 2 * extra), dtype=np.uint8), affine)
+
+
+def _check_folders(case_path: Path, answers_path: Path) -> None:
+    case, answers = case_path.absolute(), answers_path.absolute()
+    if answers == case or answers.is_relative_to(case) or case.is_relative_to(answers):
+        raise InputError(
+            f"{answers_path} and {case_path} lie in one another; a case never holds its answers: give another --answers"
+        )
+    check_new_case(case_path)
+    if answers_path.is_file():
+        raise InputError(f"{answers_path} is a file; give a folder with --answers")

@@ -1,0 +1,159 @@
+"""The segment step on a case, and the Dice table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from organ_scans import found, scan, truth, truth_of
+
+from palpate.core.errors import InputError
+from palpate.segmentation import dice as dice_module
+from palpate.segmentation import segment_step
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.dice import dice, dice_table, extremes_of
+from palpate.segmentation.nifti_labels import write_labels
+from palpate.segmentation.organs.pelvis import Segmentation
+from palpate.segmentation.organs.prompts import Prompts
+from palpate.segmentation.organs.scene import Found
+from palpate.segmentation.organs.working_grid import mask_on
+from palpate.segmentation.segment_step import SegmentOptions, run_segment
+from palpate.segmentation.volume import Volume
+
+
+@pytest.fixture
+def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
+    """A case whose scans are the phantom's, and whose organs have been found before."""
+    made = CaseFolder.create(tmp_path / "case", CaseFacts("phantom"))
+    for state in ("rest", "deformed"):
+        made.file(f"{state}_ct").mkdir()
+        made.file(f"{state}_ct").joinpath("0001.dcm").write_text(state)
+    monkeypatch.setattr(CaseFolder, "ct", lambda self, state: scan())
+    monkeypatch.setattr(segment_step, "segment_pelvis", _segment_again)
+    return made
+
+
+def _segment_again(ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any) -> Segmentation:
+    """What was found before, with drawn organs in place of the found ones."""
+    grid = found().scene.grid
+    own = {name: Found(mask_on(m, grid), "user", 1.0) for name, m in drawn.items()}
+    return Segmentation(found().scene, {**found().organs, **own})
+
+
+def test_labels_of_both_states(case: CaseFolder) -> None:
+    report = run_segment(case)
+    rest, deformed = case.labels("rest"), case.labels("deformed")
+    assert set(np.unique(rest.array)) == set(range(7)) or set(np.unique(rest.array)) == set(range(1, 7))
+    assert np.prod(deformed.array.shape) > np.prod(rest.array.shape)
+    left, right = (rest.to_lps(np.argwhere(rest.array == v).astype(float))[:, 0].mean() for v in (1, 2))
+    assert left > right + 10.0
+    assert report["states"]["rest"]["organs"]["prostate"]["method"] == "auto"
+    assert report["states"]["rest"]["covers_region"] is True
+    volumes = report["states"]["rest"]["volume_in_region_cc"]
+    assert volumes["prostate_left"] + volumes["prostate_right"] == pytest.approx(43.3, rel=0.04)
+    true = truth_of(1).array
+    assert dice(np.isin(_at(rest, truth()), 1), true) > 0.94
+
+
+def _at(labels: Volume, grid: Volume) -> np.ndarray:
+    """Nearest labels of one volume at the voxels of another."""
+    points = grid.to_lps(np.indices(grid.array.shape).reshape(3, -1).T.astype(float))
+    index = np.rint(labels.to_index(points)).astype(int)
+    inside = ((index >= 0) & (index < labels.array.shape)).all(axis=1)
+    values = np.zeros(len(points), dtype=np.uint8)
+    values[inside] = labels.array[tuple(index[inside].T)]
+    return values.reshape(grid.array.shape)
+
+
+def test_nothing_is_done_twice(case: CaseFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = run_segment(case)
+    monkeypatch.setattr(segment_step, "segment_pelvis", lambda *a, **k: pytest.fail("segmented again"))
+    assert run_segment(case) == first
+    # Another margin is another result.
+    with pytest.raises(pytest.fail.Exception, match="segmented again"):
+        run_segment(case, SegmentOptions(margin_mm=(30.0, 30.0, 30.0)))
+
+
+def test_drawn_labels_win_to_the_voxel(case: CaseFolder) -> None:
+    drawn = np.zeros(truth().array.shape, dtype=np.uint8)
+    drawn[np.roll(truth_of(1, 2).array, 3, axis=1)] = 1
+    write_labels(case.file("rest_user.nii.gz"), truth().with_array(drawn))
+    case.write_json("user_labels.json", {"rest": {"prostate_is_split": False}})
+    report = run_segment(case)
+    rest = case.labels("rest")
+    kept = _at(rest, truth())
+    assert np.array_equal(np.isin(kept, (1, 2)), drawn > 0)
+    assert (kept == 2).any()
+    assert report["states"]["rest"]["organs"]["prostate"] == {
+        "method": "user",
+        "confidence": 1.0,
+        "volume_cc": report["states"]["rest"]["organs"]["prostate"]["volume_cc"],
+    }
+    assert report["states"]["deformed"]["organs"]["prostate"]["method"] == "auto"
+
+
+def test_drawn_halves_are_kept(case: CaseFolder) -> None:
+    drawn = np.where(truth_of(1, 2).array, 2, 0).astype(np.uint8)
+    drawn[truth_of(1).array & (np.arange(drawn.shape[2]) % 2 == 0)] = 1
+    write_labels(case.file("rest_user.nii.gz"), truth().with_array(drawn))
+    case.write_json("user_labels.json", {"rest": {"prostate_is_split": True}})
+    run_segment(case)
+    assert np.array_equal(_at(case.labels("rest"), truth())[drawn > 0], drawn[drawn > 0])
+
+
+def test_label_volumes_that_came_with_the_case_stay(case: CaseFolder) -> None:
+    for state in ("rest", "deformed"):
+        case.write_labels(state, truth())
+    before = case.file("rest.nii.gz").read_bytes()
+    report = run_segment(case)
+    assert report["states"]["rest"]["source"] == "label volumes"
+    assert case.file("rest.nii.gz").read_bytes() == before
+
+
+def test_a_case_without_scans_and_labels_is_refused(tmp_path: Path) -> None:
+    case = CaseFolder.create(tmp_path / "empty", CaseFacts("empty"))
+    with pytest.raises(InputError, match="rest_ct is not there"):
+        run_segment(case)
+
+
+def test_dice_table_names_what_it_compares(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def again(ct: Volume, prompts: Prompts) -> Segmentation:
+        asked.append(prompts)
+        return found()
+
+    monkeypatch.setattr(dice_module, "segment_pelvis", again)
+    reference = {"prostate": truth_of(1, 2), "bone": truth_of(4)}
+    by = {(row.organ, row.mode): row for row in dice_table(scan(), reference)}
+    assert [prompts.mode("prostate") for prompts in asked] == ["auto", "click", "extremes"]
+    assert set(by) == {("prostate", mode) for mode in ("auto", "click", "extremes")} | {("bone", "auto")}
+    assert by["prostate", "auto"].dice > 0.96
+    assert by["bone", "auto"].share_inside > 0.99
+    assert by["prostate", "auto"].shift_mm < 1.0
+    assert by["prostate", "auto"].to_dict()["reference_cc"] == pytest.approx(43.3, abs=0.5)
+
+
+def test_dice_table_refuses_what_it_does_not_know() -> None:
+    with pytest.raises(InputError, match="'liver' is no organ"):
+        dice_table(scan(), {"liver": truth_of(1)})
+    with pytest.raises(InputError, match="mode 'guess' is unknown"):
+        dice_table(scan(), {"prostate": truth_of(1)}, modes=("guess",))
+
+
+def test_extreme_points_lie_on_the_outside() -> None:
+    mask = truth_of(1, 2)
+    points = extremes_of(mask)
+    inside = mask.to_lps(np.argwhere(mask.array).astype(float))
+    assert points[:, 0].min() == pytest.approx(inside[:, 0].min() - 0.5 * mask.spacing[0])
+    assert points[:, 2].max() == pytest.approx(inside[:, 2].max() + 0.5 * mask.spacing[2])
+    assert points.shape == (6, 3)
+
+
+def test_two_empty_masks_agree() -> None:
+    nothing = np.zeros((2, 2, 2), dtype=bool)
+    assert dice(nothing, nothing) == 1.0
+    assert dice(nothing, ~nothing) == 0.0
