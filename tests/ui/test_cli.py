@@ -121,11 +121,20 @@ def test_report_command_tells_where_the_report_is(tmp_path: Path, capfd: pytest.
     assert all(Path(path).is_file() for path in [written["html"], written["pdf"], *written["pictures"]])
 
 
+def _hears_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_with_130_and_leaves_no_process(number: signal.Signals) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-c", SLEEPER, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", SLEEPER, "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell starts background jobs with Ctrl-C ignored, and the tests may be one; the program rightly inherits that.
+        preexec_fn=_hears_interrupts,
     )
     assert process.stderr is not None
     child = int(process.stderr.readline().split()[1])
