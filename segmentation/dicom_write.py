@@ -15,6 +15,8 @@ from palpate.core.errors import InputError
 from palpate.segmentation.atomic import atomic_folder
 from palpate.segmentation.volume import Volume
 
+# OpenJPEG halves a picture five times, so smaller ones stay uncompressed.
+SMALLEST_COMPRESSED = 32
 # Stored values are HU + 1024 in 12 bits, as scanners write them.
 INTERCEPT_HU = -1024
 BITS = 12
@@ -45,7 +47,8 @@ class SeriesIdentity:
 def write_ct_series(folder: Path, volume: Volume, identity: SeriesIdentity, compress: bool = True) -> list[Path]:
     """Writes a CT (ni, nj, nk) in HU as one file per slice in a new or replaced folder; all or nothing.
 
-    Rows run along i, columns along j; values are rounded and cut to -1024 .. 3071 HU. compress : JPEG 2000 lossless.
+    Rows run along i, columns along j; values are rounded and cut to -1024 .. 3071 HU. compress : JPEG 2000 lossless, from 32 x 32
+    pixels on.
     Returns the paths from lowest k to highest. Raises InputError when the grid is not right-angled or too small, or
     the folder cannot be written.
     """
@@ -137,7 +140,7 @@ def _add_pixels(data: FileDataset, pixels: NDArray[np.uint16], compress: bool) -
     data.RescaleIntercept, data.RescaleSlope, data.RescaleType = INTERCEPT_HU, 1, "HU"
     data.WindowCenter, data.WindowWidth = 40, 400
     data.PixelData = pixels.tobytes()
-    if compress:
+    if compress and min(pixels.shape) >= SMALLEST_COMPRESSED:
         data.compress(JPEG2000Lossless, generate_instance_uid=False)
 
 

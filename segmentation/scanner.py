@@ -31,7 +31,7 @@ class Scanner:
 
     blur_mm: float = 0.5
     noise_hu: float = 12.0
-    noise_blur_mm: float = 0.55
+    noise_blur_mm: float = 0.75
     samples: tuple[int, int, int] = (1, 1, 2)
 
     def scan(self, body: HounsfieldField, grid: Volume, seed: int) -> Volume:
