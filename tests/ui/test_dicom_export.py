@@ -1,0 +1,233 @@
+"""DICOM out: same values, same place, the scan's own patient and frame, marked for research, valid."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import highdicom as hd
+import numpy as np
+import pydicom
+import pytest
+import SimpleITK as sitk
+from phantoms import CENTRE, MARKER, affine, labels, lps, marked_ct, result, write_case
+from scipy.spatial.transform import Rotation
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFacts, CaseFolder
+from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
+from palpate.segmentation.labels import LABELS
+from palpate.segmentation.volume import Volume
+from palpate.ui.cli import main as cli
+from palpate.ui.export import exporter
+
+FORMS = ("dicom-seg", "dicom-pm", "dicom-sr", "dicom-pdf")
+NAME, NUMBER = "Müller^Jörg", "4711-XYZ"
+FLIPS = list(itertools.product((1, -1), repeat=3))
+TURN = np.eye(4)
+TURN[:3, :3] = Rotation.from_rotvec([0.03, -0.05, 0.08]).as_matrix()
+TURN[:3, 3] = [4.0, -7.0, 11.0]
+
+
+def who(series: str) -> SeriesIdentity:
+    return SeriesIdentity(NUMBER, "Doe^Jane", "s", series, series, 1, "study", "CT pelvis", "drawn by a test")
+
+
+def name_patient(folder: Path, name: str) -> None:
+    for path in folder.iterdir():
+        dataset = pydicom.dcmread(path)
+        dataset.SpecificCharacterSet, dataset.PatientName, dataset.PatientBirthDate = "ISO_IR 100", name, "19501231"
+        dataset.save_as(path)
+
+
+def anatomy(matrix: np.ndarray, push_mm: float = 0.0) -> Volume:
+    """Labels without any symmetry: the bladder is where the CT's marker is, to the left, in front and above."""
+    drawn = labels(matrix, push_mm=push_mm)
+    far = np.linalg.norm(lps(matrix) - MARKER, axis=-1)
+    return drawn.with_array(np.where(far < 7.0, 5, drawn.array).astype(np.uint8))
+
+
+def pair(folder: Path, matrix: np.ndarray) -> CaseFolder:
+    """Labels on the CT's own grid, which lies as ``matrix`` says; the deformed scan turned against the one at rest."""
+    case = CaseFolder.create(folder, CaseFacts("phantom"))
+    write_ct_series(case.file("rest_ct"), marked_ct(matrix), who("rest"), compress=False)
+    case.write_labels("rest", anatomy(matrix))
+    deformed = anatomy(matrix, push_mm=3.0)
+    write_ct_series(case.file("deformed_ct"), deformed.moved(np.linalg.inv(TURN)), who("deformed"), compress=False)
+    case.write_labels("deformed", deformed)
+    case.write_json("alignment.json", {"deformed_to_rest": TURN, "residual_mm": 0.1})
+    case.write_json("result.json", result())
+    case.write_bytes("report/report.pdf", b"%PDF-1.4 a report")
+    for state in ("rest", "deformed"):
+        name_patient(case.file(f"{state}_ct"), NAME)
+    return case
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> CaseFolder:
+    return pair(tmp_path_factory.mktemp("dicom") / "case", affine(rotation_deg=9.0, flips=(1, -1, -1)))
+
+
+@pytest.fixture(scope="module")
+def written(case: CaseFolder, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("out")
+    return {path.name: path for form in FORMS for path in exporter(form).export(case, folder)}
+
+
+def places(volume: Volume, inside: np.ndarray) -> np.ndarray:
+    """Patient coordinates of voxels, 0.01 mm, sorted: the same set wherever and however it is stored."""
+    return np.unique(np.round(volume.to_lps(np.argwhere(inside).astype(float)), 2) + 0.0, axis=0)
+
+
+def assert_same_places(one: np.ndarray, other: np.ndarray) -> None:
+    assert one.shape == other.shape
+    np.testing.assert_allclose(one[np.lexsort(one.round(1).T)], other[np.lexsort(other.round(1).T)], atol=0.06)
+
+
+def volume_of(found: hd.Volume) -> Volume:
+    return Volume(np.transpose(found.array, (2, 1, 0)), found.affine[:, [2, 1, 0, 3]])
+
+
+def assert_segments_are(path: Path, wanted: Volume) -> None:
+    found = hd.seg.segread(path)
+    assert {LABELS[int(v)] for v in np.unique(wanted.array) if v} == {s.SegmentLabel for s in found.SegmentSequence}
+    for item in found.SegmentSequence:
+        value = next(v for v, name in LABELS.items() if name == item.SegmentLabel)
+        volume = volume_of(found.get_volume(segment_numbers=[item.SegmentNumber], combine_segments=True, relabel=True))
+        assert_same_places(places(volume, volume.array > 0), places(wanted, wanted.array == value))
+
+
+@pytest.mark.parametrize("flips", FLIPS)
+def test_every_object_lies_where_it_lay_in_all_eight_flips(flips: tuple[int, int, int], tmp_path: Path) -> None:
+    case = pair(tmp_path / "case", affine(flips=flips))
+    seg, pm = exporter("dicom-seg").export(case, tmp_path)[0], exporter("dicom-pm").export(case, tmp_path)[0]
+    wanted = case.labels("rest")
+    assert_segments_are(seg, wanted)
+    G = volume_of(hd.imread(pm).get_volume())
+    for value, kpa in ((1, 120.0), (2, 40.0)):
+        assert_same_places(places(G, np.float32(kpa) == G.array), places(wanted, wanted.array == value))
+    # SimpleITK's CT and our objects in one space: the marker is where it was drawn, and the left half beside it.
+    reader = sitk.ImageSeriesReader()
+    reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(case.file("rest_ct"))))
+    ct = Volume.from_sitk(reader.Execute())
+    np.testing.assert_allclose(places(ct, ct.array > 500).mean(axis=0), MARKER, atol=0.75)
+    assert places(G, G.array == 120).mean(axis=0)[0] > CENTRE[0] > places(G, G.array == 40).mean(axis=0)[0]
+
+
+def test_an_oblique_scan_keeps_its_place_and_the_deformed_labels_lie_in_their_own_scan(
+    case: CaseFolder, written: dict[str, Path]
+) -> None:
+    assert_segments_are(written["rest_seg.dcm"], case.labels("rest"))
+    assert_segments_are(written["deformed_seg.dcm"], case.labels("deformed").moved(np.linalg.inv(TURN)))
+    frames = {p: pydicom.dcmread(path).FrameOfReferenceUID for p, path in written.items() if "seg" in p or "pm" in p}
+    own = {s: pydicom.dcmread(next(case.file(f"{s}_ct").iterdir())).FrameOfReferenceUID for s in ("rest", "deformed")}
+    assert frames == {"rest_seg.dcm": own["rest"], "stiffness_pm.dcm": own["rest"], "deformed_seg.dcm": own["deformed"]}
+
+
+def test_pydicom_and_simpleitk_see_the_same_pixels(written: dict[str, Path]) -> None:
+    """SimpleITK reads no floating-point pixels, hence no Parametric Map: for ITK there are NIfTI and NRRD."""
+    other = sitk.GetArrayFromImage(sitk.ReadImage(str(written["rest_seg.dcm"]))) > 0
+    np.testing.assert_array_equal(pydicom.dcmread(written["rest_seg.dcm"]).pixel_array > 0, other)
+
+
+def test_the_map_says_kilopascal(written: dict[str, Path]) -> None:
+    found = pydicom.dcmread(written["stiffness_pm.dcm"])
+    mapping = found.SharedFunctionalGroupsSequence[0].RealWorldValueMappingSequence[0]
+    unit = mapping.MeasurementUnitsCodeSequence[0]
+    assert (unit.CodeValue, unit.CodingSchemeDesignator) == ("kPa", "UCUM")
+    assert (mapping.RealWorldValueSlope, mapping.RealWorldValueIntercept) == (1.0, 0.0)
+    assert mapping.DoubleFloatRealWorldValueLastValueMapped == 120.0
+    assert "shear modulus" in mapping.QuantityDefinitionSequence[0].ConceptCodeSequence[0].CodeMeaning
+    assert found.ContentQualification == "RESEARCH"
+    assert np.unique(found.pixel_array).tolist() == [0.0, 40.0, 120.0]
+
+
+def test_measurements_by_region_with_interval(written: dict[str, Path]) -> None:
+    document = hd.sr.srread(written["measurements_sr.dcm"])
+    segments = pydicom.dcmread(written["rest_seg.dcm"])
+    seen = {}
+    for group in document.content.get_volumetric_roi_measurement_groups():
+        found = {m.name.meaning: m.value for m in group.get_measurements() if m.derivation is None}
+        assert {m.unit.value for m in group.get_measurements()} == {"kPa"}
+        deviation = [m.value for m in group.get_measurements() if m.derivation is not None]
+        region = group.referenced_segment[0]
+        assert region.referenced_sop_instance_uid == segments.SOPInstanceUID
+        number = region.referenced_segment_numbers[0]
+        assert segments.SegmentSequence[number - 1].SegmentLabel == group.tracking_identifier
+        side = group.finding_sites[0].laterality.meaning
+        seen[side] = [*(round(float(v), 3) for v in found.values()), float(deviation[0])]
+        assert next(iter(found)) == "Small-strain shear modulus G"
+    assert seen == {"Left": [120.0, 100.0, 144.0, 12.0], "Right": [40.0, 33.333, 48.0, 4.0]}
+    texts = [item.TextValue for item in document.ContentSequence if item.ValueType == "TEXT"]
+    assert "Research use only" in texts[-1] and "20 kPa" in texts[-1]
+
+
+def test_the_pdf_is_the_report(written: dict[str, Path]) -> None:
+    found = pydicom.dcmread(written["report_pdf.dcm"])
+    assert found.EncapsulatedDocument[: found.EncapsulatedDocumentLength] == b"%PDF-1.4 a report"
+    assert found.MIMETypeOfEncapsulatedDocument == "application/pdf" and "RESEARCH" in found.DocumentTitle
+
+
+def test_all_refer_to_the_scan_and_keep_its_patient_in_headers_only(case: CaseFolder, written: dict[str, Path]) -> None:
+    sources = {s: [pydicom.dcmread(p) for p in case.file(f"{s}_ct").iterdir()] for s in ("rest", "deformed")}
+    for name, path in written.items():
+        found = pydicom.dcmread(path)
+        scan = sources["deformed" if name.startswith("deformed") else "rest"]
+        assert (str(found.PatientName), found.PatientID, found.PatientBirthDate) == (NAME, NUMBER, "19501231")
+        assert found.StudyInstanceUID == scan[0].StudyInstanceUID
+        assert "RESEARCH USE ONLY" in found.SeriesDescription
+        text = str(found)
+        assert sum(str(image.SOPInstanceUID) in text for image in scan) > 0.3 * len(scan), name
+        found.PatientName = found.PatientID = found.PatientBirthDate = ""
+        assert "ller" not in str(found) and NUMBER not in str(found) and "19501231" not in str(found)
+        assert "ller" not in path.name and NUMBER not in path.name
+
+
+def test_the_same_case_gives_the_same_objects(
+    case: CaseFolder, written: dict[str, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for form in FORMS:
+        assert cli.main(["export", str(case.path), "--to", form, str(tmp_path), "--json"]) == 0
+        output = capfd.readouterr()
+        assert NUMBER not in output.out + output.err and "ller" not in output.out + output.err
+        for path in map(Path, json.loads(output.out)["files"]):
+            assert path.read_bytes() == written[path.name].read_bytes()
+
+
+@pytest.mark.skipif(shutil.which("dciodvfy") is None, reason="dciodvfy is absent: apt-get install dicom3tools")
+def test_dciodvfy_finds_no_error(written: dict[str, Path]) -> None:
+    assert len(written) == 5
+    for name, path in written.items():
+        said = subprocess.run(["dciodvfy", str(path)], capture_output=True, text=True, check=False)
+        errors = [line for line in (said.stdout + said.stderr).splitlines() if line.startswith(("Error", "Abort"))]
+        assert errors == [], name
+
+
+def test_a_scan_with_missing_and_malformed_headers(tmp_path: Path) -> None:
+    case = pair(tmp_path / "case", affine())
+    for path in case.file("rest_ct").iterdir():
+        dataset = pydicom.dcmread(path)
+        del dataset.StudyTime, dataset.AccessionNumber, dataset.StudyID, dataset.ReferringPhysicianName
+        dataset.PatientSex = "U"
+        dataset.save_as(path)
+    files = [p for form in FORMS for p in exporter(form).export(case, tmp_path / "out")]
+    assert all(pydicom.dcmread(path).PatientSex == "O" for path in files if path.name != "deformed_seg.dcm")
+
+
+def test_refusals_in_one_line(tmp_path: Path) -> None:
+    case = write_case(tmp_path / "case", ct=False)
+    for form in FORMS[:3]:
+        with pytest.raises(InputError, match=r"(rest_ct is not there|no state with both labels and a CT)"):
+            exporter(form).export(case, tmp_path / "out")
+    with pytest.raises(InputError, match=r"report\.pdf is not there; run `palpate report` first"):
+        exporter("dicom-pdf").export(case, tmp_path / "out")
+    with_ct = pair(tmp_path / "other", affine())
+    path = next(with_ct.file("rest_ct").iterdir())
+    dataset = pydicom.dcmread(path)
+    del dataset.FrameOfReferenceUID
+    dataset.save_as(path)
+    with pytest.raises(InputError, match="lacks FrameOfReferenceUID"):
+        exporter("dicom-pm").export(with_ct, tmp_path / "out")

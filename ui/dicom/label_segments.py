@@ -1,0 +1,106 @@
+"""The labels of one state as a DICOM segmentation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import highdicom as hd
+import numpy as np
+from pydicom.sr.codedict import codes
+from pydicom.uid import generate_uid
+
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.labels import LABEL_COLOURS, LABELS
+from palpate.segmentation.volume import Volume
+from palpate.ui.dicom.codes import OF_LABEL
+from palpate.ui.dicom.making import MODEL, Making, making, version
+from palpate.ui.dicom.source import SourceScan, read_source
+
+_INPUTS = ("labels.txt", "segmentation.json", "alignment.json")
+
+
+def segments_present(labels: Volume) -> dict[int, int]:
+    """Label value -> segment number: those present, counted from 1 in the order of their values."""
+    present = [int(value) for value in np.unique(labels.array) if value]
+    return {value: number for number, value in enumerate(present, start=1)}
+
+
+def label_segmentation(case: CaseFolder, state: str) -> hd.seg.Segmentation:
+    """The labels of a state, in the frame of that state's own CT, one binary segment each.
+
+    Raises InputError when the case has no labels or no CT of that state.
+    """
+    labels = case.labels(state)
+    if state == "deformed":
+        # A case keeps deformed labels in the frame of the scan at rest; the deformed CT knows nothing of that one.
+        labels = labels.moved(np.linalg.inv(case.deformed_to_rest()).astype(np.float64))
+    source = read_source(case, state)
+    kind = "seg" if state == "rest" else "deformed seg"
+    made = making(case, kind, source, [f"{state}.nii.gz", *_INPUTS])
+    return _segmentation(labels, source, made, _methods(case, state), state)
+
+
+def _segmentation(
+    labels: Volume, source: SourceScan, made: Making, methods: Mapping[str, str], state: str
+) -> hd.seg.Segmentation:
+    numbers = segments_present(labels)
+    table = np.zeros(max(LABELS) + 1, dtype=np.uint8)
+    for value, number in numbers.items():
+        table[value] = number
+    found = hd.seg.Segmentation(
+        source_images=source.images,
+        pixel_array=source.placed(labels.with_array(table[labels.array])),
+        segmentation_type=hd.seg.SegmentationTypeValues.BINARY,
+        segment_descriptions=[_described(value, number, made, methods) for value, number in numbers.items()],
+        content_label="LABELS",
+        content_description="Research use only: organs for stiffness from two CT scans",
+        series_description=made.series_description(f"labels, {state}"),
+        **made.equipment(),
+    )
+    for value, item in zip(numbers, found.SegmentSequence, strict=True):
+        item.SegmentDescription = made.note[:1024]
+        side = OF_LABEL[value][2]
+        if side is not None:
+            item.SegmentedPropertyTypeCodeSequence[0].SegmentedPropertyTypeModifierCodeSequence = [
+                hd.sr.CodedConcept.from_code(side)
+            ]
+    found.BodyPartExamined = source.body_part
+    made.stamp(found)
+    return found
+
+
+def _described(value: int, number: int, made: Making, methods: Mapping[str, str]) -> hd.seg.SegmentDescription:
+    category, kind, _ = OF_LABEL[value]
+    method = methods.get(LABELS[value], "MANUAL")
+    algorithm = hd.AlgorithmIdentificationSequence(f"{MODEL} segment", codes.DCM.EdgeDetection, version())
+    red, green, blue, _ = LABEL_COLOURS[value]
+    return hd.seg.SegmentDescription(
+        segment_number=number,
+        segment_label=LABELS[value],
+        segmented_property_category=category,
+        segmented_property_type=kind,
+        algorithm_type=method,
+        algorithm_identification=None if method == "MANUAL" else algorithm,
+        tracking_uid=generate_uid(entropy_srcs=[made.sop_uid, LABELS[value]]),
+        tracking_id=LABELS[value],
+        display_color=hd.color.CIELabColor.from_rgb(red, green, blue),
+    )
+
+
+def _methods(case: CaseFolder, state: str) -> dict[str, str]:
+    """How each label came about, in DICOM's words; what this program did not find was drawn."""
+    facts = case.read_json("segmentation.json") if case.has("segmentation.json") else {}
+    known = facts.get("states", {}).get(state, {})
+    organs = {name: str(entry.get("method", "")) for name, entry in known.get("organs", {}).items()}
+    words = {name: _algorithm_type(method) for name, method in organs.items()}
+    found = {f"prostate_{side}": words["prostate"] for side in ("left", "right") if "prostate" in words}
+    found |= {name: words[name] for name in ("bladder", "rectum") if name in words}
+    if known.get("organs"):
+        found |= {"bone": "AUTOMATIC", "surrounding_tissue": "AUTOMATIC"}
+    return found
+
+
+def _algorithm_type(method: str) -> str:
+    if method == "auto":
+        return "AUTOMATIC"
+    return "MANUAL" if method in ("user", "drawn") else "SEMIAUTOMATIC"

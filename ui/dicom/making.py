@@ -1,0 +1,92 @@
+"""What every exported object says of itself: who made it, when, from what, and that it is for research."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from pydicom import Dataset
+from pydicom.uid import generate_uid
+from pydicom.valuerep import DA, DT, TM
+
+from palpate.segmentation.atomic import atomic_path
+from palpate.segmentation.case import CaseFolder, file_sha256
+from palpate.ui.dicom.source import SourceScan
+from palpate.ui.report.record import simulated
+
+MANUFACTURER, MODEL = "Palpate", "palpate"
+# A LO may have 64 characters.
+MARK = "RESEARCH USE ONLY"
+NOT_FOR_DIAGNOSIS = "Research use only, not for diagnosis."
+CHARACTER_SET = "ISO_IR 192"  # UTF-8: a patient's name is written as the scan has it
+SERIES_NUMBERS = {"seg": 9101, "pm": 9102, "sr": 9103, "pdf": 9104, "deformed seg": 9105}
+
+
+@dataclass(frozen=True)
+class Making:
+    """The identity of one exported object. The same case gives the same, so that exporting twice is no second object.
+
+    series_uid, sop_uid : new UIDs. series_number : of the object's own series. made : when the content was made.
+    note : research use, and what of the pair was computed.
+    """
+
+    series_uid: str
+    sop_uid: str
+    series_number: int
+    made: datetime
+    note: str
+
+    def series_description(self, what: str) -> str:
+        """At most 64 characters, the mark first."""
+        return f"{MARK} - {what}"[:64]
+
+    def equipment(self) -> dict[str, Any]:
+        """The arguments by which highdicom's classes say who made the object."""
+        return {
+            "series_instance_uid": self.series_uid, "sop_instance_uid": self.sop_uid,
+            "series_number": self.series_number, "instance_number": 1, "manufacturer": MANUFACTURER,
+            "manufacturer_model_name": MODEL, "software_versions": version(), "device_serial_number": version(),
+            "content_date": self.made.date(), "content_time": self.made.time(),
+            "specific_character_set": CHARACTER_SET,
+        }  # fmt: skip
+
+    def stamp(self, dataset: Dataset) -> None:
+        """Replaces the moment of writing and the random numbers that libraries put there by what follows from the content."""
+        organization = generate_uid(entropy_srcs=[self.sop_uid, "dimensions"])
+        for item in dataset.get("ContributingEquipmentSequence") or []:
+            if "ContributionDateTime" in item:
+                item.ContributionDateTime = DT(self.made.replace(tzinfo=None))
+        for keyword in ("DimensionOrganizationSequence", "DimensionIndexSequence"):
+            for item in dataset.get(keyword) or []:
+                item.DimensionOrganizationUID = organization
+        dataset.InstanceCreationDate, dataset.InstanceCreationTime = DA(self.made.date()), TM(self.made.time())
+        dataset.TimezoneOffsetFromUTC = "+0000"
+
+
+def making(case: CaseFolder, kind: str, source: SourceScan, inputs: list[str]) -> Making:
+    """The identity of an object of one kind (a key of SERIES_NUMBERS) made from files of the case."""
+    present = [case.file(name) for name in inputs if case.has(name)]
+    made = datetime.fromtimestamp(max(int(path.stat().st_mtime) for path in present), UTC)
+    entropy = [kind, str(source.header.SeriesInstanceUID), made.isoformat(), version()]
+    entropy += [file_sha256(path) for path in present]
+    computed = simulated(case, {})
+    note = NOT_FOR_DIAGNOSIS + (f" Simulated data: {computed}." if computed else "")
+    return Making(
+        generate_uid(entropy_srcs=[*entropy, "series"]), generate_uid(entropy_srcs=[*entropy, "object"]),
+        SERIES_NUMBERS[kind], made, note,
+    )  # fmt: skip
+
+
+def version() -> str:
+    """Of this program."""
+    return metadata.version("palpate")
+
+
+def save(dataset: Dataset, path: Path) -> Path:
+    """Writes an object; all or nothing."""
+    with atomic_path(path) as temporary:
+        dataset.save_as(temporary, enforce_file_format=True)
+    return path

@@ -1,0 +1,91 @@
+"""The scan that an exported object refers to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import highdicom as hd
+import numpy as np
+from pydicom import Dataset
+from pydicom.valuerep import validate_value
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.dicom_files import find_dicom, reading
+from palpate.segmentation.dicom_slices import is_image, is_localizer
+from palpate.segmentation.volume import Volume
+
+# Attributes that every object of a patient and study must have, though they may be blank, and how they are written.
+_MAY_BE_BLANK = {
+    "PatientID": "LO", "PatientName": "PN", "PatientBirthDate": "DA", "PatientSex": "CS", "StudyID": "SH",
+    "AccessionNumber": "SH", "StudyDate": "DA", "StudyTime": "TM", "ReferringPhysicianName": "PN",
+}  # fmt: skip
+_SEXES = ("M", "F", "O", "")
+
+
+@dataclass(frozen=True, eq=False)
+class SourceScan:
+    """images : headers without pixels of the CT files of one state; patient and study in them are the object's too.
+
+    They may hold the patient's identity: they go into DICOM objects only, never into a message or a file's name.
+    """
+
+    images: list[Dataset]
+
+    @property
+    def header(self) -> Dataset:
+        """The first image."""
+        return self.images[0]
+
+    @property
+    def body_part(self) -> str:
+        """BodyPartExamined, without which an image must state its laterality."""
+        return str(self.header.get("BodyPartExamined") or "PELVIS")
+
+    def placed(self, volume: Volume) -> hd.Volume:
+        """A volume in this scan's frame of reference as highdicom has it: frames along k, rows along j, columns along i."""
+        return hd.Volume(
+            np.ascontiguousarray(np.transpose(volume.array)),
+            volume.affine[:, [2, 1, 0, 3]],
+            coordinate_system="PATIENT",
+            frame_of_reference_uid=self.header.FrameOfReferenceUID,
+        )
+
+
+def read_source(case: CaseFolder, state: str) -> SourceScan:
+    """The headers of the CT of a state. Raises InputError when the case has no CT or it cannot be referred to."""
+    folder = case.file(f"{state}_ct")
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not there; a DICOM object needs the CT it belongs to: import the scans as DICOM")
+    files = [f for f in find_dicom(folder, []) if is_image(f.header) and not is_localizer(f.header)]
+    if not files:
+        raise InputError(f"{folder} holds no CT image; import the scans as DICOM")
+    for file in files:
+        with reading(file.path):
+            _fill(file.header)
+        missing = [
+            k for k in ("StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID") if not file.header.get(k)
+        ]
+        if missing:
+            raise InputError(f"{file.path} lacks {missing[0]}, so nothing can refer to it; export the scan again")
+    if len(files) > 1 and any("NumberOfFrames" in f.header and f.header.NumberOfFrames > 1 for f in files):
+        raise InputError(f"{folder} holds a scan in several multi-frame files; export it as single slices")
+    return SourceScan([file.header for file in files])
+
+
+def _fill(header: Dataset) -> None:
+    """Blanks what must be there but may be blank, where it is absent or not in its form."""
+    for keyword, vr in _MAY_BE_BLANK.items():
+        value = header.get(keyword)
+        if value is None or not _is_well_formed(vr, str(value)):
+            setattr(header, keyword, "")
+    if str(header.PatientSex) not in _SEXES:
+        header.PatientSex = "O"
+
+
+def _is_well_formed(vr: str, text: str) -> bool:
+    try:
+        validate_value(vr, text, 2)  # pydicom's mode 2 raises
+    except ValueError:
+        return False
+    return True

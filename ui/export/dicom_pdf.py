@@ -1,0 +1,69 @@
+"""For PACS: the report as an encapsulated PDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from highdicom.sr import CodedConcept
+from pydicom import Dataset
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.sr.codedict import codes
+from pydicom.uid import UID, EncapsulatedPDFStorage, ExplicitVRLittleEndian
+from pydicom.valuerep import DA, DT, TM
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.dicom.making import CHARACTER_SET, MANUFACTURER, MARK, MODEL, Making, making, save, version
+from palpate.ui.dicom.source import SourceScan, read_source
+
+WRITES = "DICOM encapsulated PDF: the report"
+_REPORT = "report/report.pdf"
+_COPIED = (
+    *("PatientID", "PatientName", "PatientBirthDate", "PatientSex", "PatientIdentityRemoved", "DeidentificationMethod"),
+    *("StudyInstanceUID", "StudyID", "StudyDate", "StudyTime", "AccessionNumber", "ReferringPhysicianName"),
+)
+
+
+def export(case: CaseFolder, folder: Path) -> list[Path]:
+    """Writes report_pdf.dcm. Raises InputError when the case has no PDF report or no CT at rest, or it cannot write."""
+    path = case.file(_REPORT)
+    if not path.is_file():
+        raise InputError(f"{path} is not there; run `palpate report` first")
+    source = read_source(case, "rest")
+    made = making(case, "pdf", source, [_REPORT])
+    return [save(_encapsulated(path.read_bytes(), source, made), folder / "report_pdf.dcm")]
+
+
+def _encapsulated(pdf: bytes, source: SourceScan, made: Making) -> FileDataset:
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = EncapsulatedPDFStorage, UID(made.sop_uid)
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
+    data.SpecificCharacterSet = CHARACTER_SET
+    data.SOPClassUID, data.SOPInstanceUID = EncapsulatedPDFStorage, made.sop_uid
+    for keyword in _COPIED:
+        if keyword in source.header:
+            setattr(data, keyword, source.header.get(keyword))
+    data.Modality, data.SeriesInstanceUID, data.SeriesNumber = "DOC", made.series_uid, made.series_number
+    data.SeriesDescription = made.series_description("stiffness report")
+    data.Manufacturer, data.ManufacturerModelName, data.SoftwareVersions = MANUFACTURER, MODEL, version()
+    data.ConversionType, data.InstanceNumber = "WSD", 1
+    data.ContentDate, data.ContentTime = DA(made.made.date()), TM(made.made.time())
+    data.AcquisitionDateTime = DT(made.made.replace(tzinfo=None))
+    # The pages carry no identity of their own, but a case's name that a person chose: whoever removes identities must look.
+    data.BurnedInAnnotation = "YES"
+    data.DocumentTitle = f"Stiffness from two CT scans. {MARK}, not for diagnosis"
+    data.ConceptNameCodeSequence = [CodedConcept.from_code(codes.DCM.ImagingMeasurementReport)]
+    data.VerificationFlag = "UNVERIFIED"
+    data.SourceInstanceSequence = [_reference(image) for image in source.images]
+    data.MIMETypeOfEncapsulatedDocument = "application/pdf"
+    data.EncapsulatedDocumentLength = len(pdf)
+    data.EncapsulatedDocument = pdf + b"\0" * (len(pdf) % 2)
+    made.stamp(data)
+    return data
+
+
+def _reference(image: Dataset) -> Dataset:
+    item = Dataset()
+    item.ReferencedSOPClassUID, item.ReferencedSOPInstanceUID = image.SOPClassUID, image.SOPInstanceUID
+    return item

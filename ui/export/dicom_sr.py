@@ -1,0 +1,93 @@
+"""For PACS: the measurements as a DICOM structured report (TID 1500), with the segmentation that it refers to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import highdicom as hd
+from highdicom import sr
+from pydicom.sr.codedict import codes
+from pydicom.uid import generate_uid
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.dicom import codes as own
+from palpate.ui.dicom.label_segments import label_segmentation, segments_present
+from palpate.ui.dicom.making import MANUFACTURER, MODEL, Making, making, save, version
+from palpate.ui.dicom.source import read_source
+from palpate.ui.report.record import CaseRecord, read_record
+from palpate.ui.report.regions import RegionStiffness
+
+WRITES = "DICOM SR (TID 1500): shear modulus G of each region with its interval; the SEG it refers to"
+
+
+def export(case: CaseFolder, folder: Path) -> list[Path]:
+    """Writes measurements_sr.dcm and rest_seg.dcm.
+
+    Raises InputError when the case has no result, labels or CT at rest, or it cannot write.
+    """
+    labels = case.labels("rest")
+    record = read_record(case, {"rest": labels})
+    source = read_source(case, "rest")
+    made = making(case, "sr", source, ["result.json", "rest.nii.gz", "labels.txt"])
+    segments, numbers = label_segmentation(case, "rest"), segments_present(labels)
+    absent = [region.name for region in record.regions if region.label not in numbers]
+    if absent:
+        raise InputError(f"{case.file('rest.nii.gz')} has no {absent[0]}, which result.json has; identify again")
+    groups = [_group(region, segments, numbers[region.label], record) for region in record.regions]
+    report = sr.MeasurementReport(
+        observation_context=_observer(),
+        procedure_reported=codes.LN.CTUnspecifiedBodyRegion,
+        imaging_measurements=groups,
+        title=codes.DCM.ImagingMeasurementReport,
+    )
+    report[0].ContentSequence.append(_remark(record, made))
+    document = sr.ComprehensiveSR(
+        evidence=[*source.images, segments],
+        content=report[0],
+        is_complete=True,
+        is_final=False,
+        series_description=made.series_description("stiffness measurements"),
+        coding_schemes=[own.scheme()],
+        **made.equipment(),
+    )
+    made.stamp(document)
+    return [save(segments, folder / "rest_seg.dcm"), save(document, folder / "measurements_sr.dcm")]
+
+
+def _observer() -> sr.ObservationContext:
+    device = sr.DeviceObserverIdentifyingAttributes(
+        generate_uid(entropy_srcs=[MODEL, version()]), MANUFACTURER, MANUFACTURER, MODEL, version()
+    )
+    return sr.ObservationContext(observer_device_context=sr.ObserverContext(codes.DCM.Device, device))
+
+
+def _group(
+    region: RegionStiffness, segments: hd.seg.Segmentation, number: int, record: CaseRecord
+) -> sr.VolumetricROIMeasurementsAndQualitativeEvaluations:
+    """TID 1411: one region, by its segment."""
+    segment = segments.SegmentSequence[number - 1]
+    _, kind, side = own.OF_LABEL[region.label]
+    values = [(region.G, None, own.SHEAR_MODULUS)]
+    if region.sd is not None:
+        values.append((region.sd, own.STANDARD_DEVIATION, own.SHEAR_MODULUS))
+    if region.ci is not None:
+        values += [(region.ci[0], None, own.INTERVAL_LOW), (region.ci[1], None, own.INTERVAL_HIGH)]
+    return sr.VolumetricROIMeasurementsAndQualitativeEvaluations(
+        tracking_identifier=sr.TrackingIdentifier(uid=segment.TrackingUID, identifier=region.name),
+        referenced_segment=sr.ReferencedSegment.from_segmentation(segments, number),
+        finding_type=kind,
+        finding_sites=[sr.FindingSite(kind, laterality=side)],
+        method=own.STIFFNESS_FROM_PAIR,
+        measurements=[sr.Measurement(name, value, own.KILOPASCAL, derivation=how) for value, how, name in values],
+        qualitative_evaluations=[sr.QualitativeEvaluation(own.TOLD, own.TOLD_YES if region.told else own.TOLD_NO)],
+    )
+
+
+def _remark(record: CaseRecord, made: Making) -> sr.TextContentItem:
+    tissue = record.facts.tissue_shear_modulus_kpa
+    text = (
+        f"{made.note} G = 2 (mu1 + mu2) is relative to an assumed shear modulus of {tissue:g} kPa of the surrounding "
+        f"tissue. What this pair can tell: {record.result['identifiability']['verdict']}."
+    )
+    return sr.TextContentItem(codes.DCM.Comment, text, sr.RelationshipTypeValues.CONTAINS)
