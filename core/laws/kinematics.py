@@ -1,4 +1,4 @@
-"""Pieces of finite kinematics shared by the laws' kernels: determinant, cofactor and its derivative."""
+"""Pieces of finite kinematics shared by the laws' kernels: determinant, cofactor and its derivative, volumetric measure."""
 
 from __future__ import annotations
 
@@ -10,23 +10,21 @@ FloatArray = NDArray[np.float64]
 
 
 @njit(cache=True, inline="always")
-def determinant(F: FloatArray) -> float:
-    """det F of one (3, 3) matrix."""
-    return (
-        F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
-        - F[0, 1] * (F[1, 0] * F[2, 2] - F[1, 2] * F[2, 0])
-        + F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0])
-    )
-
-
-@njit(cache=True)
-def cofactor(F: FloatArray, out: FloatArray) -> None:
-    """out = dJ/dF = J F^-T, written without the division so that it exists for singular F too."""
+def flat_with_cofactor(F, n, q, f, c):  # type: ignore[no-untyped-def]
+    """f (9,) = F[n, q] and c (9,) = its cofactor, index 3 i + J; returns det F. Without views of F, which cost more than the sums."""
     for i in range(3):
-        i1, i2 = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
-            j1, j2 = (j + 1) % 3, (j + 2) % 3
-            out[i, j] = F[i1, j1] * F[i2, j2] - F[i1, j2] * F[i2, j1]
+            f[3 * i + j] = F[n, q, i, j]
+    c[0] = f[4] * f[8] - f[5] * f[7]
+    c[1] = f[5] * f[6] - f[3] * f[8]
+    c[2] = f[3] * f[7] - f[4] * f[6]
+    c[3] = f[2] * f[7] - f[1] * f[8]
+    c[4] = f[0] * f[8] - f[2] * f[6]
+    c[5] = f[1] * f[6] - f[0] * f[7]
+    c[6] = f[1] * f[5] - f[2] * f[4]
+    c[7] = f[2] * f[3] - f[0] * f[5]
+    c[8] = f[0] * f[4] - f[1] * f[3]
+    return f[0] * c[0] + f[1] * c[1] + f[2] * c[2]
 
 
 @njit(cache=True)
@@ -44,7 +42,7 @@ def add_cofactor_derivative(F: FloatArray, factor: float, out: FloatArray) -> No
 
 
 @njit(cache=True)
-def volumetric_measure(J: float, cof: FloatArray, power: float) -> tuple[float, float, float]:
+def volumetric_measure(J: float, power: float) -> tuple[float, float, float]:
     """Measure g(J) and its first two derivatives: (J - 1) for power 1, (J^power - 1) otherwise."""
     if power == 1.0:
         return J - 1.0, 1.0, 0.0

@@ -11,101 +11,93 @@ import numpy as np
 from numba import njit
 
 from palpate.core.laws.base import FloatArray, Kernel, Law
-from palpate.core.laws.kinematics import add_cofactor_derivative, cofactor, determinant, volumetric_measure
+from palpate.core.laws.kinematics import add_cofactor_derivative, flat_with_cofactor, volumetric_measure
 
 
 @njit(cache=True)
-def _invariants(F: FloatArray, B: FloatArray, C: FloatArray) -> tuple[float, float]:
-    """I1 and I2 of one F; fills B = F F^T and C = F^T F."""
-    for i in range(3):
-        for j in range(3):
-            b = 0.0
-            c = 0.0
-            for k in range(3):
-                b += F[i, k] * F[j, k]
-                c += F[k, i] * F[k, j]
-            B[i, j] = b
-            C[i, j] = c
-    I1 = C[0, 0] + C[1, 1] + C[2, 2]
-    trace_of_square = 0.0
-    for i in range(3):
-        for j in range(3):
-            trace_of_square += C[i, j] * C[i, j]
-    return I1, 0.5 * (I1 * I1 - trace_of_square)
+def _second_invariant_slope(f: FloatArray, I1: float, d: FloatArray) -> None:
+    """d (9,) = dI2/dF = 2 (I1 F - F C) with C = F^T F."""
+    c00 = f[0] * f[0] + f[3] * f[3] + f[6] * f[6]
+    c11 = f[1] * f[1] + f[4] * f[4] + f[7] * f[7]
+    c22 = f[2] * f[2] + f[5] * f[5] + f[8] * f[8]
+    c01 = f[0] * f[1] + f[3] * f[4] + f[6] * f[7]
+    c02 = f[0] * f[2] + f[3] * f[5] + f[6] * f[8]
+    c12 = f[1] * f[2] + f[4] * f[5] + f[7] * f[8]
+    for r in range(0, 9, 3):
+        x, y, z = f[r], f[r + 1], f[r + 2]
+        d[r] = 2.0 * ((I1 - c00) * x - c01 * y - c02 * z)
+        d[r + 1] = 2.0 * ((I1 - c11) * y - c01 * x - c12 * z)
+        d[r + 2] = 2.0 * ((I1 - c22) * z - c02 * x - c12 * y)
 
 
 @njit(cache=True)
-def _second_derivative(
-    F: FloatArray, B: FloatArray, C: FloatArray, I1: float, a: float, b: float, A: FloatArray
-) -> None:
-    """A = a d2I1 + b d2I2 (index 3 i + J)."""
+def _second_invariant_curvature(f: FloatArray, I1: float, b: float, A: FloatArray) -> None:
+    """A (9, 9) = b d2I2/dF dF."""
     for i in range(3):
-        for j in range(3):
-            for k in range(3):
+        for k in range(3):
+            left = 0.0  # (F F^T)_ik
+            for m in range(3):
+                left += f[3 * i + m] * f[3 * k + m]
+            for j in range(3):
                 for m in range(3):
-                    v = b * (4.0 * F[i, j] * F[k, m] - 2.0 * F[i, m] * F[k, j])
-                    if i == k:
-                        v -= 2.0 * b * C[m, j]
+                    v = 4.0 * f[3 * i + j] * f[3 * k + m] - 2.0 * f[3 * i + m] * f[3 * k + j]
                     if j == m:
-                        v -= 2.0 * b * B[i, k]
-                    if i == k and j == m:
-                        v += 2.0 * a + 2.0 * b * I1
-                    A[3 * i + j, 3 * k + m] = v
+                        v -= 2.0 * left
+                        if i == k:
+                            v += 2.0 * I1
+                    if i == k:
+                        v -= 2.0 * (f[j] * f[m] + f[3 + j] * f[3 + m] + f[6 + j] * f[6 + m])
+                    A[3 * i + j, 3 * k + m] = b * v
 
 
 @njit(cache=True)
-def _point(F, mu1, mu2, power, P, G, A, H, B, C, cof, d1, d2, order):  # type: ignore[no-untyped-def]
-    """One quadrature point; returns W and g and fills the derivatives asked for."""
-    J = determinant(F)
-    if not J > 0.0:
-        return np.inf, np.inf
-    I1, I2 = _invariants(F, B, C)
-    J23 = J ** (-2.0 / 3.0)
-    w1 = mu2 * J23  # factor of I1
-    w2 = mu1 * J23 * J23  # factor of I2
-    W = w1 * I1 - 3.0 * mu2 + w2 * I2 - 3.0 * mu1
-    cofactor(F, cof)
-    g, g1, g2 = volumetric_measure(J, cof, power)
-    if order == 0:
-        return W, g
-    # dW/dJ at fixed I1, I2
-    slope = -(2.0 * w1 * I1 + 4.0 * w2 * I2) / (3.0 * J)
-    for i in range(3):
-        for j in range(3):
-            bf = 0.0
-            for k in range(3):
-                bf += B[i, k] * F[k, j]
-            d1[3 * i + j] = 2.0 * F[i, j]
-            d2[3 * i + j] = 2.0 * (I1 * F[i, j] - bf)
-            P[i, j] = w1 * d1[3 * i + j] + w2 * d2[3 * i + j] + slope * cof[i, j]
-            G[i, j] = g1 * cof[i, j]
-    if order == 1:
-        return W, g
-    _second_derivative(F, B, C, I1, w1, w2, A)
+def _second_derivatives(f, c, d, w1, w2, I1, I2, J, g2, A, H):  # type: ignore[no-untyped-def]
+    """A and H (9, 9) but for the terms with the cofactor's derivative."""
+    _second_invariant_curvature(f, I1, w2, A)
     curvature = (10.0 * w1 * I1 + 28.0 * w2 * I2) / (9.0 * J * J)
+    first, second = 4.0 * w1 / (3.0 * J), 4.0 * w2 / (3.0 * J)
     for i in range(9):
-        ci = cof[i // 3, i % 3]
-        mixed_i = (2.0 * w1 * d1[i] + 4.0 * w2 * d2[i]) / (3.0 * J)
+        d[i] = first * f[i] + second * d[i]  # minus d2W/dF dJ
+    for i in range(9):
+        of_c, of_d, volumetric = curvature * c[i] - d[i], c[i], g2 * c[i]
         for j in range(9):
-            cj = cof[j // 3, j % 3]
-            mixed_j = (2.0 * w1 * d1[j] + 4.0 * w2 * d2[j]) / (3.0 * J)
-            A[i, j] += curvature * ci * cj - mixed_i * cj - ci * mixed_j
-            H[i, j] = g2 * ci * cj
-    add_cofactor_derivative(F, slope, A)
-    add_cofactor_derivative(F, g1, H)
-    return W, g
+            A[i, j] += of_c * c[j] - of_d * d[j]
+            H[i, j] = volumetric * c[j]
+        A[i, i] += 2.0 * w1
 
 
 @njit(cache=True)
 def _kernel(F, p, W, g, P, G, A, H, order, power):  # type: ignore[no-untyped-def]
-    B, C, cof = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    d1, d2 = np.empty(9), np.empty(9)
-    P0, A0 = np.empty((3, 3)), np.empty((9, 9))
+    f, c, d = np.empty(9), np.empty(9), np.empty(9)
     for n in range(F.shape[0]):
+        mu1, mu2 = p[n, 0], p[n, 1]
         for q in range(F.shape[1]):
-            Pq, Gq = (P[n, q], G[n, q]) if order >= 1 else (P0, P0)
-            Aq, Hq = (A[n, q], H[n, q]) if order >= 2 else (A0, A0)
-            W[n, q], g[n, q] = _point(F[n, q], p[n, 0], p[n, 1], power, Pq, Gq, Aq, Hq, B, C, cof, d1, d2, order)
+            J = flat_with_cofactor(F, n, q, f, c)
+            if not J > 0.0:
+                W[n, q] = g[n, q] = np.inf
+                continue
+            I1 = I2 = 0.0
+            for k in range(9):
+                I1 += f[k] * f[k]
+                I2 += c[k] * c[k]  # tr cof C
+            root = np.cbrt(J)
+            w1 = mu2 / (root * root)  # factor of I1
+            w2 = mu1 / (root * J)  # factor of I2
+            W[n, q] = w1 * I1 - 3.0 * mu2 + w2 * I2 - 3.0 * mu1
+            g[n, q], g1, g2 = volumetric_measure(J, power)
+            if order == 0:
+                continue
+            slope = -(2.0 * w1 * I1 + 4.0 * w2 * I2) / (3.0 * J)  # dW/dJ at fixed I1, I2
+            _second_invariant_slope(f, I1, d)
+            for i in range(3):
+                for j in range(3):
+                    k = 3 * i + j
+                    P[n, q, i, j] = 2.0 * w1 * f[k] + w2 * d[k] + slope * c[k]
+                    G[n, q, i, j] = g1 * c[k]
+            if order >= 2:
+                _second_derivatives(f, c, d, w1, w2, I1, I2, J, g2, A[n, q], H[n, q])
+                add_cofactor_derivative(F[n, q], slope, A[n, q])
+                add_cofactor_derivative(F[n, q], g1, H[n, q])
 
 
 def _with_power(power: float) -> Kernel:
