@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import SimpleITK as sitk
 from scipy.optimize import linear_sum_assignment
 
 from palpate.segmentation.volume import Volume
@@ -24,3 +25,9 @@ def in_lps_order(volume: Volume) -> Volume:
             affine[:3, axis] *= -1
             array = np.flip(array, axis)
     return Volume(np.ascontiguousarray(array), affine)
+
+
+def labels_on(labels: Volume, grid: Volume) -> Volume:
+    """Labels on another grid: of each of its voxels the value that its centre lies in, 0 outside."""
+    image = sitk.Resample(labels.to_sitk(), grid.to_sitk(), sitk.Transform(), sitk.sitkNearestNeighbor, 0.0)
+    return Volume.from_sitk(image)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from palpate.core.errors import InputError
@@ -54,20 +55,25 @@ def read_label_names(path: Path) -> dict[int, str]:
 
 
 def label_values(path: Path) -> dict[int, int]:
-    """What each number of a label volume means by its label description file: file value -> value of LABELS.
+    """What each number of a label volume means by its label description file; see ``meaning_of``."""
+    return meaning_of(read_label_names(path), str(path))
+
+
+def meaning_of(names: Mapping[int, str], source: str) -> dict[int, int]:
+    """What each number of a label volume means by the names of its values: file value -> value of LABELS.
 
     Names decide, whatever their numbers; names that are not ours (ITK-SNAP's defaults) are left out, so that a voxel
-    holding one is refused. A file that names none of ours leaves the numbers as they are.
-    Raises InputError when two numbers have one name.
+    holding one is refused. Names of which none is ours leave the numbers as they are.
+    Raises InputError naming ``source`` when two numbers have one name.
     """
     meaning: dict[int, int] = {}
-    for value, name in read_label_names(path).items():
+    for value, name in names.items():
         key = re.sub(r"[\s-]+", "_", name.strip().lower())
         known = 0 if key == re.sub(r"\s", "_", _CLEAR) else LABEL_VALUES.get(key)
         if known is None:
             continue
         if known in meaning.values():
-            raise InputError(f"{path} names two labels {LABELS[known]!r}; keep one of them")
+            raise InputError(f"{source} names two labels {LABELS[known]!r}; keep one of them")
         meaning[value] = known
     return meaning if any(meaning.values()) else {value: value for value in LABELS}
 

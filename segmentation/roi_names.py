@@ -150,3 +150,8 @@ def _the_one_set(organ: str, sets: dict[str, list[str]], source: str) -> list[st
         choices = ", ".join(name for group in sets.values() for name in group)
         raise InputError(f"{source} has several structures for {organ}: {choices}; choose one with --roi {organ}=NAME")
     return names
+
+
+def organ_of(name: str) -> str | None:
+    """The organ that a structure's name stands for; None when it is none of ours."""
+    return _meaning(name)[0]

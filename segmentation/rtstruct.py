@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from palpate.core.errors import InputError
 from palpate.segmentation.contours import contours_to_mask
 from palpate.segmentation.dicom_files import read_file, reading
-from palpate.segmentation.dicom_series import SeriesFacts, patient_hash
+from palpate.segmentation.dicom_same_scan import check_same_scan
+from palpate.segmentation.dicom_series import SeriesFacts
 from palpate.segmentation.labels import BLADDER, BONE, PROSTATE_LEFT, PROSTATE_RIGHT, RECTUM
 from palpate.segmentation.roi_names import choose_rois
 from palpate.segmentation.volume import Volume
 
+# Contours of one slice are combined by exclusive or, whatever the newer of the two names says.
+_CLOSED = ("CLOSED_PLANAR", "CLOSEDPLANAR_XOR")
 # Where structures overlap the later one wins: contours of neighbours are drawn to touch, and the organ matters most.
 _PAINT_ORDER = {
     "bone": BONE,
@@ -79,7 +82,7 @@ def read_rtstruct(
         raise InputError(f"{path} is no DICOM RT structure set; give the RTSTRUCT file")
     with reading(path):
         if facts is not None:
-            _check_same_scan(dataset, facts, path)
+            check_same_scan(dataset, _images(dataset), facts, path)
         contours, notes = _contours(dataset, path)
     chosen, choice_notes = choose_rois(list(contours), str(path), roi)
     if not chosen:
@@ -94,19 +97,6 @@ def read_rtstruct(
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return Structures(masks, chosen, tuple(notes))
-
-
-def _check_same_scan(dataset: pydicom.Dataset, facts: SeriesFacts, path: Path) -> None:
-    frames = {str(dataset.get("FrameOfReferenceUID", ""))}
-    for reference in dataset.get("ReferencedFrameOfReferenceSequence") or []:
-        frames.add(str(reference.get("FrameOfReferenceUID", "")))
-    if facts.frame_of_reference_uid in frames or _images(dataset) & set(facts.sop_uids):
-        return
-    if facts.patient_hash is not None and patient_hash(dataset) not in (None, facts.patient_hash):
-        raise InputError(f"{path} is of another patient than the CT; give the structure set of this scan")
-    raise InputError(
-        f"{path} was drawn on another scan (its frame of reference is not the CT's); give the one of this scan"
-    )
 
 
 def _images(dataset: pydicom.Dataset) -> set[str]:
@@ -130,7 +120,7 @@ def _contours(dataset: pydicom.Dataset, path: Path) -> tuple[dict[str, list[NDAr
         name = names.get(int(roi.get("ReferencedROINumber", -1)), "")
         for contour in roi.get("ContourSequence") or []:
             points = _points(contour, name, path)
-            if str(contour.get("ContourGeometricType", "")).startswith("CLOSED_PLANAR") and len(points) >= 3:
+            if str(contour.get("ContourGeometricType", "")) in _CLOSED and len(points) >= 3:
                 found.setdefault(name, []).append(points)
             elif name and len(points) > 1:
                 notes.append(f"structure {name} has a contour that is not closed; it was left out")

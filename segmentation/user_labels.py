@@ -1,4 +1,4 @@
-"""Labels that a person drew on a scan: a NIfTI label volume or an RT structure set."""
+"""Labels that a person drew on a scan, from whatever program."""
 
 from __future__ import annotations
 
@@ -10,18 +10,26 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import InputError
+from palpate.segmentation.dicom_files import read_file, reading
+from palpate.segmentation.dicom_same_scan import check_same_scan
+from palpate.segmentation.dicom_seg import images_of, read_dicom_seg
 from palpate.segmentation.dicom_series import SeriesFacts
-from palpate.segmentation.itksnap import label_values
+from palpate.segmentation.itksnap import label_values, meaning_of
+from palpate.segmentation.itksnap_workspace import LABEL_LAYER, read_workspace
 from palpate.segmentation.labels import LABELS
+from palpate.segmentation.named_labels import Segments, is_split, labels_of
 from palpate.segmentation.nifti_labels import read_labels
 from palpate.segmentation.rtstruct import read_rtstruct
+from palpate.segmentation.seg_nrrd import read_seg_nrrd
 from palpate.segmentation.volume import Volume
 
 
 @dataclass(frozen=True, eq=False)
 class UserLabels:
-    """volume : labels in the scan's frame. source : "nifti" or "rtstruct". prostate_is_split : False where value 1 stands
-    for the whole prostate, left and right yet to be told apart. structures : organ -> names in the structure set.
+    """volume : labels in the scan's frame. source : "nifti", "itksnap", "seg.nrrd", "dicom-seg" or "rtstruct".
+
+    prostate_is_split : False where value 1 stands for the whole prostate, left and right yet to be told apart.
+    structures : organ -> names of the structures or segments it was made of.
     """
 
     volume: Volume
@@ -44,15 +52,57 @@ class UserLabels:
 def read_user_labels(
     path: Path | str, ct: Volume, facts: SeriesFacts | None = None, roi: Mapping[str, Sequence[str]] | None = None
 ) -> UserLabels:
-    """The labels drawn on a CT. Raises InputError naming the file when it cannot be read or lies elsewhere."""
+    """The labels drawn on a CT: NIfTI, ITK-SNAP workspace, 3D Slicer's .seg.nrrd, DICOM RTSTRUCT or SEG.
+
+    Raises InputError naming the file when it cannot be read or lies elsewhere.
+    """
     path = Path(path)
-    if not path.name.lower().endswith((".nii", ".nii.gz")):
-        structures = read_rtstruct(path, ct, facts, roi)
-        return UserLabels(
-            structures.labels(ct), "rtstruct", structures.prostate_is_split, structures.names, structures.notes
+    name = path.name.lower()
+    if name.endswith((".nii", ".nii.gz")):
+        description = path.parent / "labels.txt"
+        values = label_values(description) if description.is_file() else None
+        return _inside(UserLabels(read_labels(path, values), "nifti", True, {}, ()), ct, path)
+    if name.endswith(".itksnap"):
+        return _inside(_of_workspace(path), ct, path)
+    if name.endswith(".nrrd"):
+        return _inside(_of_segments(read_seg_nrrd(path), "seg.nrrd", path, roi), ct, path)
+    if is_segmentation(path):
+        segments = read_dicom_seg(path)
+        if facts is not None:
+            with reading(path):
+                check_same_scan(segments.dataset, images_of(segments.dataset), facts, path)
+        return _inside(_of_segments(segments, "dicom-seg", path, roi), ct, path)
+    structures = read_rtstruct(path, ct, facts, roi)
+    return UserLabels(
+        structures.labels(ct), "rtstruct", structures.prostate_is_split, structures.names, structures.notes
+    )
+
+
+def is_segmentation(path: Path) -> bool:
+    """Whether the file is a DICOM segmentation."""
+    header = read_file(path, stop_before_pixels=True) if path.is_file() else None
+    return header is not None and header.get("Modality") == "SEG"
+
+
+def _of_segments(segments: Segments, source: str, path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
+    volume, chosen, notes = labels_of(segments, str(path), roi)
+    return UserLabels(volume, source, is_split(chosen), chosen, tuple(notes))
+
+
+def _of_workspace(path: Path) -> UserLabels:
+    workspace = read_workspace(path)
+    layer = workspace.only(LABEL_LAYER, str(path))
+    if not layer.path.name.lower().endswith((".nii", ".nii.gz")):
+        raise InputError(
+            f"{path} names {layer.path.name} as its segmentation; save that as NIfTI (.nii.gz) in ITK-SNAP"
         )
-    description = path.parent / "labels.txt"
-    volume = read_labels(path, label_values(description) if description.is_file() else None)
+    values = meaning_of(workspace.names, str(path)) if workspace.names else None
+    return UserLabels(read_labels(layer.path, values), "itksnap", True, {}, ())
+
+
+def _inside(labels: UserLabels, ct: Volume, path: Path) -> UserLabels:
+    """The labels, once it is sure that they lie where the CT is."""
+    volume = labels.volume
     points = volume.to_lps(np.argwhere(volume.array > 0).astype(float))
     index = ct.to_index(points)
     inside = np.all((index >= -0.5) & (index <= np.array(ct.array.shape) - 0.5), axis=1).mean()
@@ -60,4 +110,4 @@ def read_user_labels(
         raise InputError(
             f"{path}: {100 * (1 - inside):.0f} % of the labels lie outside the CT; give the labels drawn on this scan"
         )
-    return UserLabels(volume, "nifti", True, {}, ())
+    return labels

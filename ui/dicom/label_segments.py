@@ -30,14 +30,20 @@ def label_segmentation(case: CaseFolder, state: str) -> hd.seg.Segmentation:
 
     Raises InputError when the case has no labels or no CT of that state.
     """
+    labels = labels_in_own_scan(case, state)
+    source = read_source(case, state)
+    kind = "seg" if state == "rest" else "deformed seg"
+    made = making(case, kind, source, [f"{state}.nii.gz", *_INPUTS])
+    return _segmentation(labels, source, made, algorithm_types(case, state), state)
+
+
+def labels_in_own_scan(case: CaseFolder, state: str) -> Volume:
+    """The labels of a state in the frame of that state's own CT."""
     labels = case.labels(state)
     if state == "deformed":
         # A case keeps deformed labels in the frame of the scan at rest; the deformed CT knows nothing of that one.
         labels = labels.moved(np.linalg.inv(case.deformed_to_rest()).astype(np.float64))
-    source = read_source(case, state)
-    kind = "seg" if state == "rest" else "deformed seg"
-    made = making(case, kind, source, [f"{state}.nii.gz", *_INPUTS])
-    return _segmentation(labels, source, made, _methods(case, state), state)
+    return labels
 
 
 def _segmentation(
@@ -87,7 +93,7 @@ def _described(value: int, number: int, made: Making, methods: Mapping[str, str]
     )
 
 
-def _methods(case: CaseFolder, state: str) -> dict[str, str]:
+def algorithm_types(case: CaseFolder, state: str) -> dict[str, str]:
     """How each label came about, in DICOM's words; what this program did not find was drawn."""
     facts = case.read_json("segmentation.json") if case.has("segmentation.json") else {}
     known = facts.get("states", {}).get(state, {})

@@ -22,7 +22,15 @@ MANUFACTURER, MODEL = "Palpate", "palpate"
 MARK = "RESEARCH USE ONLY"
 NOT_FOR_DIAGNOSIS = "Research use only, not for diagnosis."
 CHARACTER_SET = "ISO_IR 192"  # UTF-8: a patient's name is written as the scan has it
-SERIES_NUMBERS = {"seg": 9101, "pm": 9102, "sr": 9103, "pdf": 9104, "deformed seg": 9105}
+SERIES_NUMBERS = {
+    "seg": 9101,
+    "pm": 9102,
+    "sr": 9103,
+    "pdf": 9104,
+    "deformed seg": 9105,
+    "rtstruct": 9106,
+    "deformed rtstruct": 9107,
+}
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ _MAY_BE_BLANK = {
     "PatientID": "LO", "PatientName": "PN", "PatientBirthDate": "DA", "PatientSex": "CS", "StudyID": "SH",
     "AccessionNumber": "SH", "StudyDate": "DA", "StudyTime": "TM", "ReferringPhysicianName": "PN",
 }  # fmt: skip
+_IDENTITY = (*_MAY_BE_BLANK, "StudyInstanceUID", "PatientIdentityRemoved", "DeidentificationMethod")
 _SEXES = ("M", "F", "O", "")
 
 
@@ -41,6 +42,12 @@ class SourceScan:
     def body_part(self) -> str:
         """BodyPartExamined, without which an image must state its laterality."""
         return str(self.header.get("BodyPartExamined") or "PELVIS")
+
+    def copy_identity(self, dataset: Dataset) -> None:
+        """Puts patient and study of this scan into a new object: it is of the same patient."""
+        for keyword in _IDENTITY:
+            if keyword in self.header:
+                setattr(dataset, keyword, self.header.get(keyword))
 
     def placed(self, volume: Volume) -> hd.Volume:
         """A volume in this scan's frame of reference as highdicom has it: frames along k, rows along j, columns along i."""
@@ -71,6 +78,13 @@ def read_source(case: CaseFolder, state: str) -> SourceScan:
     if len(files) > 1 and any("NumberOfFrames" in f.header and f.header.NumberOfFrames > 1 for f in files):
         raise InputError(f"{folder} holds a scan in several multi-frame files; export it as single slices")
     return SourceScan([file.header for file in files])
+
+
+def reference_to(image: Dataset) -> Dataset:
+    """The item by which a sequence refers to an image."""
+    item = Dataset()
+    item.ReferencedSOPClassUID, item.ReferencedSOPInstanceUID = image.SOPClassUID, image.SOPInstanceUID
+    return item
 
 
 def _fill(header: Dataset) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from highdicom.sr import CodedConcept
-from pydicom import Dataset
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.sr.codedict import codes
 from pydicom.uid import UID, EncapsulatedPDFStorage, ExplicitVRLittleEndian
@@ -14,14 +13,10 @@ from pydicom.valuerep import DA, DT, TM
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.ui.dicom.making import CHARACTER_SET, MANUFACTURER, MARK, MODEL, Making, making, save, version
-from palpate.ui.dicom.source import SourceScan, read_source
+from palpate.ui.dicom.source import SourceScan, read_source, reference_to
 
 WRITES = "DICOM encapsulated PDF: the report"
 _REPORT = "report/report.pdf"
-_COPIED = (
-    *("PatientID", "PatientName", "PatientBirthDate", "PatientSex", "PatientIdentityRemoved", "DeidentificationMethod"),
-    *("StudyInstanceUID", "StudyID", "StudyDate", "StudyTime", "AccessionNumber", "ReferringPhysicianName"),
-)
 
 
 def export(case: CaseFolder, folder: Path) -> list[Path]:
@@ -41,9 +36,7 @@ def _encapsulated(pdf: bytes, source: SourceScan, made: Making) -> FileDataset:
     data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
     data.SpecificCharacterSet = CHARACTER_SET
     data.SOPClassUID, data.SOPInstanceUID = EncapsulatedPDFStorage, made.sop_uid
-    for keyword in _COPIED:
-        if keyword in source.header:
-            setattr(data, keyword, source.header.get(keyword))
+    source.copy_identity(data)
     data.Modality, data.SeriesInstanceUID, data.SeriesNumber = "DOC", made.series_uid, made.series_number
     data.SeriesDescription = made.series_description("stiffness report")
     data.Manufacturer, data.ManufacturerModelName, data.SoftwareVersions = MANUFACTURER, MODEL, version()
@@ -55,15 +48,9 @@ def _encapsulated(pdf: bytes, source: SourceScan, made: Making) -> FileDataset:
     data.DocumentTitle = f"Stiffness from two CT scans. {MARK}, not for diagnosis"
     data.ConceptNameCodeSequence = [CodedConcept.from_code(codes.DCM.ImagingMeasurementReport)]
     data.VerificationFlag = "UNVERIFIED"
-    data.SourceInstanceSequence = [_reference(image) for image in source.images]
+    data.SourceInstanceSequence = [reference_to(image) for image in source.images]
     data.MIMETypeOfEncapsulatedDocument = "application/pdf"
     data.EncapsulatedDocumentLength = len(pdf)
     data.EncapsulatedDocument = pdf + b"\0" * (len(pdf) % 2)
     made.stamp(data)
     return data
-
-
-def _reference(image: Dataset) -> Dataset:
-    item = Dataset()
-    item.ReferencedSOPClassUID, item.ReferencedSOPInstanceUID = image.SOPClassUID, image.SOPInstanceUID
-    return item

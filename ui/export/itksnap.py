@@ -1,4 +1,4 @@
-"""For ITK-SNAP: scans, label volumes and stiffness as NIfTI, with the label description file."""
+"""For ITK-SNAP: scans, label volumes and stiffness as NIfTI, the label description file, and workspaces that open them."""
 
 from __future__ import annotations
 
@@ -6,27 +6,56 @@ from pathlib import Path
 
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import STATES, CaseFolder
+from palpate.segmentation.grid import labels_on
 from palpate.segmentation.itksnap import label_description
+from palpate.segmentation.itksnap_workspace import LABEL_LAYER, MAIN, OVERLAY, Layer, workspace_text
 from palpate.segmentation.nifti_labels import write_nifti
 from palpate.segmentation.volume import Volume
 from palpate.ui.export.stiffness import stiffness_volume
 
-WRITES = "NIfTI: scans, label volumes, stiffness in kPa; labels.txt"
+WRITES = "NIfTI: scans, label volumes, stiffness in kPa; labels.txt; a workspace of each scan with all of it"
+_STIFFNESS = "stiffness_kpa.nii.gz"
 
 
 def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes what the case has, both states in the frame of the scan at rest. Raises InputError where it cannot."""
-    volumes: dict[str, Volume] = {}
+    written: list[Path] = []
+    sizes: dict[str, tuple[int, ...]] = {}
     for state in STATES:
+        labels = case.labels(state) if case.has_labels(state) else None
+        if labels is not None:
+            written.append(_write(folder / f"{state}_labels.nii.gz", labels))
         if case.has(f"{state}_ct"):
-            volumes[f"{state}_ct.nii.gz"] = case.ct(state)
-        if case.has_labels(state):
-            volumes[f"{state}_labels.nii.gz"] = case.labels(state)
+            ct = case.ct(state)
+            sizes[state] = ct.array.shape
+            written.append(_write(folder / f"{state}_ct.nii.gz", ct))
+            if labels is not None:
+                # ITK-SNAP opens a segmentation only on the grid of the main image.
+                written.append(_write(folder / f"{state}_labels_on_ct.nii.gz", labels_on(labels, ct)))
     if case.has("result.json"):
-        volumes["stiffness_kpa.nii.gz"] = stiffness_volume(case)
-    for name, volume in volumes.items():
+        written.append(_write(folder / _STIFFNESS, stiffness_volume(case)))
+    texts = {"labels.txt": label_description()}
+    texts |= {f"{s}.itksnap": workspace_text(_layers(s, folder, written), folder, size) for s, size in sizes.items()}
+    for name, text in texts.items():
         with atomic_path(folder / name) as path:
-            write_nifti(path, volume)
-    with atomic_path(folder / "labels.txt") as path:
-        path.write_text(label_description(), encoding="utf-8")
-    return [folder / name for name in (*volumes, "labels.txt")]
+            path.write_text(text, encoding="utf-8")
+    return written + [folder / name for name in texts]
+
+
+def _layers(state: str, folder: Path, written: list[Path]) -> list[Layer]:
+    """The workspace of one scan: it, its labels, and over it the other scan (hidden at first) and the stiffness."""
+    other = next(s for s in STATES if s != state)
+    wanted = [
+        Layer(folder / f"{state}_ct.nii.gz", MAIN, f"CT {state}"),
+        Layer(folder / f"{state}_labels_on_ct.nii.gz", LABEL_LAYER, f"labels {state}"),
+        Layer(folder / f"{other}_ct.nii.gz", OVERLAY, f"CT {other}, aligned", opacity=0.0),
+    ]
+    if state == "rest":
+        wanted.append(Layer(folder / _STIFFNESS, OVERLAY, "G, kPa (research use only)", "Jet", 0.4))
+    return [layer for layer in wanted if layer.path in written]
+
+
+def _write(path: Path, volume: Volume) -> Path:
+    with atomic_path(path) as temporary:
+        write_nifti(temporary, volume)
+    return path

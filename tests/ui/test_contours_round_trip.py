@@ -1,0 +1,157 @@
+"""Contours out and in again, through every form: Dice at least 0.98, position within half a voxel. ``pytest -s`` prints the table."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pydicom
+import pytest
+import SimpleITK as sitk
+from dicom_cases import FLIPS, TURN, pair
+from phantoms import affine
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.grid import labels_on
+from palpate.segmentation.itksnap_workspace import read_workspace
+from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
+from palpate.segmentation.user_labels import UserLabels, read_user_labels
+from palpate.segmentation.volume import Volume
+from palpate.ui.export import exporter
+
+# Form -> file at rest, file of the deformed scan (in its own frame), whether surrounding tissue is in it.
+FORMS = {
+    "dicom-seg": ("rest_seg.dcm", "deformed_seg.dcm"),
+    "rtstruct": ("rest_rtstruct.dcm", "deformed_rtstruct.dcm"),
+    "itksnap": ("rest.itksnap", None),
+    "nrrd": ("rest_labels.seg.nrrd", None),
+}
+
+
+def read_back(case: CaseFolder, path: Path, state: str = "rest") -> UserLabels:
+    return read_user_labels(path, *case.series(state))
+
+
+def dice(found: Volume, wanted: Volume, value: int) -> float:
+    one, other = labels_on(found, wanted).array == value, wanted.array == value
+    return 2.0 * float((one & other).sum()) / float(one.sum() + other.sum())
+
+
+def middle(volume: Volume, value: int) -> np.ndarray:
+    return volume.to_lps(np.argwhere(volume.array == value).astype(float)).mean(axis=0)
+
+
+def assert_same(found: Volume, wanted: Volume, least: float = 0.98, name: str = "") -> None:
+    values = [v for v in LABELS if v not in (0, SURROUNDING_TISSUE) and (wanted.array == v).any()]
+    overlaps = {LABELS[v]: dice(found, wanted, v) for v in values}
+    shifts = {LABELS[v]: np.abs(middle(found, v) - middle(wanted, v)).max() for v in values}
+    print(f"{name:40s} Dice {min(overlaps.values()):.4f}  shift {max(shifts.values()):.3f} mm")
+    assert min(overlaps.values()) >= least, overlaps
+    assert max(shifts.values()) <= 0.5 * wanted.spacing.min(), shifts
+
+
+@pytest.mark.parametrize("flips", FLIPS)
+def test_every_form_in_all_eight_flips(flips: tuple[int, int, int], tmp_path: Path) -> None:
+    case = pair(tmp_path / "case", affine(flips=flips))
+    for form, (name, _) in FORMS.items():
+        exporter(form).export(case, tmp_path / form)
+        found = read_back(case, tmp_path / form / name)
+        assert found.prostate_is_split
+        assert_same(found.volume, case.labels("rest"), 1.0, f"{form} {flips}")
+
+
+@pytest.fixture(scope="module")
+def fine(tmp_path_factory: pytest.TempPathFactory) -> CaseFolder:
+    """Labels on a grid of their own, finer than the CT and turned against it, as segmentation writes them."""
+    case = pair(tmp_path_factory.mktemp("fine") / "case", affine(rotation_deg=6.0, flips=(-1, 1, -1)))
+    for state in ("rest", "deformed"):
+        labels = case.labels(state)
+        counts = np.array([100, 100, 100])
+        grid = np.diag([1.0, 1.0, 1.0, 1.0])
+        grid[:3, 3] = labels.to_lps((np.array(labels.array.shape) - 1.0)[None] / 2.0)[0] - (counts - 1) / 2.0
+        case.write_labels(state, labels_on(labels, Volume(np.zeros(counts, dtype=np.uint8), grid)))
+    return case
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_labels_finer_than_the_scan(form: str, fine: CaseFolder, tmp_path: Path) -> None:
+    """Of what lies on the scan's slices only: an RTSTRUCT has contours on slices, a workspace a segmentation on the scan's grid."""
+    exporter(form).export(fine, tmp_path)
+    ct = fine.ct("rest")
+    wanted = fine.labels("rest") if form in ("dicom-seg", "nrrd") else labels_on(fine.labels("rest"), ct)
+    assert_same(read_back(fine, tmp_path / FORMS[form][0]).volume, wanted, name=form)
+    assert_same(read_back(fine, tmp_path / FORMS[form][0]).volume, fine.labels("rest"), 0.93, f"{form}, fine grid")
+
+
+@pytest.mark.parametrize("form", ["dicom-seg", "rtstruct"])
+def test_the_deformed_scan_has_its_contours_in_its_own_frame(form: str, fine: CaseFolder, tmp_path: Path) -> None:
+    exporter(form).export(fine, tmp_path)
+    wanted = fine.labels("deformed").moved(np.linalg.inv(TURN))
+    volume, facts = fine.series("deformed")
+    found = read_user_labels(tmp_path / FORMS[form][1], volume, facts)
+    assert_same(found.volume, labels_on(wanted, volume) if form == "rtstruct" else wanted, name=form)
+    with pytest.raises(InputError, match="was drawn on another scan"):
+        read_back(fine, tmp_path / FORMS[form][1])
+
+
+def test_simpleitk_and_pydicom_agree_on_place(fine: CaseFolder, tmp_path: Path) -> None:
+    exporter("nrrd").export(fine, tmp_path)
+    other = Volume.from_sitk(sitk.ReadImage(str(tmp_path / "rest_labels.seg.nrrd")))
+    assert_same(other, fine.labels("rest"), 1.0)
+    exporter("rtstruct").export(fine, tmp_path)
+    structures = pydicom.dcmread(tmp_path / "rest_rtstruct.dcm")
+    rois = {r.ROINumber: r.ROIName for r in structures.StructureSetROISequence}
+    for roi in structures.ROIContourSequence:
+        points = np.concatenate([np.array(c.ContourData, dtype=float).reshape(-1, 3) for c in roi.ContourSequence])
+        value = next(v for v, name in LABELS.items() if name == rois[roi.ReferencedROINumber])
+        drawn = fine.labels("rest")
+        inside = drawn.to_lps(np.argwhere(drawn.array == value).astype(float))
+        np.testing.assert_allclose(points.min(axis=0), inside.min(axis=0), atol=3.0)
+        np.testing.assert_allclose(points.max(axis=0), inside.max(axis=0), atol=3.0)
+
+
+def test_a_workspace_that_was_moved_finds_its_images(fine: CaseFolder, tmp_path: Path) -> None:
+    exporter("itksnap").export(fine, tmp_path / "here")
+    shutil.move(tmp_path / "here", tmp_path / "there")
+    workspace = read_workspace(tmp_path / "there" / "rest.itksnap")
+    assert {layer.path.name for layer in workspace.layers} == {
+        "rest_ct.nii.gz", "rest_labels_on_ct.nii.gz", "deformed_ct.nii.gz", "stiffness_kpa.nii.gz",
+    }  # fmt: skip
+    assert all(layer.path.is_file() for layer in workspace.layers)
+    assert workspace.names == {value: name for value, name in LABELS.items() if value}
+    read_back(fine, tmp_path / "there" / "rest.itksnap")
+
+
+def test_slicer_reads_our_segmentation_with_names_and_place(fine: CaseFolder, tmp_path: Path) -> None:
+    slicer = pytest.importorskip("slicer", reason="slicer-core is absent: pip install slicer-core")
+    exporter("nrrd").export(fine, tmp_path)
+    scene = slicer.vtkMRMLScene()
+    storage, node = slicer.vtkMRMLSegmentationStorageNode(), slicer.vtkMRMLSegmentationNode()
+    for each in (storage, node):
+        scene.AddNode(each)
+    storage.SetFileName(str(tmp_path / "rest_labels.seg.nrrd"))
+    assert storage.ReadData(node) == 1
+    names = [
+        node.GetSegmentation().GetNthSegment(i).GetName() for i in range(node.GetSegmentation().GetNumberOfSegments())
+    ]
+    wanted = fine.labels("rest")
+    assert names == [LABELS[int(v)] for v in np.unique(wanted.array) if v]
+    for number, name in enumerate(names):
+        value = next(v for v in LABELS if LABELS[v] == name)
+        image = node.GetBinaryLabelmapInternalRepresentation(node.GetSegmentation().GetNthSegmentID(number))
+        stored = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions(), order="F")
+        index = np.argwhere(stored == value) + np.array(image.GetExtent())[::2]
+        matrix = vtkMatrix4x4()
+        image.GetImageToWorldMatrix(matrix)
+        ras = np.array([[matrix.GetElement(r, c) for c in range(4)] for r in range(4)])
+        shown = (index @ ras[:3, :3].T + ras[:3, 3]) * [-1, -1, 1]
+        drawn = wanted.to_lps(np.argwhere(wanted.array == value).astype(float))
+        np.testing.assert_allclose(np.sort(shown, axis=0), np.sort(drawn, axis=0), atol=1e-3)
+    # And what Slicer writes is read here: the same labels.
+    storage.SetFileName(str(tmp_path / "by_slicer.seg.nrrd"))
+    assert storage.WriteData(node) == 1
+    assert_same(read_back(fine, tmp_path / "by_slicer.seg.nrrd").volume, wanted, 1.0)

@@ -1,0 +1,117 @@
+"""The organs of one state as a DICOM RT structure set."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydicom import Dataset
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import UID, ExplicitVRLittleEndian, RTStructureSetStorage
+from pydicom.valuerep import DA, TM
+
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.dicom_series import SeriesFacts
+from palpate.segmentation.labels import LABEL_COLOURS, LABELS, SURROUNDING_TISSUE
+from palpate.segmentation.outlines import labels_on_slices, outlines
+from palpate.segmentation.volume import Volume
+from palpate.ui.dicom.label_segments import algorithm_types, labels_in_own_scan
+from palpate.ui.dicom.making import CHARACTER_SET, MANUFACTURER, MODEL, Making, making, version
+from palpate.ui.dicom.source import SourceScan, read_source, reference_to
+
+_STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"  # Detached Study Management, retired, which this sequence still asks for
+
+
+def structure_set(case: CaseFolder, state: str) -> FileDataset:
+    """Contours of prostate halves, bladder, rectum and bone on the slices of the state's own CT.
+
+    Holes are contours within contours. The surrounding tissue is no organ and left out.
+    Raises InputError when the case has no labels or no CT of that state.
+    """
+    source = read_source(case, state)
+    kind = "rtstruct" if state == "rest" else "deformed rtstruct"
+    made = making(case, kind, source, [f"{state}.nii.gz", "labels.txt", "alignment.json"])
+    ct, facts = case.series(state)
+    labels = labels_in_own_scan(case, state)
+    organs = labels.with_array(np.where(labels.array == SURROUNDING_TISSUE, 0, labels.array))
+    drawn, first = labels_on_slices(organs, ct)
+    data = _empty(source, made, state)
+    types = algorithm_types(case, state)
+    for number, value in enumerate([int(v) for v in np.unique(drawn.array) if v], start=1):
+        how = types.get(LABELS[value], "MANUAL")
+        data.StructureSetROISequence.append(_item(
+            ROINumber=number, ReferencedFrameOfReferenceUID=source.header.FrameOfReferenceUID, ROIName=LABELS[value],
+            ROIGenerationAlgorithm=how,
+        ))  # fmt: skip
+        contours = _contours(drawn, value, first, facts)
+        colour = list(LABEL_COLOURS[value][:3])
+        data.ROIContourSequence.append(
+            _item(ROIDisplayColor=colour, ContourSequence=contours, ReferencedROINumber=number)
+        )
+        data.RTROIObservationsSequence.append(
+            _item(ObservationNumber=number, ReferencedROINumber=number, RTROIInterpretedType="ORGAN", ROIInterpreter="")
+        )
+    made.stamp(data)
+    return data
+
+
+def _contours(drawn: Volume, value: int, first: int, facts: SeriesFacts) -> list[Dataset]:
+    found = []
+    for k in np.flatnonzero((drawn.array == value).any(axis=(0, 1))):
+        for outline in outlines(drawn.array[:, :, k] == value):
+            points = drawn.to_lps(np.column_stack([outline, np.full(len(outline), float(k))]))
+            contour = _item(
+                ContourGeometricType="CLOSED_PLANAR", NumberOfContourPoints=len(points), ContourData=_text(points)
+            )
+            if not facts.regridded:
+                image = _item(
+                    ReferencedSOPClassUID=facts.sop_class_uid, ReferencedSOPInstanceUID=facts.sop_uids[first + int(k)]
+                )
+                if facts.sop_uids.count(image.ReferencedSOPInstanceUID) > 1:
+                    image.ReferencedFrameNumber = facts.frames[first + int(k)] + 1
+                contour.ContourImageSequence = [image]
+            found.append(contour)
+    return found
+
+
+def _text(points: NDArray[np.float64]) -> list[str]:
+    """Decimal strings of at most 16 characters, micrometres."""
+    return [f"{value:.3f}" for value in points.ravel() + 0.0]
+
+
+def _empty(source: SourceScan, made: Making, state: str) -> FileDataset:
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = RTStructureSetStorage, UID(made.sop_uid)
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
+    data.SpecificCharacterSet = CHARACTER_SET
+    data.SOPClassUID, data.SOPInstanceUID = RTStructureSetStorage, made.sop_uid
+    source.copy_identity(data)
+    data.Modality, data.SeriesInstanceUID, data.SeriesNumber = "RTSTRUCT", made.series_uid, made.series_number
+    data.SeriesDescription, data.OperatorsName = made.series_description(f"structures, {state}"), ""
+    data.Manufacturer, data.ManufacturerModelName, data.SoftwareVersions = MANUFACTURER, MODEL, version()
+    data.FrameOfReferenceUID, data.PositionReferenceIndicator = source.header.FrameOfReferenceUID, ""
+    data.InstanceNumber, data.StructureSetLabel, data.StructureSetName = 1, "PALPATE", f"Palpate, {state}"
+    data.StructureSetDescription = made.note
+    data.StructureSetDate, data.StructureSetTime = DA(made.made.date()), TM(made.made.time())
+    data.ApprovalStatus = "UNAPPROVED"
+    header = source.header
+    series = _item(
+        SeriesInstanceUID=header.SeriesInstanceUID,
+        ContourImageSequence=[reference_to(image) for image in source.images],
+    )
+    study = _item(ReferencedSOPClassUID=_STUDY_CLASS, ReferencedSOPInstanceUID=header.StudyInstanceUID,
+                  RTReferencedSeriesSequence=[series])  # fmt: skip
+    data.ReferencedFrameOfReferenceSequence = [
+        _item(FrameOfReferenceUID=header.FrameOfReferenceUID, RTReferencedStudySequence=[study])
+    ]
+    data.StructureSetROISequence, data.ROIContourSequence, data.RTROIObservationsSequence = [], [], []
+    return data
+
+
+def _item(**elements: Any) -> Dataset:
+    item = Dataset()
+    for keyword, value in elements.items():
+        setattr(item, keyword, value)
+    return item
