@@ -24,8 +24,8 @@ Solver = Callable[[int, float], tuple[Any, int]]
 class Timed:
     """Returned in place of iterations by a solver that runs a program of its own: seconds without what every run repeats."""
 
-    def __init__(self, iterations: int, seconds: float) -> None:
-        self.iterations, self.seconds = iterations, seconds
+    def __init__(self, iterations: int, seconds: float, cpu_seconds: float) -> None:
+        self.iterations, self.seconds, self.cpu_seconds = iterations, seconds, cpu_seconds
 
 
 def serve(load: Callable[[Arrays], Solver], version: str) -> None:
@@ -42,21 +42,22 @@ def serve(load: Callable[[Arrays], Solver], version: str) -> None:
 
 
 def _answer(solve: Solver, request: dict[str, Any]) -> dict[str, Any]:
-    start = time.perf_counter()
+    start, cpu = time.perf_counter(), time.process_time()
     try:
         with np.errstate(all="ignore"):
             u, iterations = solve(request["steps"], request["rtol"])
     except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
         lines = str(error).strip().splitlines() or [type(error).__name__]
         return {"reason": lines[0][:200], "seconds": time.perf_counter() - start, "memory_mb": memory_mb()}
-    seconds, memory = time.perf_counter() - start, memory_mb()
+    cost = {"seconds": time.perf_counter() - start, "cpu_seconds": time.process_time() - cpu, "memory_mb": memory_mb()}
     if isinstance(iterations, Timed):
-        seconds, iterations, memory = iterations.seconds, iterations.iterations, None
+        cost = {"seconds": iterations.seconds, "cpu_seconds": iterations.cpu_seconds, "memory_mb": None}
+        iterations = iterations.iterations
     if not np.isfinite(u).all():
-        return {"reason": "the solution is not finite", "seconds": seconds, "memory_mb": memory}
+        return {"reason": "the solution is not finite", **cost}
     if request.get("out"):
         np.save(request["out"], np.asarray(u))
-    return {"reason": "", "seconds": seconds, "iterations": int(iterations), "memory_mb": memory}
+    return {"reason": "", "iterations": int(iterations), **cost}
 
 
 def memory_mb() -> float | None:
