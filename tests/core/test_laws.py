@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from palpate.core.laws import LAWS, Law
 from palpate.core.laws.check import derivative_errors, random_deformation_gradients
 
-NOT_OBJECTIVE = {"linear"}
+NOT_OBJECTIVE = {"linear", "linear-stiffening"}
 ISOTROPIC_FINITE = ["mooney-rivlin", "mooney-rivlin-printed", "neo-hookean"]
 ALL = sorted(LAWS)
 
@@ -112,8 +112,8 @@ def test_stretched_block_matches_the_closed_form(name: str, mode: str, stretch: 
     stretches = free_stretch(name, lambda x: shape(stretch, x), free)
     p = constants(name)[0]
     P = LAWS[name].stress(np.diag(stretches), p)[0]
-    np.testing.assert_allclose(P, np.diag(nominal(name, stretches)), rtol=1e-10, atol=1e-9)
-    assert abs(P[free, free]) < 1e-9
+    expected = nominal(name, stretches)
+    assert np.abs(P - np.diag(expected)).max() < 1e-10 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("gamma", [-0.8, 0.05, 0.6])
