@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from palpate.core.bench.options import BenchOptions
 from palpate.core.fem.elements import DEFAULT_ELEMENT
 from palpate.core.fem.meshes import ORGAN, TISSUE, refined, sphere_in_cube
 from palpate.core.fem.scenes import DRIVES, sphere_scene, standard_sphere_mesh
-from palpate.core.validate.forward import ForwardOptions, element_errors, forward, seconds_to
+from palpate.core.validate.forward import ForwardOptions, forward, reference_rms, seconds_to
+from palpate.core.validate.forward import element_errors as errors_of
+from palpate.ui.pictures.element_errors import element_errors
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -18,7 +23,7 @@ def test_the_default_element_does_not_lock(drive: str) -> None:
     fine = refined(mesh)
     found = {}
     for ratio in (50.0, 1000.0):
-        for row in element_errors([mesh], fine, ratio, drive, ("p1", DEFAULT_ELEMENT), 1):
+        for row in errors_of([mesh], fine, ratio, drive, ("p1", DEFAULT_ELEMENT), 1):
             assert row["converged"] and row["reference_converged"]
             found[row["element"], ratio] = float(row["rms"])
     assert found[DEFAULT_ELEMENT, 1000.0] < 0.035
@@ -27,12 +32,28 @@ def test_the_default_element_does_not_lock(drive: str) -> None:
 
 
 def test_the_study_gives_a_row_for_every_case() -> None:
-    options = ForwardOptions(cells=80, ratios=(50.0,), elements=("p1", "p1p1"), repeats=1, levels=1)
+    small = replace(BenchOptions(quick=True).effective(), reduced_divisions=(1, 1, 1), unseen=10)
+    options = ForwardOptions(80, (50.0,), elements=("p1", "p1p1"), repeats=1, levels=1, reduced=small)
     found = forward(options)
+    assert found["reduced_model"]["largest_error_percent"] <= 0.1  # type: ignore[index]
     rows = found["rows"]
     assert isinstance(rows, list) and len(rows) == 4
     assert {(r["drive"], r["element"]) for r in rows} == {(d, e) for d in DRIVES for e in ("p1", "p1p1")}
     assert all(0.0 < r["rms"] < r["largest"] < 1.0 and r["seconds"] > 0.0 for r in rows)
+
+
+def test_the_references_own_error_is_read_off_two_coarser_meshes() -> None:
+    true = np.array([0.08, 0.02, 0.005])
+    assert reference_rms(list(true[:2] - true[2])) == pytest.approx(true[2])
+    assert np.isnan(reference_rms([0.1]))
+
+
+def test_the_picture_shows_every_element() -> None:
+    row = {"ratio": 50.0, "drive": "traction", "cells": 80, "rms": 0.02, "seconds": 0.1}
+    rows = [{**row, "element": e, "ratio": r} for e in ("p1", "p2p1") for r in (50.0, 1000.0)]
+    figure = element_errors({"rows": rows, "sizes": rows})
+    assert [t.get_text() for t in figure.axes[0].get_legend().get_texts()] == ["p1", "p2p1"]  # type: ignore[union-attr]
+    assert len(figure.axes) == 2
 
 
 def test_time_to_an_error_is_read_off_in_logarithms() -> None:

@@ -1,30 +1,53 @@
 """Studies that put figures on what is claimed.
 
-robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses, one by one.
+forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
+robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.core.worker.progress import Progress
 from palpate.segmentation.atomic import atomic_path
 from palpate.ui.cli.arguments import no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 
-NAME, HELP = "validate", "studies of what is claimed, as JSON"
-_Study = Callable[[argparse.Namespace, Progress], dict[str, Any]]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
+_DPI = 160
+
+
+def _plain_text(found: dict[str, Any]) -> str:
+    return "\n".join(f"{key}: {value}" for key, value in found.items() if not isinstance(value, list))
+
+
+@dataclass(frozen=True)
+class Study:
+    """run : makes the figures. text : says them to a person. picture : draws them, where there is something to draw."""
+
+    run: Callable[[argparse.Namespace, Progress], dict[str, Any]]
+    text: Callable[[dict[str, Any]], str] = _plain_text
+    picture: Callable[[dict[str, Any]], Figure] | None = None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """STUDY, and how large."""
     parser.add_argument("study", choices=tuple(STUDIES), metavar="STUDY", help=", ".join(STUDIES))
     parser.add_argument("--scenes", type=whole_number(1, 1_000_000), default=1000, metavar="N",
-                        help="how many random scenes (default %(default)s)")  # fmt: skip
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the figures to this JSON file too")
+                        help="robustness: how many random scenes (default %(default)s)")  # fmt: skip
+    parser.add_argument("--log", type=Path, metavar="FILE",
+                        help="robustness: keep every scene's outcome in this file; the same command then goes on from it")  # fmt: skip
+    parser.add_argument("--cells", type=whole_number(80, 20_000), default=4000, metavar="N",
+                        help="forward: about how many tetrahedra (default %(default)s)")  # fmt: skip
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE",
+                        help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
@@ -32,18 +55,52 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     from palpate.core.worker.messages import encode
 
     no_points(args)
+    study = STUDIES[args.study]
     with console.progress(args.study) as progress:
-        found = STUDIES[args.study](args, progress)
+        found = study.run(args, progress)
     if args.output is not None:
         with atomic_path(args.output) as path:
             path.write_text(encode(found) + "\n", encoding="utf-8")
-    return found, "\n".join(f"{key}: {value}" for key, value in found.items() if not isinstance(value, list))
+        if study.picture is not None:
+            with atomic_path(args.output.with_suffix(".png")) as path:
+                study.picture(found).savefig(path, dpi=_DPI)
+    return found, study.text(found)
 
 
 def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from palpate.core.validate.robustness import RobustnessOptions, robustness
 
-    return robustness(RobustnessOptions(args.scenes, random_seed(args, 0)), progress)
+    options = RobustnessOptions(args.scenes, random_seed(args, 0), log=args.log, workers=args.workers or 1)
+    return robustness(options, progress)
 
 
-STUDIES: dict[str, _Study] = {"robustness": _robustness}
+def _forward(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.core.validate.forward import ForwardOptions, forward
+
+    return forward(ForwardOptions(cells=args.cells), progress)
+
+
+def _forward_text(found: dict[str, Any]) -> str:
+    lines = [f"{'drive':13}{'v1/mu':>6}  {'element':8}{'unknowns':>9}{'rms %':>8}{'largest %':>11}{'seconds':>9}"]
+    for r in found["rows"]:
+        lines.append(
+            f"{r['drive']:13}{r['ratio']:6g}  {r['element']:8}{r['unknowns']:9}{100 * r['rms']:8.2f}"
+            f"{100 * r['largest']:11.2f}{r['seconds']:9.3f}" + ("" if r["converged"] else "  no equilibrium")
+        )
+    for element, seconds in found["seconds_to_1_percent"].items():
+        lines.append(f"seconds to 1 %, {element}: " + ("not reached" if seconds is None else f"{seconds:.3g}"))
+    lines.append(f"the reference's own error: {100 * found['reference_rms']:.3f} %")
+    lines += [f"reduced model, {key}: {value:.4g}" for key, value in found["reduced_model"].items()]
+    return "\n".join(lines)
+
+
+def _forward_picture(found: dict[str, Any]) -> Figure:
+    from palpate.ui.pictures.element_errors import element_errors
+
+    return element_errors(found)
+
+
+STUDIES: dict[str, Study] = {
+    "forward": Study(_forward, _forward_text, _forward_picture),
+    "robustness": Study(_robustness),
+}
