@@ -16,7 +16,7 @@ from palpate.core.identify.coupled import prolonged
 from palpate.core.identify.evaluation import Evaluator
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.posterior import Posterior, laplace
+from palpate.core.identify.posterior import NoiseFacts, Posterior, laplace
 from palpate.core.identify.reference import Counter, Optimum, Walk, find_optimum, middle, settle_first
 from palpate.core.identify.scene import Scene, make_scene
 from palpate.core.identify.search import SwarmOutcome, run_swarm
@@ -83,7 +83,8 @@ def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter:
     linear, best = walk.linearise(theta), walk.best
     if linear is None or best is None:  # the swarm's best has no equilibrium once the walls have settled anew
         theta, linear, best = optimum.fit.theta, (optimum.fit.residual, optimum.fit.jacobian), optimum.equilibrium
-    posterior = laplace(theta, *linear, scene.parameters.bounds)
+    noise = NoiseFacts(misfit.score_covariance(linear[1]), misfit.expected)
+    posterior = laplace(theta, *linear, scene.parameters.bounds, noise)
     seconds = time.perf_counter() - began
     residual, jacobian = linear
     return Identification(scene, misfit, theta, best, residual, jacobian, posterior, optimum, swarm, count, seconds)

@@ -110,7 +110,7 @@ def _misfit(found: Identification) -> dict[str, Any]:
         "objective_mm2": end.objective_mm2,
         "points": end.points,
         "rms_before_mm": start.rms_mm,
-        "expected_noise_rms_mm": float(np.sqrt(np.trace(found.misfit.surface.covariance) / len(observation.points))),
+        "expected_noise_rms_mm": float(np.sqrt(np.trace(found.misfit.noise) / len(observation.points))),
         "contour_noise_sd_mm": facts.noise_sd_mm,
         "weighted": float(found.residual @ found.residual),
         "weighted_expected": len(found.residual),

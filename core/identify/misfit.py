@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.identify.scene import Scene
-from palpate.core.observe.noise import NUGGET_MM, Weighting, noise_modes, smooth_covariance
+from palpate.core.observe.noise import Weighting, contour_covariance, noise_modes, weighting_covariance
 
 FloatArray = NDArray[np.float64]
 
@@ -18,27 +19,38 @@ LANDMARK_SD_MM = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Residuals of all data and their weights; `value` is the squared Mahalanobis length of the residual.
+    """Residuals of all data and their weights; `value` is the squared length of the weighted residual.
 
-    surface : weighting of the surface residual (q, q), both contours' noise and the walls' noise carried through the model.
+    surface : weighting of the surface residual (q, q). noise : (q, q) mm2, what that residual's covariance is taken to be. Both
+    hold the walls' noise carried through the model; how else they differ is said in core.observe.noise.
     """
 
     scene: Scene
     surface: Weighting
+    noise: FloatArray
 
     @classmethod
     def of(cls, scene: Scene, wall_response: FloatArray | None = None) -> Misfit:
         """wall_response : (q, m) mm, change of the surface residual per unit of each wall noise mode; none counted if None."""
-        facts, observation = scene.problem.facts, scene.observation
-        sd, length = np.sqrt(2.0) * facts.noise_sd_mm, facts.noise_correlation_mm
-        covariance = smooth_covariance(observation.points, sd, length)
-        covariance[np.diag_indices_from(covariance)] += NUGGET_MM**2
-        if wall_response is not None:
-            covariance = covariance + wall_response @ wall_response.T
-        return cls(scene, Weighting(covariance))
+        facts, points = scene.problem.facts, scene.observation.points
+        sd, length = facts.noise_sd_mm, facts.noise_correlation_mm
+        walls = 0.0 if wall_response is None else wall_response @ wall_response.T
+        weighting = Weighting(weighting_covariance(points, sd, length) + walls)
+        return cls(scene, weighting, contour_covariance(points, sd, length) + walls)
+
+    @cached_property
+    def expected(self) -> float:
+        """What `value` is expected to be at the truth."""
+        return float(np.trace(self.surface.apply(self.noise))) + self.scene.observation.landmarks.shape[0] * 3.0
+
+    def score_covariance(self, jacobian: FloatArray) -> FloatArray:
+        """(t, t) covariance of J' r under the noise, for the whitened Jacobian J (q + 3 k, t)."""
+        q = len(self.noise)
+        weighed = self.surface.unwhiten_adjoint(jacobian[:q])
+        return weighed.T @ self.noise @ weighed + jacobian[q:].T @ jacobian[q:]
 
     def residual(self, u: FloatArray) -> FloatArray:
-        """Whitened residual (q + 3 k,) of nodal displacements u (n, 3): its square is chi-squared distributed at the truth."""
+        """Weighted residual (q + 3 k,) of nodal displacements u (n, 3)."""
         return self.residual_of(self.scene.observation.all_points @ u)
 
     def residual_of(self, v: FloatArray) -> FloatArray:
@@ -57,7 +69,7 @@ class Misfit:
         return np.vstack([surface, np.stack(marks, axis=1)])
 
     def value(self, u: FloatArray) -> float:
-        """Squared length of the whitened residual."""
+        """Squared length of the weighted residual."""
         return float((self.residual(u) ** 2).sum())
 
 

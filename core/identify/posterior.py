@@ -18,8 +18,8 @@ _BLIND = 0.7
 class Posterior:
     """Normal in theta = ln G, cut at the bounds.
 
-    mean (t,), covariance (t, t); singular_values (t,) of the whitened Jacobian: 1 / value is the standard deviation of ln G along
-    that direction. scale : factor by which the noise was widened because the misfit exceeds what the noise explains (at least 1).
+    mean (t,), covariance (t, t); singular_values (t,): 1 / value is the standard deviation of ln G along a direction that the
+    data see on their own. scale : factor by which the noise was widened because the misfit exceeds what the noise explains (at least 1).
     """
 
     mean: FloatArray
@@ -46,17 +46,36 @@ class Posterior:
         return 0.5 * (interval[:, 1] - interval[:, 0])
 
 
-def laplace(theta: FloatArray, residual: FloatArray, jacobian: FloatArray, bounds: FloatArray) -> Posterior:
-    """Posterior at an optimum from the whitened residual (q,) and Jacobian (q, t).
+@dataclass(frozen=True, eq=False)
+class NoiseFacts:
+    """What the noise does to a weighted residual r with Jacobian J.
 
-    A misfit above its expectation means errors the noise model does not know; the covariance is widened by that ratio, as a
-    least-squares fit would.
+    score_covariance : (t, t) of J' r. expected : mean of |r|^2 at the truth. Weights that are the noise's own inverse have
+    J' J and the number of data.
     """
-    singular = np.asarray(np.linalg.svd(jacobian, compute_uv=False), dtype=np.float64)
-    scale = max(1.0, float(residual @ residual) / max(len(residual) - len(theta), 1))
+
+    score_covariance: FloatArray
+    expected: float
+
+
+def laplace(
+    theta: FloatArray, residual: FloatArray, jacobian: FloatArray, bounds: FloatArray, noise: NoiseFacts | None = None
+) -> Posterior:
+    """Posterior at an optimum from the weighted residual (q,) and Jacobian (q, t).
+
+    The covariance is H^-1 S H^-1 with H = J' J and S = noise.score_covariance, joined with a flat prior over the bounds.
+    noise : None for weights that are the inverse of the noise's covariance. A misfit above its expectation means errors
+    the noise model does not know; the covariance is widened by that ratio, as a least-squares fit would.
+    """
+    H = jacobian.T @ jacobian
+    noise = noise or NoiseFacts(H, float(max(len(residual) - len(theta), 1)))
+    scale = max(1.0, float(residual @ residual) / noise.expected)
+    ridge = 1e-12 * max(float(np.trace(noise.score_covariance)), 1e-30) * np.eye(len(theta))
+    information = H @ np.linalg.solve(noise.score_covariance + ridge, H)
+    singular = np.sqrt(np.maximum(np.linalg.eigvalsh(0.5 * (information + information.T))[::-1], 0.0))
     # A direction the data do not see at all keeps the width of a flat prior over the bounds.
     prior = np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
-    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian / scale + prior), dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(information / scale + prior), dtype=np.float64)
     return Posterior(theta, covariance, singular, float(np.sqrt(scale)), bounds)
 
 
