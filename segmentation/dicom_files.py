@@ -39,8 +39,10 @@ _TOUCHED = (
     *("ImagePositionPatient", "PerFrameFunctionalGroupsSequence", "InstanceNumber"),
 )
 
-# pydicom quotes the values it complains of, and these may be names: nothing of it reaches any log.
+# pydicom quotes the values it complains of, and these may be names: nothing of it reaches any log or terminal.
 logging.getLogger("pydicom").setLevel(logging.CRITICAL)
+warnings.filterwarnings("ignore", module="pydicom")
+pydicom.config.settings.reading_validation_mode = pydicom.config.IGNORE
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +97,11 @@ def find_dicom(folder: Path, notes: list[str]) -> list[DicomFile]:
     found, others = [], []
     for path in list_files(folder):
         header = read_file(path, stop_before_pixels=True)
-        if header is None or not _is_object(header):
+        with reading(path):
+            kind = "" if header is None else _class_of(header)
+        if header is None or not kind:
             others.append(path)
-        elif _class_of(header) != _DIRECTORY_CLASS:
+        elif kind != _DIRECTORY_CLASS:
             found.append(DicomFile(path, header))
     damaged = [path for path in others if path.suffix.lower() in _DICOM_SUFFIXES]
     if damaged:
@@ -141,7 +145,3 @@ def _read(path: Path, stop_before_pixels: bool) -> pydicom.Dataset:
 def _class_of(header: pydicom.Dataset) -> str:
     meta = getattr(header, "file_meta", None) or pydicom.Dataset()
     return str(header.get("SOPClassUID") or meta.get("MediaStorageSOPClassUID") or "")
-
-
-def _is_object(header: pydicom.Dataset) -> bool:
-    return bool(_class_of(header))

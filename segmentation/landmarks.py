@@ -30,14 +30,11 @@ def read_landmarks(path: Path) -> Landmarks:
     Raises InputError naming the file and the line when a column is missing, a value is no number, a name comes twice
     or there is no point.
     """
-    with path.open(newline="", encoding="utf-8-sig") as stream:
-        reader = csv.DictReader(stream)
-        header = [name.strip() for name in reader.fieldnames or ()]
-        missing = [column for column in COLUMNS if column not in header]
-        if missing:
-            raise InputError(f"{path} lacks the column {missing[0]}; its first line must be {','.join(COLUMNS)}")
-        reader.fieldnames = header
-        rows = [(_name(row, path, reader.line_num), _numbers(row, path, reader.line_num)) for row in reader]
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = _rows(csv.DictReader(stream), path)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path} is not a readable CSV file; save it again as CSV in UTF-8") from error
     names = tuple(name for name, _ in rows)
     if not rows:
         raise InputError(f"{path} holds no point; add points or remove the file")
@@ -46,6 +43,15 @@ def read_landmarks(path: Path) -> Landmarks:
         raise InputError(f"{path} names the point {twice!r} more than once; give each its own name")
     values = np.array([numbers for _, numbers in rows])
     return Landmarks(names, values[:, :3], values[:, 3:])
+
+
+def _rows(reader: csv.DictReader[str], path: Path) -> list[tuple[str, list[float]]]:
+    header = [name.strip() for name in reader.fieldnames or ()]
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        raise InputError(f"{path} lacks the column {missing[0]}; its first line must be {','.join(COLUMNS)}")
+    reader.fieldnames = header
+    return [(_name(row, path, reader.line_num), _numbers(row, path, reader.line_num)) for row in reader]
 
 
 def _name(row: dict[str, str], path: Path, line: int) -> str:

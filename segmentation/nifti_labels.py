@@ -24,6 +24,7 @@ from palpate.segmentation.volume import Volume
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 _SCANNER_COORDINATES = 1
 _MILLIMETRES = 2
+_OTHER_UNITS = {1: "meter", 3: "micron"}
 MOST_VOXELS = 10**9
 
 # nibabel tells of odd headers on standard error; what matters is checked here.
@@ -125,8 +126,10 @@ def _placement(image: Any, path: Path) -> NDArray[np.float64]:
         raise InputError(
             f"{path} does not say where it lies in the patient (sform and qform codes 0); save it with ITK-SNAP"
         )
-    if int(header["xyzt_units"]) & 7 not in (0, _MILLIMETRES):
-        raise InputError(f"{path} is not in mm ({header.get_xyzt_units()[0]}); save it with ITK-SNAP, which writes mm")
+    unit = int(header["xyzt_units"]) & 7
+    if unit not in (0, _MILLIMETRES):
+        name = _OTHER_UNITS.get(unit, f"unit code {unit}")
+        raise InputError(f"{path} is not in mm ({name}); save it with ITK-SNAP, which writes mm")
     affine = np.array(qform if sform is None else sform, dtype=np.float64)
     columns = affine[:3, :3]
     lengths = np.linalg.norm(columns, axis=0)

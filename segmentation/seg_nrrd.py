@@ -19,7 +19,8 @@ from palpate.segmentation.named_labels import unique
 from palpate.segmentation.nifti_labels import MOST_VOXELS
 from palpate.segmentation.volume import Volume
 
-_KEY = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer)$")
+_SPACE = "NRRD_space"
+_KEY = re.compile(r"Segment([0-9]{1,6})_(Name|LabelValue|Layer)$")
 _SPACES = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior")
 
 
@@ -58,8 +59,8 @@ def read_seg_nrrd(path: Path) -> NrrdSegments:
     image = _opened(path)
     if image.GetDimension() != 3:
         raise InputError(f"{path} has {image.GetDimension()} dimensions; one 3D segmentation is needed")
-    facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
-    if facts.get("NRRD_space") not in _SPACES:
+    facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys() if key == _SPACE or _KEY.match(key)}
+    if facts.get(_SPACE) not in _SPACES:
         raise InputError(f"{path} does not say where it lies in the patient (no space); save it again with 3D Slicer")
     stored = sitk.GetArrayFromImage(image)
     if stored.dtype.kind not in "iu":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import highdicom as hd
@@ -12,7 +13,7 @@ import numpy as np
 import pydicom
 import pytest
 import SimpleITK as sitk
-from dicom_cases import FLIPS, NAME, NUMBER, TURN, pair
+from dicom_cases import FLIPS, NAME, NUMBER, TURN, name_patient, pair
 from phantoms import CENTRE, MARKER, affine, write_case
 
 from palpate.core.errors import InputError
@@ -170,10 +171,23 @@ def test_a_scan_with_missing_and_malformed_headers(tmp_path: Path) -> None:
     for path in case.file("rest_ct").iterdir():
         dataset = pydicom.dcmread(path)
         del dataset.StudyTime, dataset.AccessionNumber, dataset.StudyID, dataset.ReferringPhysicianName
+        del dataset.SliceThickness, dataset.BodyPartExamined, dataset.PatientBirthDate, dataset.Manufacturer
         dataset.PatientSex = "U"
         dataset.save_as(path)
     files = [p for form in FORMS for p in exporter(form).export(case, tmp_path / "out")]
     assert all(pydicom.dcmread(path).PatientSex == "O" for path in files if path.name != "deformed_seg.dcm")
+
+
+def test_an_odd_name_reaches_no_terminal(case: CaseFolder, tmp_path: Path) -> None:
+    """Libraries quote a name without carets in their warnings."""
+    folder = tmp_path / "case"
+    shutil.copytree(case.path, folder)
+    name_patient(folder / "rest_ct", "Oddname")
+    for form in FORMS:
+        command = [sys.executable, "-m", "palpate.ui.cli", "export", str(folder), "--to", form, str(tmp_path / "out")]
+        said = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert "Oddname" not in said.stdout + said.stderr
+    assert str(pydicom.dcmread(tmp_path / "out" / "rest_seg.dcm").PatientName) == "Oddname"
 
 
 def test_refusals_in_one_line(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
 from dataclasses import dataclass
 
 import highdicom as hd
@@ -14,6 +16,10 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.dicom_files import find_dicom, reading
 from palpate.segmentation.dicom_slices import is_image, is_localizer
 from palpate.segmentation.volume import Volume
+
+# highdicom quotes names that it finds odd, and they are the patient's: nothing of it reaches any log or terminal.
+warnings.filterwarnings("ignore", module="highdicom")
+logging.getLogger("highdicom").setLevel(logging.CRITICAL)
 
 # Attributes that every object of a patient and study must have, though they may be blank, and how they are written.
 _MAY_BE_BLANK = {
@@ -95,6 +101,9 @@ def _fill(header: Dataset) -> None:
             setattr(header, keyword, "")
     if str(header.PatientSex) not in _SEXES:
         header.PatientSex = "O"
+    if "NumberOfFrames" not in header and not header.get("SliceThickness"):
+        # highdicom looks at it, but takes the objects' own from the volume that they hold.
+        header.SliceThickness = "1"
 
 
 def _is_well_formed(vr: str, text: str) -> bool:
