@@ -34,20 +34,30 @@ STABILISATION = 4.0
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Displacements u (n, 3) mm and pressures p (n_p,) kPa."""
+    """Displacements u (n, 3) mm and pressures p (n_p,) kPa.
+
+    q : (m, points) kPa, elements without pressure unknowns only: pressures at the points that an iteration moves with u, on
+    their way to kappa g; None where they stand there.
+    """
 
     u: FloatArray
     p: FloatArray
+    q: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """Out-of-balance: r_u (3 n,) mN, r_p (n_p,) mm3, the forces' magnitude (mN), smallest det F of guarded cells."""
+    """Out-of-balance: r_u (3 n,) mN, r_p (n_p,) mm3, the forces' magnitude (mN), smallest det F of guarded cells.
+
+    lag : (m, points) kappa g - q of a state with q; then r_u is that of q + lag G0 / G, the right-hand side of the system from
+    which the points' pressures were eliminated with the slopes G0 of the present factor.
+    """
 
     r_u: FloatArray
     r_p: FloatArray
     scale: float
     min_jacobian: float
+    lag: FloatArray | None = None
 
 
 class Assembler:
@@ -147,22 +157,52 @@ class Assembler:
             total += 0.5 * float(b @ self._pressure_solver.solve(b))
         return float(total)
 
-    def residual(self, state: State, load: float) -> Residual:
-        """Out-of-balance of a state under a fraction of the load."""
+    def point_pressures(self, u: FloatArray) -> FloatArray:
+        """kappa g (m, points) kPa."""
+        F = self.deformation_gradients(u)
+        out = np.empty(self.weight.shape)
+        for g in self.groups:
+            out[g.cells] = self._kappa[g.cells, None] * g.law.evaluate(F[g.cells], g.values, 0).g
+        return out
+
+    def pressure_slopes(self, u: FloatArray) -> FloatArray:
+        """G0 = dg/dF (m, points, 3, 3)."""
+        F = self.deformation_gradients(u)
+        out = np.empty_like(F)
+        for g in self.groups:
+            out[g.cells] = g.law.evaluate(F[g.cells], g.values, 1).G
+        return out
+
+    def pressure_step(self, slopes: FloatArray, lag: FloatArray, du: FloatArray) -> FloatArray:
+        """What q (m, points) gains where nodes move by du (n, 3): lag + kappa G0 : grad du."""
+        out = np.empty_like(lag)
+        space = self.space
+        kernels.volume_rates(du, space.cell_nodes, space.element.dN, space.inverse_jacobians, slopes, out)
+        return lag + self._kappa[:, None] * out
+
+    def residual(self, state: State, load: float, slopes: FloatArray | None = None) -> Residual:
+        """Out-of-balance of a state under a fraction of the load. slopes : `pressure_slopes` of the factor, for a state with q."""
         F = self.deformation_gradients(state.u)
         r_u, scale = np.zeros_like(state.u), np.zeros_like(state.u)
         b = np.zeros(self.space.n_pressures)
+        lag = None if state.q is None or slopes is None else np.empty_like(state.q)
         for g in self.groups:
             v = g.law.evaluate(F[g.cells], g.values, 1)
-            stress = v.P + self._pressures(state.p, v.g, g.cells)[..., None, None] * v.G
-            self._add_internal_force(stress, g.cells, r_u, scale)
+            if state.q is None or lag is None or slopes is None:
+                kernels.add_pressure(self._pressures(state.p, v.g, g.cells), v.G, v.P)
+            else:
+                q = state.q[g.cells]
+                lag[g.cells] = self._kappa[g.cells, None] * v.g - q
+                kernels.add_pressure(q, v.G, v.P)
+                kernels.add_pressure(lag[g.cells], slopes[g.cells], v.P)
+            self._add_internal_force(v.P, g.cells, r_u, scale)
             self._add_volumetric_force(v.g, g.cells, b)
         r = r_u.reshape(-1)
         for term, unknowns in zip(self.terms, self._terms_unknowns, strict=True):
             np.add.at(r, unknowns, term.evaluate(state.u, load, 1)[1])
         low = float(kernels.smallest_determinant(F, self._guarded))
         size = max(float(np.sqrt((scale**2).sum())), self._least_force)
-        return Residual(r, b - self._apply_compliance(state.p), size, low)
+        return Residual(r, b - self._apply_compliance(state.p), size, low, lag)
 
     def tangent(
         self, state: State, load: float, along: FloatArray | None = None, project: bool = False
@@ -181,7 +221,7 @@ class Assembler:
             for start in range(0, len(g.cells), chunk):
                 part = slice(start, start + chunk)
                 blocks = workspace[: len(g.cells[part])]
-                self._fill_blocks(F, g.law, g.cells[part], g.values[part], state.p, project, blocks)
+                self._fill_blocks(F, g.law, g.cells[part], g.values[part], state, project, blocks)
                 self._scatter(0, blocks, g.cells[part], self._cell_unknowns, values, along, product)
         for k, term in enumerate(self.terms):
             blocks = term.evaluate(state.u, load, 2)[2]
@@ -248,7 +288,7 @@ class Assembler:
         law: Law,
         cells: IntArray,
         values: FloatArray,
-        p: FloatArray,
+        state: State,
         project: bool,
         out: FloatArray,
     ) -> None:
@@ -256,7 +296,8 @@ class Assembler:
         e, mixed = self.space.element, self._pressure_solver is not None
         v = law.evaluate(F[cells], values, 2)
         curvature = np.zeros(len(cells)) if mixed else self._kappa[cells]
-        kernels.complete_moduli(v.A, v.H, v.G, self._pressures(p, v.g, cells), curvature)
+        pressures = self._pressures(state.p, v.g, cells) if state.q is None else state.q[cells]
+        kernels.complete_moduli(v.A, v.H, v.G, pressures, curvature)
         A = nearest_positive_semidefinite(v.A) if project else v.A
         inverse = self.space.inverse_jacobians
         kernels.tangent_blocks(A, v.G, e.Np, e.dN, inverse, self.weight, cells, self._compliance, out)

@@ -75,6 +75,36 @@ def pressure_at_points(p, cells, Np, pressures, out):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
+def add_pressure(p, G, P):  # type: ignore[no-untyped-def]
+    """P (m, q, 3, 3) += p (m, q) G, in place."""
+    for e in range(P.shape[0]):
+        for q in range(P.shape[1]):
+            factor = p[e, q]
+            for i in range(3):
+                for J in range(3):
+                    P[e, q, i, J] += factor * G[e, q, i, J]
+
+
+@njit(cache=True)
+def volume_rates(u, conn, dN, inverse, G, out):  # type: ignore[no-untyped-def]
+    """out (m, q) = G (m, q, 3, 3) : grad u, for nodal u (n, 3)."""
+    for e in range(conn.shape[0]):
+        for q in range(dN.shape[0]):
+            total = 0.0
+            for i in range(3):
+                h0 = h1 = h2 = 0.0
+                for a in range(conn.shape[1]):
+                    v = u[conn[e, a], i]
+                    h0 += v * dN[q, a, 0]
+                    h1 += v * dN[q, a, 1]
+                    h2 += v * dN[q, a, 2]
+                for J in range(3):
+                    h = h0 * inverse[e, 0, J] + h1 * inverse[e, 1, J] + h2 * inverse[e, 2, J]
+                    total += G[e, q, i, J] * h
+            out[e, q] = total
+
+
+@njit(cache=True)
 def complete_moduli(A, H, G, factor, curvature):  # type: ignore[no-untyped-def]
     """A (m, q, 9, 9) += factor (m, q) H + curvature (m,) G G^T: the volumetric part of d2psi/dF dF, in place."""
     for e in range(A.shape[0]):

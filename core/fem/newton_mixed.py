@@ -1,5 +1,8 @@
 """The mixed iteration: u and p move together under affine-invariant step control (Deuflhard 2011, Newton Methods for Nonlinear
 Problems, NLEQ-ERR), and a factor is used for as long as it contracts. Few, cheap steps, blind to stability.
+
+Elements without pressure unknowns take part with the pressures of their quadrature points, eliminated point by point (Magisano
+et al. 2017, Int. J. Numer. Meth. Engng 109:1155): the solution is theirs, the steps are as few as a mixed element's.
 """
 
 from __future__ import annotations
@@ -36,12 +39,14 @@ class Outcome:
 def iterate_mixed(assembler: Assembler, state: State, goal: FloatArray, load: float, work: Work) -> Outcome:
     """Newton from `state` to the equilibrium at `load`; constrained unknowns go to load * goal (3 n,)."""
     options, held = work.options, ~assembler.free
-    residual = assembler.residual(state, load)
+    state = _with_point_pressures(assembler, state)
     stable: bool | None = None
+    arrived = _balanced(assembler, state, load, work)
     for _ in range(options.max_per_step):
         move = np.where(held, load * goal - state.u.reshape(-1), 0.0)
         in_place = not move.any()
-        if in_place and relative(assembler, residual) <= options.rtol:
+        if in_place and arrived:
+            state = State(state.u, state.p)
             return Outcome(state, True, certify(assembler, state, load, work, stable), True)
         if work.exhausted:
             return Outcome(state, False, stable, in_place)
@@ -49,18 +54,38 @@ def iterate_mixed(assembler: Assembler, state: State, goal: FloatArray, load: fl
         if not work.factorise(assembler, values):
             return Outcome(state, False, stable, in_place)
         stable = is_minimum(assembler)
-        step = work.correction(assembler, residual, coupling)
+        work.slopes = None if state.q is None else assembler.pressure_slopes(state.u)
+        residual = assembler.residual(state, load, work.slopes)
+        step = work.correction(assembler, residual, coupling, move)
         accepted = _damped(assembler, state, residual, step, move, load, work)
         if accepted is None:
             work.reason = "the step control found no contraction"
             return Outcome(state, False, stable, in_place)
         shrinking = size(assembler, step, move) > 10.0 * float(np.linalg.norm(accepted[0].u - state.u))
-        state, residual = accepted
+        state, arrived = accepted
         if stable is False and shrinking:
             work.reason = "the tangent is indefinite and steps are shrinking"
             return Outcome(state, False, stable, in_place)
     work.reason = f"no convergence in {options.max_per_step} iterations"
     return Outcome(state, False, stable, not np.where(held, load * goal - state.u.reshape(-1), 0.0).any())
+
+
+def _with_point_pressures(assembler: Assembler, state: State) -> State:
+    if assembler.space.n_pressures or state.q is not None:
+        return state
+    return State(state.u, state.p, assembler.point_pressures(state.u))
+
+
+def _balanced(assembler: Assembler, state: State, load: float, work: Work) -> bool:
+    """Whether a state is within tolerance, with the points' pressures where they belong."""
+    return relative(assembler, assembler.residual(State(state.u, state.p), load)) <= work.options.rtol
+
+
+def _arrived(assembler: Assembler, state: State, residual: Residual, load: float, work: Work) -> bool:
+    """The same of a state whose residual is known; where points' pressures still moved, that is not yet the answer."""
+    if not relative(assembler, residual) <= work.options.rtol:
+        return False
+    return residual.lag is None or _balanced(assembler, state, load, work)
 
 
 def _damped(
@@ -71,8 +96,11 @@ def _damped(
     move: FloatArray,
     load: float,
     work: Work,
-) -> tuple[State, Residual] | None:
-    """Largest damping with a contracting simplified correction and no inverted cell; full steps go on with the same factor."""
+) -> tuple[State, bool] | None:
+    """Largest damping with a contracting simplified correction and no inverted cell; full steps go on with the same factor.
+
+    Also whether that is within tolerance.
+    """
     length = size(assembler, step, move)
     if not np.isfinite(length):
         return None
@@ -80,24 +108,24 @@ def _damped(
     while damping > _SMALLEST_DAMPING:
         trial = moved(assembler, state, damping, step, move)
         if assembler.min_jacobian(trial.u) > floor:
-            after = assembler.residual(trial, load)
             if damping < 1.0 and move.any():
-                return trial, after  # constrained nodes moved part of the way: judged by the next step
-            if damping == 1.0 and relative(assembler, after) <= work.options.rtol:
-                return trial, after
+                return trial, False  # constrained nodes moved part of the way: judged by the next step
+            after = assembler.residual(trial, load, work.slopes)
+            if damping == 1.0 and _arrived(assembler, trial, after, load, work):
+                return trial, True
             correction = work.correction(assembler, after)
             theta = size(assembler, correction) / length
             if theta < 1.0 - 0.25 * damping or length < 1e-13:
                 if damping == 1.0:
                     return _chord(assembler, trial, after, correction, load, work)
-                return trial, after
+                return trial, False
         damping *= 0.5
     return None
 
 
 def _chord(
     assembler: Assembler, state: State, residual: Residual, correction: FloatArray, load: float, work: Work
-) -> tuple[State, Residual]:
+) -> tuple[State, bool]:
     """Go on with the present factor, corrections mixed by Anderson's method, while that beats a new factor.
 
     Anderson (1965, J. ACM 12:547) in the form of Walker & Ni (2011, SIAM J. Numer. Anal. 49:1715, algorithm AA): with
@@ -114,24 +142,24 @@ def _chord(
             step = _mixed_step(correction, changes, differences, assembler.n_free)
         trial = moved(assembler, state, 1.0, step)
         if not assembler.min_jacobian(trial.u) > 0.0:
-            return state, residual
-        after = assembler.residual(trial, load)
+            return state, False
+        after = assembler.residual(trial, load, work.slopes)
         left = relative(assembler, after)
-        if left <= work.options.rtol:
-            return trial, after
+        if _arrived(assembler, trial, after, load, work):
+            return trial, True
         following = work.correction(assembler, after)
         now = size(assembler, following)
         if not (now < length or (now < 2.0 * length and left < 0.5 * distance)):
-            return state, residual
+            return state, False
         distance = left
         changes = [*changes, step][-_HISTORY:]
         differences = [*differences, following - correction][-_HISTORY:]
-        state, residual, correction, length = trial, after, following, now
+        state, correction, length = trial, following, now
         if k >= 2 and now > first * _CHORD_CONTRACTION[large] ** (
             k + 1
         ):  # too slow: a new factor converges quadratically from here
-            return state, residual
-    return state, residual
+            return state, False
+    return state, False
 
 
 def _mixed_step(

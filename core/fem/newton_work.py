@@ -44,6 +44,7 @@ class Work:
     load_steps: int = 0
     reason: str = ""
     buckled: bool = False
+    slopes: FloatArray | None = None  # of the points' pressures at the state that was factorised
 
     @property
     def exhausted(self) -> bool:
@@ -63,11 +64,26 @@ class Work:
             return False
         return True
 
-    def correction(self, assembler: Assembler, residual: Residual, coupling: FloatArray | None = None) -> FloatArray:
-        """-K^-1 (residual + coupling) over the kept unknowns, with the present factor."""
+    def correction(
+        self,
+        assembler: Assembler,
+        residual: Residual,
+        coupling: FloatArray | None = None,
+        move: FloatArray | None = None,
+    ) -> FloatArray:
+        """-K^-1 (residual + coupling) over the kept unknowns, with the present factor; then the points' pressures, if there are any.
+
+        move : (3 n,) of constrained unknowns, whose product with the matrix is `coupling`.
+        """
         self.backsolves += 1
         b = -np.concatenate([residual.r_u, residual.r_p])[assembler.kept]
-        return assembler.solver.solve_roughly(b if coupling is None else b - coupling)
+        step = assembler.solver.solve_roughly(b if coupling is None else b - coupling)
+        if residual.lag is None or self.slopes is None:
+            return step
+        change = np.zeros(assembler.space.n_displacements) if move is None else move.copy()
+        change[assembler.kept] += step
+        points = assembler.pressure_step(self.slopes, residual.lag, change.reshape(-1, 3))
+        return np.concatenate([step, points.ravel()])
 
 
 def is_minimum(assembler: Assembler) -> bool:
@@ -87,15 +103,16 @@ def moved(
     assembler: Assembler, state: State, damping: float, step: FloatArray, move: FloatArray | None = None
 ) -> State:
     """State after `damping` times the kept unknowns' step and the constrained unknowns' move (3 n,)."""
-    n = assembler.space.n_displacements
+    n, kept = assembler.space.n_displacements, len(assembler.kept)
     change = np.zeros(n + assembler.space.n_pressures)
-    change[assembler.kept] = step
+    change[assembler.kept] = step[:kept]
     if move is not None:
         change[:n] += move
     u = state.u + damping * change[:n].reshape(-1, 3)
     if damping == 1.0 and move is not None and move.any():  # to the last bit, so that the next move is exactly zero
         u = np.where((~assembler.free).reshape(-1, 3), state.u + move.reshape(-1, 3), u)
-    return State(u, state.p + damping * change[n:])
+    q = None if state.q is None else state.q + damping * step[kept:].reshape(state.q.shape)
+    return State(u, state.p + damping * change[n:], q)
 
 
 def size(assembler: Assembler, step: FloatArray, move: FloatArray | None = None) -> float:

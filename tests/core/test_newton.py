@@ -62,6 +62,16 @@ def test_a_cold_equilibrium_costs_few_factorisations(element: str) -> None:
     np.testing.assert_array_equal(hasty.u, found.u)
 
 
+@pytest.mark.parametrize("element", ["p1", "p2"])
+def test_a_large_bulk_modulus_costs_a_locking_element_nothing_extra(element: str) -> None:
+    """Its points' pressures move with the displacement, so the stiff volume does not bend the path to the solution."""
+    scenes = [sphere_scene(sphere_in_cube(3, 2, 3), element, ratio, "displacement") for ratio in (50.0, 10_000.0)]
+    soft, stiff = (scene.solve() for scene in scenes)
+    assert soft.converged and stiff.converged and stiff.load_steps == 1
+    assert stiff.factorisations <= soft.factorisations == 2  # one, and the certificate
+    assert max(soft.residual, stiff.residual) <= 1e-8  # of the element's own equations, without any pressure on its way
+
+
 def test_the_same_solve_gives_the_same_bits() -> None:
     scene = sphere_scene(sphere_in_cube(2, 1, 2), "p2p1", 200.0)
     first = scene.solve()
