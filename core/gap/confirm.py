@@ -1,0 +1,106 @@
+"""Refitting an effect in full: stiffness and the effect's parameters together, the model solved anew at every step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.gap.fit import Point, Trial
+from palpate.core.gap.plain import PlainFit
+from palpate.core.gap.screen import Screened
+from palpate.core.identify.gauss_newton import gauss_newton
+
+FloatArray = NDArray[np.float64]
+
+# A fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations).
+_TOLERANCE = 0.03
+_EVALUATIONS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """An effect's variant where it fits best.
+
+    point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi).
+    log_evidence : Laplace's, against the plain model, the variants averaged.
+    """
+
+    trial: Trial
+    point: Point
+    in_phi: FloatArray
+    covariance: FloatArray
+    log_evidence: float
+
+    @property
+    def phi(self) -> FloatArray:
+        """(k,) the effect's parameters."""
+        return self.point.phi
+
+    @property
+    def sd_phi(self) -> FloatArray:
+        """(k,) their standard deviations."""
+        return np.sqrt(np.diag(self.covariance))[len(self.point.theta) :]
+
+
+def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
+    """Gauss-Newton on (ln G, phi) from the plain fit; None when the model with the effect cannot be solved."""
+    effect = screened.effect
+    trial = Trial(effect, screened.variants[which])
+    t, scales = len(fit.point.theta), effect.scales
+    best: tuple[float, Point, FloatArray] | None = None
+    here = fit.point
+
+    def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        nonlocal best, here
+        point = fit.bench.solve(trial, x[:t], x[t:] * scales, here)
+        if point is None:
+            return None
+        S = fit.bench.directions(trial, point)
+        here = point
+        r = np.concatenate([fit.weighting.whiten(point.residual), x[t:]])
+        J = np.block(
+            [
+                [fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S) * scales],
+                [np.zeros((len(scales), t)), np.eye(len(scales))],
+            ]
+        )
+        if best is None or r @ r < best[0]:
+            best = float(r @ r), point, S
+        return r, J
+
+    bounds = np.vstack([fit.point.scene.parameters.bounds, effect.bounds / scales[:, None]])
+    start = np.concatenate([fit.point.theta, _start(screened, which)])
+    gauss_newton(linearise, start, bounds, _TOLERANCE, _EVALUATIONS)
+    if best is None:
+        return None
+    return _weighed(fit, screened, which, trial, best[1], best[2], best[0])
+
+
+def _start(screened: Screened, which: int) -> FloatArray:
+    """phi / scale (k,): half of what the linear look says, at most one standard deviation, never exactly the plain model."""
+    guess = 0.5 * screened.scores[which].estimate / screened.effect.scales
+    guess = np.clip(guess, -1.0, 1.0)
+    low, high = (screened.effect.bounds / screened.effect.scales[:, None]).T
+    guess = np.clip(guess, np.where(np.isfinite(low), low, -np.inf), high)
+    return guess if np.abs(guess).max() > 0.02 else np.clip(guess + 0.05, low, high)
+
+
+def _weighed(
+    fit: PlainFit, screened: Screened, which: int, trial: Trial, point: Point, S: FloatArray, cost: float
+) -> Refit:
+    scales = screened.effect.scales
+    plain = fit.weighting.whiten(fit.point.residual)
+    J = np.hstack([fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S)])
+    t = len(point.theta)
+    prior = np.diag(np.concatenate([np.full(t, 1e-4), 1.0 / scales**2]))
+    H = J.T @ J + prior
+    covariance = np.linalg.inv(H)
+    # ln of the ratio of posterior to prior volume: stiffness has the same flat prior in both models.
+    J0 = fit.weighting.whiten(fit.point.in_theta)
+    H0 = J0.T @ J0 + 1e-4 * np.eye(t)
+    volume = 0.5 * (np.linalg.slogdet(H0)[1] - np.linalg.slogdet(H)[1]) - np.log(scales).sum()
+    evidence = 0.5 * (float(plain @ plain) - cost) + float(volume)
+    spread = screened.log_evidence - screened.scores[which].log_evidence
+    return Refit(trial, point, S, covariance, evidence + spread)

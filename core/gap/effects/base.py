@@ -1,0 +1,109 @@
+"""What an effect is: an id, parameters phi with prior scale, and how a composition changes with them. phi = 0 is the plain model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.gap.composition import Composition
+from palpate.core.problem import IdentificationProblem
+
+FloatArray = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """name, unit; scale : standard deviation of phi's prior around 0; low, high : bounds of phi.
+
+    physical : phi -> the value in `unit`, where phi itself is only a convenient coordinate of it. secondary : it refines another
+    parameter (a place, an edge) and changes nothing while that one is 0.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    low: float = -np.inf
+    high: float = np.inf
+    physical: Callable[[float], float] = float
+    secondary: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One way in which an effect may be there (a place, a direction). change : (composition, phi (k,)) -> composition.
+
+    where : centre in mm LPS if the effect has one.
+    """
+
+    change: Callable[[Composition, FloatArray], Composition]
+    name: str = ""
+    where: Vector | None = None
+
+    def applied(self, composition: Composition, phi: FloatArray) -> Composition:
+        """The composition with the effect; the very same object at phi = 0."""
+        return self.change(composition, phi) if np.any(phi) else composition
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What an effect may look at to decide where it could be.
+
+    gravity : (rest, deformed) m/s2 in patient coordinates as the case states them, each None when unknown.
+    pressure_fields : name of a hollow organ -> displacement (points, 3) that filling it by 1 mm rms causes in the plain model.
+    """
+
+    problem: IdentificationProblem
+    gravity: tuple[Vector | None, Vector | None] = (None, None)
+    pressure_fields: Callable[[], dict[str, FloatArray]] = dict
+
+    @cached_property
+    def cell_centres(self) -> FloatArray:
+        """(m, 3) mm."""
+        mesh = self.problem.mesh
+        return np.asarray(mesh.points[mesh.cells].mean(axis=1))
+
+    @cached_property
+    def organ_centre(self) -> FloatArray:
+        """(3,) mm."""
+        mesh = self.problem.mesh
+        inside = np.isin(mesh.regions, self.problem.regions)
+        return np.average(self.cell_centres[inside], axis=0, weights=mesh.volumes[inside])
+
+    def spread_points(self, candidates: FloatArray, spacing_mm: float) -> FloatArray:
+        """(k, 3) of the candidates (n, 3), about spacing_mm apart, the same ones every time."""
+        cube = np.floor((candidates - self.organ_centre) / spacing_mm + 0.5).astype(np.int64)
+        _, group = np.unique(cube, axis=0, return_inverse=True)
+        group = group.ravel()
+        count = np.bincount(group)
+        means = np.stack([np.bincount(group, candidates[:, i]) / count for i in range(3)], axis=1)
+        return means[count >= 0.35 * np.median(count)]
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """One thing a model may leave out.
+
+    words : "the organ slides along its surroundings". parameters : of every variant. variants : where it could be; none
+    when the case excludes it. settled_by : the measurement that shows this effect most clearly, in words.
+    """
+
+    id: str
+    words: str
+    parameters: Sequence[Parameter]
+    variants: Callable[[Surroundings], list[Variant]]
+    settled_by: str
+
+    @property
+    def scales(self) -> FloatArray:
+        """(k,) prior standard deviations."""
+        return np.array([p.scale for p in self.parameters])
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(k, 2)."""
+        return np.array([[p.low, p.high] for p in self.parameters])

@@ -1,0 +1,59 @@
+"""The field of forces that could be missing: smooth body forces around the organ, and what each would move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.sensitivity import response_to_forces
+from palpate.core.gap.fit import Point
+from palpate.core.gap.sight import Sight
+from palpate.core.observe.noise import noise_modes
+
+FloatArray = NDArray[np.float64]
+
+# Correlation length of a missing force, mm; forces are looked for this far around the organ, mm.
+LENGTH_MM = 12.0
+REACH_MM = 12.0
+# Prior standard deviation of the surface's motion along its normal that missing forces cause, mm.
+TYPICAL_MM = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class ForceFields:
+    """fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by TYPICAL_MM (rms).
+
+    response : (n, k) of the residual. share : (nodes,) mm3 each node stands for.
+    """
+
+    fields: FloatArray
+    response: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def around(cls, point: Point, sight: Sight) -> ForceFields:
+        """At a point whose tangent is factorised."""
+        scene = point.scene
+        mesh, nodes = scene.space.mesh, scene.space.nodes
+        share = np.zeros(len(nodes))
+        np.add.at(share, mesh.cells, np.repeat(mesh.volumes[:, None] / 4.0, 4, axis=1))
+        organ = scene.observation.points
+        low, high = organ.min(axis=0) - REACH_MM, organ.max(axis=0) + REACH_MM
+        near = np.flatnonzero(((nodes > low) & (nodes < high)).all(axis=1))
+        modes = noise_modes(nodes[near], 1.0, LENGTH_MM, 0.9)
+        fields = np.zeros((3 * modes.shape[1], len(nodes), 3))
+        for j, mode in enumerate(modes.T):
+            for axis in range(3):
+                fields[3 * j + axis, near, axis] = mode * share[near]
+        response = sight.response(scene, point.equilibrium.u, response_to_forces(scene.assembler, fields))
+        q = len(organ)
+        size = float(np.sqrt((response[: sight.n_modes] ** 2).sum() / q))
+        scale = TYPICAL_MM / max(size, 1e-30)
+        return cls(fields * scale, response * scale, share)
+
+    def force_density(self, amplitudes: FloatArray) -> FloatArray:
+        """(nodes, 3) kPa/mm of the amplitudes (k,)."""
+        total = np.einsum("k,kni->ni", amplitudes, self.fields)
+        return total / np.maximum(self.share, 1e-30)[:, None]

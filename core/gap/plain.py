@@ -1,0 +1,112 @@
+"""The plain model fitted: an element that is quick looks for the stiffness, a better one says by how much that was wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import ConvergenceError
+from palpate.core.gap.bone_sight import BoneSight
+from palpate.core.gap.composition import Composition
+from palpate.core.gap.fit import Bench, Point, Trial
+from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
+from palpate.core.gap.scene import Stage
+from palpate.core.gap.sight import Sight
+from palpate.core.identify.gauss_newton import gauss_newton
+from palpate.core.identify.reference import middle
+from palpate.core.observe.noise import Weighting
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.worker.progress import Progress, silent
+
+FloatArray = NDArray[np.float64]
+
+QUICK, GOOD = "p1p1", "p2p1"
+PLAIN = Trial()
+_NOTHING = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class PlainFit:
+    """The plain model where it fits best.
+
+    point : at the quick element, residuals corrected. mesh : (n,) what the better element changed. weighting : of the data
+    vector. good : theta and displacements seen (points, 3) mm of the better element.
+    """
+
+    bench: Bench
+    point: Point
+    mesh: FloatArray
+    noise: NoiseParts
+    weighting: Weighting
+    good_seen: FloatArray
+
+
+def fit_plain(
+    problem: IdentificationProblem,
+    bones: SurfacePair | None,
+    sizes: NoiseSizes | None = None,
+    good: str = GOOD,
+    progress: Progress = silent,
+) -> PlainFit:
+    """Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved."""
+    sizes = sizes or NoiseSizes()
+    progress(0.0, "plain model: surfaces and distances")
+    stage = Stage.of(problem, QUICK)
+    composition = Composition(problem)
+    centre = problem.organ.rest.points.mean(axis=0)
+    bone = None if bones is None else BoneSight.of(bones, centre)
+    sight = Sight.of(stage.observation, bone)
+    bench = Bench(stage, sight, composition, np.zeros(sight.n))
+    progress(0.2, "plain model: stiffness with the quick element")
+    bounds = stage.scene(composition).parameters.bounds
+    first = _solved(bench, middle(bounds), None)
+    noise = NoiseParts.of(first.scene, sight, first.equilibrium.u)
+    weighting = Weighting(noise.covariance(sizes, np.zeros(sight.n)))
+    point = _best(bench, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
+    progress(0.4, "plain model: the better element")
+    better = Bench(Stage.of(problem, good, stage), sight, composition, np.zeros(sight.n))
+    exact = _solved(better, point.theta, None)
+    mesh = exact.residual - point.residual
+    bench.correction = mesh
+    progress(0.8, "plain model: noise")
+    weighting = Weighting(noise.covariance(sizes, mesh))
+    point = _best(bench, weighting, [point.theta], point)
+    n = len(problem.mesh.points)
+    return PlainFit(bench, point, mesh, noise, weighting, exact.equilibrium.u[:n])
+
+
+def _solved(bench: Bench, theta: FloatArray, near: Point | None) -> Point:
+    point = bench.solve(PLAIN, theta, _NOTHING, near)
+    if point is None:
+        raise ConvergenceError(
+            "the rest anatomy cannot be deformed into what the second scan shows; look at the contours of bladder and "
+            "rectum, or mesh more finely"
+        )
+    return point
+
+
+def _best(bench: Bench, weighting: Weighting, starts: list[FloatArray], near: Point) -> Point:
+    """Gauss-Newton from every start; the best point of all."""
+    best: tuple[float, Point] | None = None
+    bounds = near.scene.parameters.bounds
+    for start in starts:
+        here = near
+
+        def linearise(theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+            nonlocal best, here
+            point = bench.solve(PLAIN, theta, _NOTHING, here)
+            if point is None:
+                return None
+            here = point
+            residual = weighting.whiten(point.residual)
+            if best is None or residual @ residual < best[0]:
+                best = float(residual @ residual), point
+            return residual, weighting.whiten(point.in_theta)
+
+        gauss_newton(linearise, start, bounds)
+    if best is None:
+        raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
+    # The factor left behind must be that of the best point.
+    return _solved(bench, best[1].theta, best[1])
