@@ -10,3 +10,8 @@ Progress = Callable[[float, str], None]
 
 def silent(fraction: float, message: str) -> None:
     """A progress that tells nobody."""
+
+
+def part(progress: Progress, low: float, high: float) -> Progress:
+    """The progress of a step that is the part from low to high of a longer one."""
+    return lambda fraction, message: progress(low + (high - low) * fraction, message)

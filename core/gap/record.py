@@ -1,0 +1,150 @@
+"""A diagnosis in the form of diagnosis.json."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.gap.confirm import Refit
+from palpate.core.gap.diagnose import Diagnosis
+from palpate.core.gap.shrinkage import shrinkage
+from palpate.core.gap.verdict import AMBIGUOUS, NONE, UNKNOWN
+from palpate.core.gap.where import regions
+from palpate.core.gap.words import next_measurement, sentence
+
+FloatArray = NDArray[np.float64]
+
+MAP_FILE = "gap_maps.npz"
+# A stiffness this close to a bound (ln G) is flagged: it may be absorbing an effect.
+AT_BOUND = 0.05
+
+
+def record(found: Diagnosis, case: str) -> dict[str, Any]:
+    """The JSON object of diagnosis.json for a case of this name."""
+    best = found.refits[0] if found.refits else None
+    shown = best if found.verdict.verdict not in (NONE, UNKNOWN) else None
+    names = dict(found.fit.bench.plain.problem.region_names)
+    return {
+        "case": case,
+        "gap": _gap(found),
+        "where": {
+            "map": MAP_FILE,
+            "regions": regions(found.where, names),
+            "peak_lps_mm": None if found.where.peak is None else found.where.peak.tolist(),
+            "blur_mm": found.where.blur_mm,
+        },
+        "verdict": found.verdict.verdict,
+        "candidates": list(found.verdict.candidates),
+        "ranking": _ranking(found),
+        "shrinkage": shrinkage(found, best) if best is not None else None,
+        "stiffness": {
+            "without_effect": _stiffness(found, found.fit.point.theta, _plain_covariance(found)),
+            "with_effect": None if shown is None else _stiffness(found, shown.point.theta, shown.covariance),
+        },
+        "next_measurement": next_measurement(found),
+        "why": found.verdict.why,
+        "in_words": sentence(found),
+        "probability_unknown": found.verdict.probability.get(UNKNOWN, 0.0),
+        "flags": _flags(found, shown),
+    }
+
+
+def maps(found: Diagnosis) -> dict[str, FloatArray]:
+    """Arrays of MAP_FILE: points, normals, residual_mm, standardised (surface); nodes_mm, force_kpa_per_mm (around it)."""
+    where = found.where
+    return {
+        "points": where.points,
+        "normals": where.normals,
+        "region": where.region.astype(float),
+        "residual_mm": where.residual,
+        "standardised": where.standardised,
+        "nodes": where.nodes,
+        "force_kpa_per_mm": where.force,
+    }
+
+
+def _gap(found: Diagnosis) -> dict[str, Any]:
+    fit = found.fit
+    k = fit.bench.sight.n_modes
+    residual = np.abs(found.where.residual)
+    variance = np.trace(fit.weighting.covariance[:k, :k]) / len(residual)
+    return {
+        "rms_mm": float(np.sqrt((residual**2).mean())),
+        "p95_mm": float(np.quantile(residual, 0.95)),
+        "noise_floor_mm": float(np.sqrt(variance)),
+        "detected": found.test.detected,
+        "p_value": found.test.p_value,
+        "statistic": found.test.statistic,
+        "degrees_of_freedom": found.test.freedom,
+        "p_value_smooth": found.test.p_smooth,
+    }
+
+
+def _ranking(found: Diagnosis) -> list[dict[str, Any]]:
+    """Every effect looked at, most probable first; those not refitted have their linear estimate."""
+    refits = {f.trial.effect.id: f for f in found.refits if f.trial.effect is not None}
+    rows = [_row(found, s, refits.get(s.effect.id)) for s in found.screened]
+    return sorted(rows, key=lambda row: -row["probability"] if refits else -row["log_evidence"])
+
+
+def _row(found: Diagnosis, screened: Any, fitted: Refit | None) -> dict[str, Any]:
+    effect, first = screened.effect, screened.scores[0]
+    phi = first.estimate if fitted is None else fitted.phi
+    sd = np.sqrt(np.diag(first.covariance)) if fitted is None else fitted.sd_phi
+    variant = screened.variants[0] if fitted is None else fitted.trial.variant
+    gain = found.gains.get(effect.id)
+    parameters = {}
+    for p, value, error in zip(effect.parameters, phi.tolist(), sd.tolist(), strict=True):
+        low, high = (p.physical(float(np.clip(value + s * error, p.low, p.high))) for s in (-1, 1))
+        inside = float(np.clip(value, p.low, p.high))
+        parameters[p.name] = {"value": p.physical(inside), "sd": abs(high - low) / 2.0, "unit": p.unit}
+    return {
+        "effect": effect.id,
+        "probability": found.verdict.probability.get(effect.id, 0.0),
+        "residual_share": _residual_share(found, fitted),
+        "cv_gain_mm": 0.0 if gain is None else gain.before_mm - gain.after_mm,
+        "p_value": min(1.0, first.p_value * screened.tried),
+        "parameters": parameters,
+        "variant": "" if variant is None else variant.name,
+        "log_evidence": screened.log_evidence if fitted is None else fitted.log_evidence,
+        "refitted": fitted is not None,
+    }
+
+
+def _residual_share(found: Diagnosis, fitted: Refit | None) -> float:
+    """Share of the plain model's weighted square residual that is left with the effect."""
+    if fitted is None:
+        return 1.0
+    a, b = (found.fit.weighting.squared(x) for x in (fitted.point.residual, found.fit.point.residual))
+    return float(a / max(b, 1e-30))
+
+
+def _plain_covariance(found: Diagnosis) -> FloatArray:
+    J = found.fit.weighting.whiten(found.fit.point.in_theta)
+    return np.asarray(np.linalg.inv(J.T @ J + 0.2 * np.eye(J.shape[1])))
+
+
+def _stiffness(found: Diagnosis, theta: FloatArray, covariance: FloatArray) -> dict[str, dict[str, float]]:
+    names = found.fit.bench.plain.problem.region_names
+    sd = np.sqrt(np.diag(covariance))[: len(theta)]
+    return {
+        names[r]: {"G_kpa": float(np.exp(t)), "sd_kpa": float(np.exp(t) * np.sinh(s)), "sd_ln_G": float(s)}
+        for r, t, s in zip(sorted(names), theta, sd, strict=True)
+    }
+
+
+def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
+    bounds = found.fit.point.scene.parameters.bounds
+    out = []
+    for what, theta in (("without", found.fit.point.theta), ("with", None if shown is None else shown.point.theta)):
+        if theta is None:
+            continue
+        for region, t, (low, high) in zip(sorted(found.fit.bench.plain.problem.region_names), theta, bounds, strict=True):
+            if t < low + AT_BOUND or t > high - AT_BOUND:
+                name = found.fit.bench.plain.problem.region_names[region].replace("_", " ")
+                out.append(f"{name}: stiffness at its bound {what} the effect; it may be absorbing an effect")
+    if found.verdict.verdict == AMBIGUOUS and not found.refits:
+        out.append("no effect could be refitted")
+    return out

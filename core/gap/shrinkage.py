@@ -1,0 +1,65 @@
+"""How far the gap shrinks on points that the fit has not seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.gap.confirm import Refit
+from palpate.core.gap.diagnose import Diagnosis
+
+FloatArray = NDArray[np.float64]
+
+_DRAWS = 2000
+
+
+def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
+    """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
+
+    The ceiling is what a saturated smooth field of forces gains on the same points, the placebo what random fields gain.
+    """
+    assert best.trial.effect is not None
+    n = len(found.split.points)
+    before, after, top = (found.left_out[key][:n] ** 2 for key in ("", best.trial.effect.id, "ceiling"))
+    floor = noise_variance(found, best)
+    rng = np.random.default_rng(seed)
+    patch = found.split.patch[:n]
+    members = [np.flatnonzero(patch == p) for p in range(found.split.n_surface)]
+    draws = []
+    for _ in range(_DRAWS):
+        chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
+        draws.append(_corrected(before[chosen].mean(), after[chosen].mean(), floor))
+    return {
+        "held_out_rms_before_mm": float(np.sqrt(before.mean())),
+        "held_out_rms_after_mm": float(np.sqrt(after.mean())),
+        "fraction": _fraction(before.mean(), after.mean()),
+        "noise_corrected_fraction": _corrected(before.mean(), after.mean(), floor),
+        "ci95": np.quantile(draws, [0.025, 0.975]).tolist(),
+        "ceiling_fraction": _corrected(before.mean(), top.mean(), floor),
+        "placebo_fraction": found.placebo,
+        "noise_floor_mm": float(np.sqrt(floor)),
+        "effect": best.trial.effect.id,
+    }
+
+
+def noise_variance(found: Diagnosis, best: Refit) -> float:
+    """mm2 a point has of noise alone: the stated covariance, less where even the best model's residual says it is too wide."""
+    split = found.split
+    n = len(split.points)
+    stated = float(np.trace(split.covariance[:n, :n])) / n
+    residual = split.reader[:n] @ best.point.residual
+    return min(stated, float((residual**2).mean()))
+
+
+def _fraction(before: float, after: float) -> float:
+    return float(1.0 - np.sqrt(after / max(before, 1e-30)))
+
+
+def _corrected(before: float, after: float, floor: float) -> float:
+    """Share of the rms above the noise floor that is gone."""
+    excess = [np.sqrt(max(x - floor, 0.0)) for x in (before, after)]
+    if excess[0] <= 1e-12:
+        return 0.0
+    return float(np.clip(1.0 - excess[1] / excess[0], -1.0, 1.0))

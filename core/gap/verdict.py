@@ -1,0 +1,84 @@
+"""From evidence and predictions to an answer, or to a refusal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.core.gap.heldout import Gain
+
+NONE, AMBIGUOUS, UNKNOWN = "none", "ambiguous", "unknown"
+
+# Prior probability, once there is a gap, that no effect of the library causes it.
+PRIOR_UNKNOWN = 0.1
+# Effects whose probability is within this factor of the best one's cannot be told from it.
+TIED = 8.0
+# At most so many are named: more would say nothing.
+MOST_CANDIDATES = 3
+# A remainder this improbable under the noise is no noise.
+REMAINDER_LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One effect after its refit.
+
+    log_evidence : against the plain model. gain : on data left out. placebo_p : share of placebo effects that gain as much.
+    share_of_ceiling : of what a saturated field gains on data left out. remainder_p : of the residual it leaves, under the noise.
+    """
+
+    effect: str
+    log_evidence: float
+    gain: Gain
+    placebo_p: float
+    share_of_ceiling: float
+    remainder_p: float
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether it predicts what it has not seen, better than placebo effects of its size."""
+        return self.gain.accepted and self.placebo_p <= 0.05
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """verdict and candidates as in diagnosis.json; probability of each effect and of "unknown"; why, in words."""
+
+    verdict: str
+    candidates: tuple[str, ...]
+    probability: Mapping[str, float]
+    why: str
+
+
+def probabilities(evidence: Mapping[str, float], unknown: float) -> dict[str, float]:
+    """Of every effect and of "unknown", given that there is a gap and the effects were equally likely before."""
+    names = [*evidence, UNKNOWN]
+    n = max(len(evidence), 1)
+    log = np.array([*(np.log((1.0 - PRIOR_UNKNOWN) / n) + v for v in evidence.values()), np.log(PRIOR_UNKNOWN) + unknown])
+    weight = np.exp(log - log.max())
+    return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))
+
+
+def decide(detected: bool, judged: Sequence[Judged], unknown: float) -> Verdict:
+    """The answer. unknown : log evidence of a free smooth field of forces."""
+    probability = probabilities({j.effect: j.log_evidence for j in judged}, unknown)
+    if not detected:
+        return Verdict(NONE, (), probability, "what the plain model leaves is no more than contours, walls and mesh explain")
+    ranked = sorted(judged, key=lambda j: -probability[j.effect])
+    top = max((probability[j.effect] for j in ranked), default=0.0)
+    tied = [j for j in ranked if probability[j.effect] * TIED >= top]
+    if not tied or probability[UNKNOWN] > TIED * top:
+        return Verdict(UNKNOWN, (), probability, "no effect of the library explains the gap as well as a free smooth field of forces")
+    best = tied[0]
+    if best.remainder_p < REMAINDER_LEVEL and best.share_of_ceiling < 0.5:
+        return Verdict(UNKNOWN, (), probability, "the best named effect leaves more than noise, and closes less than half of what can be closed")
+    names = tuple(j.effect for j in tied[:MOST_CANDIDATES])
+    if len(tied) > 1:
+        return Verdict(AMBIGUOUS, names, probability, "these effects explain the gap about equally well")
+    if probability[UNKNOWN] * TIED > top:
+        return Verdict(AMBIGUOUS, names, probability, "the effect explains the gap no better than something unnamed might")
+    if not best.confirmed:
+        return Verdict(AMBIGUOUS, names, probability, "the effect fits best, but does not predict what was left out clearly better")
+    return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")

@@ -1,0 +1,89 @@
+"""The diagnose step of a case: what the model leaves out, in a worker process."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate.core.gap.diagnose import CaseData
+from palpate.core.gap.job import arrays
+from palpate.core.problem import Surface, SurfacePair
+from palpate.core.worker.job import Job
+from palpate.core.worker.process import run_job
+from palpate.core.worker.progress import Progress, part, silent
+from palpate.segmentation import mesh_step
+from palpate.segmentation.case import CaseFolder, file_sha256
+from palpate.segmentation.identify_step import problem_of
+from palpate.segmentation.mesh_step import load_surfaces
+from palpate.segmentation.surfaces import TriSurface
+
+INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
+DIAGNOSIS = "diagnosis.json"
+_FOLDER = "diagnose"
+
+
+@dataclass(frozen=True)
+class DiagnoseOptions:
+    """effects : folder of a user's own effects. seed : of bootstraps and placebos. cancel : set it to stop."""
+
+    effects: Path | None = None
+    seed: int = 1
+    cancel: threading.Event | None = None
+
+
+def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+    """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
+
+    The plain model is fitted here, with the noise model of the diagnosis: result.json is neither needed nor changed. A case that
+    has labels but no mesh yet is meshed first. Nothing is done when nothing has changed.
+    Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
+    """
+    options = options or DiagnoseOptions()
+    if not case.has("mesh.json"):
+        mesh_step.run(case, progress=part(progress, 0.0, 0.2))
+    own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
+    inputs = case.inputs_sha256(INPUTS, {"seed": options.seed, "effects": own})
+    if case.step_is_done("diagnose", inputs):
+        done: dict[str, Any] = case.read_json(DIAGNOSIS)
+        return done
+    case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
+    case.write_npz(f"{_FOLDER}/data.npz", **arrays(data_of(case)))
+    found = run_job(_job(case, options), lambda m: _tell(m, part(progress, 0.2, 1.0)), options.cancel)
+    if case.facts.other.get("simulated"):
+        found["simulated"] = True
+    case.write_json(DIAGNOSIS, found)
+    case.mark_done("diagnose", inputs, (DIAGNOSIS, f"{_FOLDER}/{found['where']['map']}"))
+    return found
+
+
+def data_of(case: CaseFolder) -> CaseData:
+    """What a diagnosis sees of a meshed case."""
+    rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
+    bones = SurfacePair(_plain(rest["bone"]), _plain(deformed["bone"])) if "bone" in rest and "bone" in deformed else None
+    return CaseData(problem_of(case), bones, (case.facts.gravity_rest, case.facts.gravity_deformed))
+
+
+def _plain(surface: TriSurface) -> Surface:
+    return Surface(surface.points, surface.faces, surface.region)
+
+
+def _job(case: CaseFolder, options: DiagnoseOptions) -> Job:
+    folder = case.file(_FOLDER)
+    effects = None if options.effects is None else str(options.effects.resolve())
+    job = Job(
+        "palpate.core.gap.job:run",
+        str(folder),
+        {"data": str(folder / "data.npz")},
+        {"case": case.facts.name, "effects": effects},
+        options.seed,
+        1,
+    )
+    job.save(folder / "job.json")
+    return job
+
+
+def _tell(message: dict[str, Any], progress: Progress) -> None:
+    if message.get("type") == "progress":
+        progress(float(message["fraction"]), str(message["message"]))

@@ -1,0 +1,51 @@
+"""Says where the model of a case is wrong, which effect it leaves out, and how far the gap shrinks once it is added."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.cli.arguments import add_case, no_points, random_seed
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.steps import recorded
+
+NAME, HELP = "diagnose", "where the model is wrong, which effect it leaves out, how far that closes the gap"
+_SHOWN = 4
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """CASE, and effects of one's own."""
+    add_case(parser)
+    parser.add_argument("--effects", type=Path, metavar="FOLDER", help="a folder of effects of your own, one *.py file each")
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Diagnoses; see `diagnose_step.run`."""
+    from palpate.segmentation import diagnose_step  # here, because VTK takes seconds to load
+
+    no_points(args)
+    if args.effects is not None and not args.effects.is_dir():
+        raise InputError(f"{args.effects} is no folder; give the folder that holds your effects' *.py files")
+    case = CaseFolder(args.case)
+    options = diagnose_step.DiagnoseOptions(args.effects, random_seed(args))
+    with recorded(case, args), console.progress(NAME) as progress:
+        found = diagnose_step.run(case, options, progress)
+    return found, "\n".join(text_of(case, found))
+
+
+def text_of(case: CaseFolder, found: dict[str, Any]) -> list[str]:
+    """What a person reads of a diagnosis."""
+    gap = found["gap"]
+    lines = [
+        f"gap     {gap['rms_mm']:.2f} mm rms, noise alone {gap['noise_floor_mm']:.2f} mm, p = {gap['p_value']:.2g}",
+        f"verdict {found['verdict']}: {found['in_words']}",
+    ]
+    if found["verdict"] != "none":
+        for row in found["ranking"][:_SHOWN]:
+            lines.append(f"        {row['effect']}: probability {row['probability']:.2f}")
+    if found["next_measurement"]:
+        lines.append(f"next    {found['next_measurement']}")
+    return [*lines, *(f"note    {flag}" for flag in found["flags"]), f"result  {case.file('diagnosis.json')}"]
