@@ -29,6 +29,10 @@ def read_slices(slices: Sequence[Slice]) -> NDArray[Any]:
         if each.path not in frames:
             # Only the file being read is kept: a multi-frame file is decoded once, plain files do not pile up.
             frames = {each.path: _decode(each.path)}
+        if each.frame >= len(frames[each.path]):
+            raise InputError(
+                f"{each.path} holds {len(frames[each.path])} frames but describes more; copy or export it again"
+            )
         stored = frames[each.path][each.frame]
         if stored.shape != each.shape:
             raise InputError(

@@ -87,7 +87,7 @@ def _dicom_seg(folder: Path) -> Made:
 
     case = CaseFolder.create(folder / "case", CaseFacts("fuzz"))
     grid = _labels()
-    who = SeriesIdentity("f", "f", "s", "r", "f", 1, "study", "CT", "a test")
+    who = SeriesIdentity("f", "f^f", "s", "r", "f", 1, "study", "CT", "a test")
     write_ct_series(case.file("rest_ct"), grid.with_array(grid.array * 100.0), who, compress=False)
     case.write_labels("rest", grid)
     path = folder / "seg.dcm"

@@ -39,17 +39,18 @@ def anatomy(matrix: np.ndarray, push_mm: float = 0.0) -> Volume:
     return drawn.with_array(np.where(far < 7.0, 5, drawn.array).astype(np.uint8))
 
 
-def pair(folder: Path, matrix: np.ndarray) -> CaseFolder:
-    """Labels on the CT's own grid, which lies as ``matrix`` says; the deformed scan turned against the one at rest."""
+def pair(folder: Path, matrix: np.ndarray, deformed: bool = True) -> CaseFolder:
+    """Labels on the CT's own grid, which lies as ``matrix`` says; the deformed scan, if wanted, turned against it."""
     case = CaseFolder.create(folder, CaseFacts("phantom"))
     write_ct_series(case.file("rest_ct"), marked_ct(matrix), who("rest"), compress=False)
     case.write_labels("rest", anatomy(matrix))
-    deformed = anatomy(matrix, push_mm=3.0)
-    write_ct_series(case.file("deformed_ct"), deformed.moved(np.linalg.inv(TURN)), who("deformed"), compress=False)
-    case.write_labels("deformed", deformed)
+    if deformed:
+        moved = anatomy(matrix, push_mm=3.0)
+        write_ct_series(case.file("deformed_ct"), moved.moved(np.linalg.inv(TURN)), who("deformed"), compress=False)
+        case.write_labels("deformed", moved)
     case.write_json("alignment.json", {"deformed_to_rest": TURN, "residual_mm": 0.1})
     case.write_json("result.json", result())
     case.write_bytes("report/report.pdf", b"%PDF-1.4 a report")
-    for state in ("rest", "deformed"):
+    for state in ("rest", "deformed")[: 1 + deformed]:
         name_patient(case.file(f"{state}_ct"), NAME)
     return case

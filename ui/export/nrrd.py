@@ -1,4 +1,4 @@
-"""For 3D Slicer and other ITK programs: label volumes as segmentations, stiffness as a volume, both NRRD."""
+"""For 3D Slicer and other ITK programs: scans and stiffness as volumes, labels as segmentations."""
 
 from __future__ import annotations
 
@@ -9,21 +9,28 @@ import SimpleITK as sitk
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import STATES, CaseFolder
 from palpate.segmentation.seg_nrrd import write_seg_nrrd
+from palpate.segmentation.volume import Volume
 from palpate.ui.export.stiffness import stiffness_volume
 
-WRITES = "NRRD: label volumes as .seg.nrrd, stiffness in kPa"
+WRITES = "NRRD: scans, label volumes as .seg.nrrd, stiffness in kPa"
 
 
 def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes what the case has, in the frame of the scan at rest. Raises InputError where it cannot."""
     written = []
     for state in STATES:
+        if case.has(f"{state}_ct"):
+            written.append(_write(folder / f"{state}_ct.nrrd", case.ct(state)))
         if case.has_labels(state):
             written.append(folder / f"{state}_labels.seg.nrrd")
             with atomic_path(written[-1]) as path:
                 write_seg_nrrd(path, case.labels(state))
     if case.has("result.json"):
-        written.append(folder / "stiffness_kpa.nrrd")
-        with atomic_path(written[-1]) as path:
-            sitk.WriteImage(stiffness_volume(case).to_sitk(), str(path), useCompression=True)
+        written.append(_write(folder / "stiffness_kpa.nrrd", stiffness_volume(case)))
     return written
+
+
+def _write(path: Path, volume: Volume) -> Path:
+    with atomic_path(path) as temporary:
+        sitk.WriteImage(volume.to_sitk(), str(temporary), useCompression=True)
+    return path

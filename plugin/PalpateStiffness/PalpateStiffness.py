@@ -1,0 +1,309 @@
+"""3D Slicer module: stiffness of an organ from two CT scans. Thin: the palpate program works in a child process."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Annotated
+
+import qt
+import slicer
+from PalpateStiffnessLib.logic import METHODS, InputError, StiffnessLogic
+from PalpateStiffnessLib.nodes import LoadError, ResultNodes
+from PalpateStiffnessLib.pipeline import DONE, FAILED, RUNNING, Pipeline
+from PalpateStiffnessLib.program import ProgramNotFoundError
+from PalpateStiffnessLib.words import RESEARCH_USE, summary
+from slicer.i18n import tr as _
+from slicer.i18n import translate
+from slicer.parameterNodeWrapper import Choice, WithinRange, parameterNodeWrapper
+from slicer.ScriptedLoadableModule import (
+    ScriptedLoadableModule,
+    ScriptedLoadableModuleLogic,
+    ScriptedLoadableModuleTest,
+    ScriptedLoadableModuleWidget,
+)
+from slicer.util import VTKObservationMixin
+
+POLL_MS = 200
+_REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+class PalpateStiffness(ScriptedLoadableModule):
+    """What Slicer lists."""
+
+    def __init__(self, parent):
+        ScriptedLoadableModule.__init__(self, parent)
+        parent.title = _("Palpate Stiffness")
+        parent.categories = [translate("qSlicerAbstractCoreModule", "Quantification")]
+        parent.dependencies = []
+        parent.contributors = ["The Palpate authors"]
+        parent.helpText = _(
+            "Finds the stiffness of the prostate from two CT scans, one at rest and one in which the organ is deformed, and "
+            "says how sure it is. Research use only, not for diagnosis. See the tutorial in the extension's folder."
+        )
+        parent.acknowledgementText = _("Method: MaterialCloning. Apache-2.0.")
+        slicer.app.connect("startupCompleted()", register_sample_data)
+
+
+def register_sample_data():
+    """The simulated pair of the repository, where this extension lies in it, as one case of the Sample Data module."""
+    import SampleData
+
+    folders = [_REPOSITORY / "sample_dicom" / state for state in ("rest", "deformed")]
+    for folder in folders:
+        first = next(iter(sorted(folder.glob("*.dcm"))), None)
+        if first is None:
+            continue
+        SampleData.SampleDataLogic.registerCustomSampleDataSource(
+            category="Palpate",
+            sampleName=f"PalpatePair_{folder.name}",
+            uris=first.as_uri(),
+            fileNames=first.name,
+            checksums=f"SHA256:{hashlib.sha256(first.read_bytes()).hexdigest()}",
+            loadFileType="VolumeFile",
+            nodeNames=f"Palpate sample pair, {folder.name}",
+        )
+
+
+@parameterNodeWrapper
+class PalpateStiffnessParameterNode:
+    """What a scene remembers of the panel.
+
+    restFolder, deformedFolder : DICOM. caseFolder : where everything is kept. program : path of the palpate program, found
+    where empty. clicks : points named by organ, in the scan at rest. method, tetrahedra : of the search.
+    """
+
+    restFolder: str
+    deformedFolder: str
+    caseFolder: str
+    program: str
+    clicks: slicer.vtkMRMLMarkupsFiducialNode
+    method: Annotated[str, Choice(list(METHODS))] = METHODS[0]
+    tetrahedra: Annotated[int, WithinRange(500, 100000)] = 7000
+
+
+class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
+    """The panel: starts pipelines, asks by a timer how far they are, shows what they wrote."""
+
+    def __init__(self, parent=None):
+        ScriptedLoadableModuleWidget.__init__(self, parent)
+        VTKObservationMixin.__init__(self)
+        self.logic = None
+        self._pipeline: Pipeline | None = None
+        self._then = None
+        self._nodes: ResultNodes | None = None
+        self._results = {}
+        self._parameters = None
+        self._connections = None
+
+    def setup(self):
+        """Builds the panel from its .ui file."""
+        ScriptedLoadableModuleWidget.setup(self)
+        widget = slicer.util.loadUI(self.resourcePath("UI/PalpateStiffness.ui"))
+        self.layout.addWidget(widget)
+        self.ui = slicer.util.childWidgetVariables(widget)
+        widget.setMRMLScene(slicer.mrmlScene)
+        self.logic = PalpateStiffnessLogic()
+        self.timer = qt.QTimer()
+        self.timer.setInterval(POLL_MS)
+        self.timer.connect("timeout()", self.on_timer)
+        self.ui.researchLabel.text = RESEARCH_USE
+        for button, slot in (
+            (self.ui.loadButton, self.on_load),
+            (self.ui.segmentButton, self.on_segment),
+            (self.ui.identifyButton, self.on_identify),
+            (self.ui.reportButton, self.on_report),
+            (self.ui.showButton, self.on_show),
+            (self.ui.cancelButton, self.on_cancel),
+        ):
+            button.connect("clicked(bool)", lambda _checked, slot=slot: self._guarded(slot))
+        self.addObserver(slicer.mrmlScene, slicer.mrmlScene.StartCloseEvent, self.on_scene_closes)
+        self.addObserver(slicer.mrmlScene, slicer.mrmlScene.EndCloseEvent, self.on_scene_closed)
+        self._connect_parameters()
+        self._update_buttons()
+
+    def cleanup(self):
+        """The module is unloaded: nothing goes on."""
+        self.on_cancel()
+        self.removeObservers()
+        if self.logic is not None:
+            self.logic.clean()
+
+    def enter(self):
+        """The module is opened."""
+        self._connect_parameters()
+
+    def exit(self):
+        """Another module is opened; what runs goes on."""
+        self._disconnect_parameters()
+
+    def on_scene_closes(self, caller, event):
+        """Results belong to the scene that is being closed."""
+        self.on_cancel()
+        self._disconnect_parameters()
+
+    def on_scene_closed(self, caller, event):
+        """A new scene, new parameters."""
+        self._nodes, self._results = None, {}
+        if self.parent.isEntered:
+            self._connect_parameters()
+
+    def on_load(self):
+        """Imports the pair."""
+        p = self._parameters
+        self._start(
+            self.logic.stiffness(p.program).load_pair(Path(p.restFolder), Path(p.deformedFolder), self._case()),
+            self.on_show,
+        )
+
+    def on_segment(self):
+        """Finds the organs."""
+        p = self._parameters
+        self._start(self.logic.stiffness(p.program).segment(self._case(), p.clicks), self.on_show)
+
+    def on_identify(self):
+        """Finds the stiffness."""
+        p = self._parameters
+        self._start(self.logic.stiffness(p.program).identify(self._case(), p.method, (), p.tetrahedra), self.on_show)
+
+    def on_report(self):
+        """Writes the report and opens it."""
+        page = self._case() / "report" / "report.html"
+        pipeline = self.logic.stiffness(self._parameters.program).report(self._case())
+        self._start(pipeline, lambda: qt.QDesktopServices.openUrl(qt.QUrl.fromLocalFile(str(page))))
+
+    def on_show(self):
+        """Exports the case and shows it in the scene."""
+        pipeline, folder = self.logic.stiffness(self._parameters.program).export(self._case())
+
+        def shown():
+            self._nodes = self.logic.stiffness(self._parameters.program).show_results(folder, self._nodes)
+            self.logic.show_in_slices(self._nodes)
+
+        self._start(pipeline, shown)
+
+    def on_cancel(self):
+        """Stops what runs; no process is left."""
+        if self._pipeline is not None:
+            self._pipeline.cancel()
+            self.on_timer()
+
+    def on_timer(self):
+        """How far is it?"""
+        pipeline = self._pipeline
+        state = pipeline.poll()
+        self.ui.progressBar.value = round(100 * pipeline.fraction)
+        self.ui.statusLabel.text = pipeline.message
+        if state == RUNNING:
+            return
+        self.timer.stop()
+        self._pipeline, then, self._then = None, self._then, None
+        self._results.update(pipeline.results)
+        self.ui.summaryText.plainText = "\n".join(summary(self._results))
+        self.ui.statusLabel.styleSheet = "color: #b00020" if state == FAILED else ""
+        self._update_buttons()
+        if state == DONE and then is not None:
+            self._guarded(then)
+
+    def _start(self, pipeline, then):
+        self._pipeline, self._then = pipeline, then
+        self.ui.statusLabel.styleSheet = ""
+        self.timer.start()
+        self._update_buttons()
+
+    def _guarded(self, slot):
+        """Runs a slot; what a person can put right is said in the panel."""
+        try:
+            slot()
+        except (InputError, LoadError, ProgramNotFoundError) as error:
+            self.ui.statusLabel.text = str(error)
+            self.ui.statusLabel.styleSheet = "color: #b00020"
+
+    def _case(self):
+        if not self._parameters.caseFolder.strip():
+            raise InputError(_("Choose a folder for the case first."))
+        return Path(self._parameters.caseFolder)
+
+    def _update_buttons(self):
+        """Off while something runs; a button that is off says why."""
+        running = self._pipeline is not None
+        why = _("Something is running: wait or cancel.")
+        for button in ("loadButton", "segmentButton", "identifyButton", "reportButton", "showButton"):
+            widget = getattr(self.ui, button)
+            if not hasattr(self, f"_tip_{button}"):
+                setattr(self, f"_tip_{button}", widget.toolTip)
+            widget.enabled = not running
+            widget.toolTip = why if running else getattr(self, f"_tip_{button}")
+        self.ui.cancelButton.enabled = running
+        self.ui.cancelButton.toolTip = (
+            _("Stop and kill what runs; what is done is kept") if running else _("Nothing is running")
+        )
+
+    def _connect_parameters(self):
+        if self._parameters is None:
+            self._parameters = self.logic.getParameterNode()
+            self._connections = self._parameters.connectGui(self.ui)
+
+    def _disconnect_parameters(self):
+        if self._parameters is not None:
+            self._parameters.disconnectGui(self._connections)
+            self._parameters, self._connections = None, None
+
+
+class PalpateStiffnessLogic(ScriptedLoadableModuleLogic):
+    """The logic in the form that Slicer asks for; the work is in PalpateStiffnessLib, which needs no application."""
+
+    def __init__(self):
+        ScriptedLoadableModuleLogic.__init__(self)
+        self._logic = StiffnessLogic(slicer.mrmlScene)
+
+    def getParameterNode(self):
+        """The typed parameter node of the scene."""
+        return PalpateStiffnessParameterNode(super().getParameterNode())
+
+    def stiffness(self, program=""):
+        """The logic, calling the program at a path, or the one that is found."""
+        self._logic.program = program
+        return self._logic
+
+    def clean(self):
+        """Removes temporary exports."""
+        self._logic.clean()
+
+    def show_in_slices(self, nodes):
+        """The scan at rest behind, the stiffness half transparent over it, the prostate in the middle."""
+        rest = nodes.volumes.get("rest")
+        slicer.util.setSliceViewerLayers(
+            background=rest, foreground=nodes.stiffness, foregroundOpacity=0.5 if nodes.stiffness is not None else 0.0
+        )
+        if rest is not None:
+            slicer.util.resetSliceViews()
+
+
+class PalpateStiffnessTest(ScriptedLoadableModuleTest):
+    """The self test: the module's panel, and the way from an exported case to nodes, without the program."""
+
+    def setUp(self):
+        """An empty scene."""
+        slicer.mrmlScene.Clear()
+
+    def runTest(self):
+        """All tests."""
+        self.setUp()
+        self.test_panel()
+        self.test_refusal()
+
+    def test_panel(self):
+        """The parameters of the scene reach the panel, and back."""
+        slicer.util.selectModule("PalpateStiffness")
+        widget = slicer.modules.PalpateStiffnessWidget
+        widget._parameters.caseFolder = "/tmp/case"
+        self.assertEqual(widget.ui.caseFolderEdit.currentPath, "/tmp/case")
+        self.assertFalse(widget.ui.cancelButton.enabled)
+
+    def test_refusal(self):
+        """What is missing is said in the panel, without a pop-up."""
+        widget = slicer.modules.PalpateStiffnessWidget
+        widget._parameters.caseFolder = "/tmp/no-case"
+        widget._guarded(widget.on_segment)
+        self.assertIn("is no case", widget.ui.statusLabel.text)

@@ -1,0 +1,117 @@
+"""What the program exported, as MRML nodes. Files are in patient coordinates LPS, MRML is RAS: the storage nodes know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import slicer
+
+from .colours import add_stiffness_colours
+
+STATES = ("rest", "deformed")
+STIFFNESS, MESH = "stiffness_kpa.nrrd", "mesh.vtu"
+_CT_WINDOW, _CT_LEVEL = 400.0, 40.0
+
+
+class LoadError(Exception):
+    """A file of the program could not be shown."""
+
+
+@dataclass
+class ResultNodes:
+    """The nodes of one case; by state where there are two. None and empty where the case has not got that far."""
+
+    volumes: dict[str, Any] = field(default_factory=dict)
+    segmentations: dict[str, Any] = field(default_factory=dict)
+    stiffness: Any = None
+    mesh: Any = None
+    colours: Any = None
+
+    def all(self) -> list[Any]:
+        """Every node there is."""
+        single = [node for node in (self.stiffness, self.mesh, self.colours) if node is not None]
+        return [*self.volumes.values(), *self.segmentations.values(), *single]
+
+
+def show(scene: Any, folder: Path) -> ResultNodes:
+    """Loads what an export folder holds into a scene. Raises LoadError naming the file."""
+    nodes = ResultNodes()
+    for state in STATES:
+        if (folder / f"{state}_ct.nrrd").is_file():
+            nodes.volumes[state] = _volume(scene, folder / f"{state}_ct.nrrd", f"CT {state}")
+            _show_as_ct(nodes.volumes[state])
+        if (folder / f"{state}_labels.seg.nrrd").is_file():
+            path = folder / f"{state}_labels.seg.nrrd"
+            nodes.segmentations[state] = _loaded(
+                scene, path, "vtkMRMLSegmentationNode", "vtkMRMLSegmentationStorageNode", f"Labels {state}"
+            )
+            nodes.segmentations[state].CreateDefaultDisplayNodes()
+    if (folder / STIFFNESS).is_file():
+        nodes.colours = add_stiffness_colours(scene, "Stiffness G, kPa")
+        nodes.stiffness = _volume(scene, folder / STIFFNESS, "Stiffness G, kPa (research use only)")
+        _show_as_stiffness(nodes.stiffness, nodes.colours)
+    if (folder / MESH).is_file():
+        nodes.mesh = _loaded(scene, folder / MESH, "vtkMRMLModelNode", "vtkMRMLModelStorageNode", "Mesh at rest")
+        _show_mesh(nodes.mesh, nodes.colours)
+    return nodes
+
+
+def _loaded(
+    scene: Any, path: Path, node_class: str, storage_class: str, name: str, prepare: Callable[[Any], None] | None = None
+) -> Any:
+    node = scene.AddNewNodeByClass(node_class, name)
+    storage = scene.AddNewNodeByClass(storage_class)
+    storage.SetFileName(str(path))
+    if prepare is not None:
+        prepare(storage)
+    node.SetAndObserveStorageNodeID(storage.GetID())
+    if not storage.ReadData(node):
+        scene.RemoveNode(storage)
+        scene.RemoveNode(node)
+        raise LoadError(f"{path.name} cannot be read; run the step again")
+    return node
+
+
+def _volume(scene: Any, path: Path, name: str) -> Any:
+    node = _loaded(
+        scene, path, "vtkMRMLScalarVolumeNode", "vtkMRMLVolumeArchetypeStorageNode", name,
+        lambda storage: storage.SetSingleFile(True),
+    )  # fmt: skip
+    node.CreateDefaultDisplayNodes()
+    return node
+
+
+def _show_as_ct(volume: Any) -> None:
+    display = volume.GetDisplayNode()
+    display.AutoWindowLevelOff()
+    display.SetWindowLevel(_CT_WINDOW, _CT_LEVEL)
+
+
+def _show_as_stiffness(volume: Any, colours: Any) -> None:
+    """Colours from zero to the largest value; what has no stiffness (0) is not drawn."""
+    low, high = volume.GetImageData().GetScalarRange()
+    display = volume.GetDisplayNode()
+    display.SetAndObserveColorNodeID(colours.GetID())
+    display.AutoWindowLevelOff()
+    display.SetWindowLevelMinMax(min(low, 0.0), high)
+    display.AutoThresholdOff()
+    display.SetThreshold(1e-6, high)
+    display.ApplyThresholdOn()
+    display.SetInterpolate(False)  # between a value and nothing there is no value
+    units = slicer.vtkCodedEntry()
+    units.SetValueSchemeMeaning("kPa", "UCUM", "kilopascal")
+    volume.SetVoxelValueUnits(units)
+
+
+def _show_mesh(model: Any, colours: Any) -> None:
+    model.CreateDefaultDisplayNodes()
+    display = model.GetDisplayNode()
+    display.SetVisibility(False)  # a box of tetrahedra hides what is in it; a person turns it on
+    display.SetEdgeVisibility(True)
+    if colours is not None and model.GetMesh().GetCellData().HasArray("G_kpa"):
+        display.SetActiveScalar("G_kpa", 1)  # vtkAssignAttribute::CELL_DATA
+        display.SetAndObserveColorNodeID(colours.GetID())
+        display.SetScalarVisibility(True)

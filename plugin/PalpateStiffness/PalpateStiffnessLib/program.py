@@ -1,0 +1,57 @@
+"""Where the palpate program is, and the environment it needs. Slicer's own Python cannot run it and does not have to."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+INSTALL = (
+    "The palpate program was not found. Clone its repository and give the path of its file `run` in the field Program, "
+    "or put `palpate` on the PATH."
+)
+# What Slicer sets for its own Python and libraries, which another Python must not get.
+_OWN = ("PYTHONHOME", "PYTHONPATH", "PYTHONNOUSERSITE", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "QT_PLUGIN_PATH")
+
+
+class ProgramNotFoundError(Exception):
+    """There is no palpate program where it was looked for."""
+
+
+def program_command(given: str = "") -> list[str]:
+    """The beginning of every command line. ``given`` : path of the program or of the repository's `run`; may be empty.
+
+    Looked for in this order: ``given``, the variable PALPATE, `run` of the repository that this extension lies in, PATH.
+    Raises ProgramNotFoundError saying what to do.
+    """
+    for text in (given.strip(), os.environ.get("PALPATE", "").strip()):
+        if text:
+            return _command_of(Path(text).expanduser())
+    beside = Path(__file__).resolve().parents[3] / "run"
+    if beside.is_file() and os.access(beside, os.X_OK):
+        return _command_of(beside)
+    found = shutil.which("palpate")
+    if found is None:
+        raise ProgramNotFoundError(INSTALL)
+    return [found]
+
+
+def environment() -> dict[str, str]:
+    """The environment of the user's session, without what Slicer added to it."""
+    try:
+        from slicer.util import startupEnvironment
+    except ImportError:
+        return {key: value for key, value in os.environ.items() if key not in _OWN}
+    try:
+        found = dict(startupEnvironment())
+    except AttributeError:  # no application: the libraries alone, as in tests
+        found = dict(os.environ)
+    return {key: value for key, value in found.items() if key not in _OWN}
+
+
+def _command_of(path: Path) -> list[str]:
+    if path.is_dir() and (path / "run").is_file():
+        path = path / "run"
+    if not path.is_file() or not os.access(path, os.X_OK):
+        raise ProgramNotFoundError(f"{path} is no program that can be run. {INSTALL}")
+    return [str(path), "palpate"] if path.name == "run" else [str(path)]

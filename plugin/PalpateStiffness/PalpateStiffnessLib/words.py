@@ -1,0 +1,53 @@
+"""What a person reads in the panel: the program's figures with their intervals and qualities, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+RESEARCH_USE = "Research use only. Not for diagnosis."
+
+
+def summary(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Lines about each step that has been done."""
+    lines: list[str] = []
+    for name, of_step in (("import", _imported), ("segment", _segmented), ("mesh", _meshed), ("identify", _found)):
+        if results.get(name):
+            lines += of_step(results[name])
+    return lines
+
+
+def _imported(result: Mapping[str, Any]) -> list[str]:
+    residual = result.get("residual_mm")
+    aligned = "not aligned on bone" if residual is None else f"aligned on bone to {residual:.2f} mm (rms)"
+    return [f"Scans: {aligned}", *_notes(result)]
+
+
+def _segmented(result: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for state, facts in result.get("states", {}).items():
+        organs = facts.get("organs", {})
+        found = [f"{name} {o['volume_cc']:.1f} cc, confidence {o['confidence']:.2f}" for name, o in organs.items()]
+        lines.append(f"Labels, {state}: {'; '.join(found) or facts.get('source', 'given')}")
+    return lines + _notes(result)
+
+
+def _meshed(result: Mapping[str, Any]) -> list[str]:
+    return [
+        f"Mesh: {result['cells']} tetrahedra, smallest dihedral angle {result['min_dihedral_deg']:.0f}\N{DEGREE SIGN}"
+    ]
+
+
+def _found(result: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for name, region in result["parameters"].items():
+        interval = region.get("ci95_kpa")
+        sure = "error not known" if interval is None else f"95 % interval {interval[0]:.3g} to {interval[1]:.3g} kPa"
+        edge = ", at the edge of what was allowed: no measurement" if region.get("at_bound") else ""
+        lines.append(f"{name.replace('_', ' ')}: G = {region['G_kpa']:.3g} kPa, {sure}{edge}")
+    lines.append(f"Misfit: {result['misfit']['rms_mm']:.2f} mm (rms)")
+    return [*lines, f"What this pair can tell: {result['identifiability']['verdict']}", *_notes(result)]
+
+
+def _notes(result: Mapping[str, Any]) -> list[str]:
+    return [f"Note: {note}" for note in result.get("notes", [])]
