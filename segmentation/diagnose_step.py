@@ -61,7 +61,9 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
 def data_of(case: CaseFolder) -> CaseData:
     """What a diagnosis sees of a meshed case."""
     rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
-    bones = SurfacePair(_plain(rest["bone"]), _plain(deformed["bone"])) if "bone" in rest and "bone" in deformed else None
+    bones = (
+        SurfacePair(_plain(rest["bone"]), _plain(deformed["bone"])) if "bone" in rest and "bone" in deformed else None
+    )
     return CaseData(problem_of(case), bones, (case.facts.gravity_rest, case.facts.gravity_deformed))
 
 

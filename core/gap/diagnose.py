@@ -69,13 +69,12 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     _factorise(fit)
     forces = ForceFields.around(fit.point, fit.bench.sight)
     r, J, R = (fit.weighting.whiten(x) for x in (fit.point.residual, fit.point.in_theta, forces.response))
-    test = gap_test(r, J, R, seed)
     progress(0.46, "score test of every effect")
     stage, point = fit.bench.stage, fit.point
-    around = Surroundings(
-        data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta)
-    )
+    around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
+    named = [(fit.weighting.whiten(S), s.effect.scales) for s in screened for S in s.directions]
+    test = gap_test(r, J, R, named, seed)
     refits = _refits(fit, screened, part(progress, 0.6, 0.9)) if test.detected else []
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
@@ -132,7 +131,7 @@ def _judged(
         share = g.mean_mm2 / ceiling.mean_mm2 if ceiling.mean_mm2 > 0.0 else 1.0
         remainder = fit.weighting.whiten(f.point.residual)
         J = fit.weighting.whiten(np.hstack([f.point.in_theta, f.in_phi]))
-        p_left = gap_test(remainder, J, fit.weighting.whiten(forces.response), seed).p_value
+        p_left = gap_test(remainder, J, fit.weighting.whiten(forces.response), seed=seed).p_value
         judged.append(Judged(f.trial.effect.id, f.log_evidence, g, p, share, p_left))
     verdict = decide(test.detected, judged, unknown)
     return Diagnosis(fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, placebo)

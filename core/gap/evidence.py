@@ -41,11 +41,13 @@ def score(r: FloatArray, J: FloatArray, S: FloatArray, scales: FloatArray) -> Sc
     values, vectors = np.linalg.eigh(A)
     seen = values > 1e-9 * max(values[-1], 1e-30)
     statistic = float(((vectors[:, seen].T @ b) ** 2 / values[seen]).sum())
-    covariance = np.linalg.inv(A + np.diag(1.0 / scales**2))
+    covariance = np.asarray(np.linalg.inv(A + np.diag(1.0 / scales**2)), dtype=np.float64)
     estimate = -covariance @ b
     _, logdet = np.linalg.slogdet(np.eye(len(scales)) + A * scales**2)
     log_evidence = 0.5 * float(b @ covariance @ b) - 0.5 * float(logdet)
-    return Score(statistic, float(stats.chi2.sf(statistic, max(int(seen.sum()), 1))), estimate, covariance, log_evidence)
+    return Score(
+        statistic, float(stats.chi2.sf(statistic, max(int(seen.sum()), 1))), estimate, covariance, log_evidence
+    )
 
 
 def mean_of_exponentials(logs: FloatArray) -> float:

@@ -42,7 +42,10 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A solved model. residual (n,), with what the better element adds; in_theta (n, t) its derivative. out_of_balance : what Newton left."""
+    """A solved model. residual (n,), with what the better element adds; in_theta (n, t) its derivative.
+
+    out_of_balance : what Newton left.
+    """
 
     theta: FloatArray
     phi: FloatArray

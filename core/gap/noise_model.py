@@ -17,28 +17,37 @@ from palpate.core.observe.noise import noise_modes, smooth_covariance
 
 FloatArray = NDArray[np.float64]
 
+# Correlation lengths of contour noise that are told apart, mm.
+LENGTHS_MM = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
+# Of a wall's motion along itself, mm.
+ALONG_CORRELATION_MM = 15.0
+
 
 @dataclass(frozen=True)
 class NoiseSizes:
-    """Standard deviations, mm. along : of a wall's motion along itself, which no scan shows. along_correlation_mm : its length.
+    """Standard deviations, mm. along : of a wall's motion along itself, which no scan shows.
 
-    own : of every surface point (extraction, voxels). landmark : per axis. contour : factor on the contour noise the case states.
-    mesh : share of the difference between two elements that may be left in the better one.
+    own : of every surface mode (extraction, voxels). landmark : per axis. contour : factor on the contour noise the case states.
+    length : its correlation length. mesh : share of the difference between two elements that may be left in the better one.
     """
 
     along: float = 1.0
-    along_correlation_mm: float = 15.0
     own: float = 0.2
     landmark: float = 0.45
     contour: float = 1.0
+    length: float = 7.0
     mesh: float = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseParts:
-    """Parts of the covariance (n, n) mm2: `contour` scales with the contours' variance, `along` with the walls'."""
+    """What the covariance (n, n) mm2 is put together from.
 
-    contour: FloatArray
+    contour : of all contours as wide as the case states, one for each of LENGTHS_MM; along : of walls that slid by 1 mm; own, marks :
+    unit variances; floor : of bone registration.
+    """
+
+    contour: tuple[FloatArray, ...]
     along: FloatArray
     own: FloatArray
     marks: FloatArray
@@ -47,40 +56,57 @@ class NoiseParts:
     @classmethod
     def of(cls, scene: GapScene, sight: Sight, u: FloatArray) -> NoiseParts:
         """At the equilibrium u, whose tangent must be factorised."""
-        facts = scene.problem.facts
-        sd, length = np.sqrt(2.0) * facts.noise_sd_mm, facts.noise_correlation_mm
         n, k = sight.n, sight.n_modes
-        contour, own, marks, floor = (np.zeros((n, n)) for _ in range(4))
-        C = smooth_covariance(scene.observation.points, sd, length)
-        contour[:k, :k] = sight.modes.T @ C @ sight.modes
-        across, along = _wall_forces(scene, sd, length), _sliding_forces(scene)
-        R = sight.response(scene, u, response_to_forces(scene.assembler, across))
-        contour += R @ R.T
+        own, marks, floor = (np.zeros((n, n)) for _ in range(3))
         own[np.arange(k), np.arange(k)] = 1.0
         at = np.arange(sight.marks.start, sight.marks.stop)
         marks[at, at] = 1.0
         if sight.bone is not None:
-            contour[-6:, -6:] = sight.bone.covariance(facts.noise_sd_mm, length) - sight.bone.covariance(0.0, length)
-            floor[-6:, -6:] = sight.bone.covariance(0.0, length)
-        return cls(contour, _along(scene, sight, u, along), own, marks, floor)
+            floor[-6:, -6:] = sight.bone.covariance(0.0, 1.0)
+        walls = _WallNoise.of(scene, sight, u)
+        contour = tuple(_contour(scene, sight, walls, length) for length in LENGTHS_MM)
+        return cls(contour, _along(scene, sight, u, _sliding_forces(scene)), own, marks, floor)
 
     def covariance(self, sizes: NoiseSizes, mesh: FloatArray) -> FloatArray:
-        """(n, n); mesh : (n,) difference of the residual between two elements."""
-        out = sizes.contour**2 * self.contour + sizes.along**2 * self.along + sizes.own**2 * self.own
+        """(n, n); mesh : (n,) difference of the residual between two elements. The nearest of LENGTHS_MM is taken."""
+        contour = self.contour[int(np.argmin(np.abs(np.array(LENGTHS_MM) - sizes.length)))]
+        out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
         return out + sizes.landmark**2 * self.marks + self.floor + sizes.mesh**2 * np.outer(mesh, mesh)
 
 
-def _wall_forces(scene: GapScene, sd: float, length: float) -> FloatArray:
-    """(r, nodes, 3) mN: what pushes the walls by each smooth mode of their contours' noise."""
-    out = []
-    for wall in scene.walls:
-        weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
-        for mode in noise_modes(wall.rest, sd, length, 0.97).T:
-            out.append(_on_nodes(scene, wall.points.nodes[:, 0], weight * mode[:, None]))
-    return np.array(out)
+@dataclass(frozen=True, eq=False)
+class _WallNoise:
+    """Per wall: points (w, 3), orthonormal modes (w, m) and what each moves (n, m) when the wall is read 1 mm too far out."""
+
+    walls: list[tuple[FloatArray, FloatArray, FloatArray]]
+
+    @classmethod
+    def of(cls, scene: GapScene, sight: Sight, u: FloatArray) -> _WallNoise:
+        out = []
+        for wall in scene.walls:
+            modes = noise_modes(wall.rest, 1.0, LENGTHS_MM[1], 0.97)
+            modes = modes / np.linalg.norm(modes, axis=0)
+            weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
+            forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], weight * m[:, None]) for m in modes.T])
+            response = sight.response(scene, u, response_to_forces(scene.assembler, forces))
+            out.append((wall.rest, modes, response))
+        return cls(out)
 
 
-def _sliding_forces(scene: GapScene, correlation_mm: float = NoiseSizes.along_correlation_mm) -> FloatArray:
+def _contour(scene: GapScene, sight: Sight, walls: _WallNoise, length: float) -> FloatArray:
+    """(n, n) for both scans' contours of everything, correlated over `length` mm."""
+    sd = scene.problem.facts.noise_sd_mm
+    n, k = sight.n, sight.n_modes
+    out = np.zeros((n, n))
+    out[:k, :k] = 2.0 * sight.modes.T @ smooth_covariance(scene.observation.points, sd, length) @ sight.modes
+    for rest, modes, response in walls.walls:
+        out += 2.0 * response @ (modes.T @ smooth_covariance(rest, sd, length) @ modes) @ response.T
+    if sight.bone is not None:
+        out[-6:, -6:] += sight.bone.covariance(sd, length) - sight.bone.covariance(0.0, length)
+    return out
+
+
+def _sliding_forces(scene: GapScene, correlation_mm: float = ALONG_CORRELATION_MM) -> FloatArray:
     """(r, nodes, 3) mN: smooth shear tractions on the walls, which a sliding wall is taken not to have."""
     out = []
     for wall in scene.walls:
@@ -104,7 +130,7 @@ def _along(scene: GapScene, sight: Sight, u: FloatArray, forces: FloatArray) -> 
     total = np.zeros((sight.n, sight.n))
     start = 0
     for wall in scene.walls:
-        count = 3 * noise_modes(wall.rest, 1.0, NoiseSizes.along_correlation_mm, 0.9).shape[1]
+        count = 3 * noise_modes(wall.rest, 1.0, ALONG_CORRELATION_MM, 0.9).shape[1]
         part = moves[start : start + count]
         start += count
         v = np.stack([wall.points.displacements(m) for m in part])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from palpate.core.errors import ConvergenceError
 from palpate.core.gap.bone_sight import BoneSight
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.fit import Bench, Point, Trial
+from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.noise_fit import fit_noise
 from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
 from palpate.core.gap.scene import Stage
 from palpate.core.gap.sight import Sight
@@ -25,22 +27,24 @@ FloatArray = NDArray[np.float64]
 QUICK, GOOD = "p1p1", "p2p1"
 PLAIN = Trial()
 _NOTHING = np.zeros(0)
+# How far a contour may be offset, mm, and bones may seem to have moved, mm and degrees, while the noise is estimated.
+_OFFSET_MM, _BONES = 1.0, 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class PlainFit:
     """The plain model where it fits best.
 
-    point : at the quick element, residuals corrected. mesh : (n,) what the better element changed. weighting : of the data
-    vector. good : theta and displacements seen (points, 3) mm of the better element.
+    point : at the quick element, residuals corrected; its tangent is the one factorised. mesh : (n,) what the better element
+    changed. sizes : of the noise of this case. weighting : of the data vector.
     """
 
     bench: Bench
     point: Point
     mesh: FloatArray
     noise: NoiseParts
+    sizes: NoiseSizes
     weighting: Weighting
-    good_seen: FloatArray
 
 
 def fit_plain(
@@ -70,11 +74,23 @@ def fit_plain(
     exact = _solved(better, point.theta, None)
     mesh = exact.residual - point.residual
     bench.correction = mesh
-    progress(0.8, "plain model: noise")
+    progress(0.8, "plain model: noise of this case's contours")
+    point = replace(point, residual=point.residual + mesh)
+    noise = NoiseParts.of(point.scene, sight, point.equilibrium.u)
+    sizes = fit_noise(noise, sizes, mesh, point.residual, point.in_theta, _free(point, sight))
     weighting = Weighting(noise.covariance(sizes, mesh))
     point = _best(bench, weighting, [point.theta], point)
-    n = len(problem.mesh.points)
-    return PlainFit(bench, point, mesh, noise, weighting, exact.equilibrium.u[:n])
+    return PlainFit(bench, point, mesh, noise, sizes, weighting)
+
+
+def _free(point: Point, sight: Sight) -> list[FloatArray]:
+    """What may have moved the data besides noise: missing forces, an offset of the contour, the bones. (n, k) each."""
+    offset = np.zeros((sight.n, 1))
+    offset[: sight.n_modes, 0] = _OFFSET_MM * sight.modes.sum(axis=0)
+    bones = np.zeros((sight.n, 6))
+    if sight.bone is not None:
+        bones[-6:] = _BONES * np.eye(6)
+    return [ForceFields.around(point, sight).response, offset, bones]
 
 
 def _solved(bench: Bench, theta: FloatArray, near: Point | None) -> Point:

@@ -30,7 +30,9 @@ def pressure_fields(stage: Stage, scene: GapScene, theta: FloatArray) -> dict[st
         points = face_points(space.nodes, faces)
         X = space.nodes[faces]
         normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-        normal = -normal / np.linalg.norm(normal, axis=1)[:, None]  # into the tissue: outwards seen from the hollow organ
+        normal = (
+            -normal / np.linalg.norm(normal, axis=1)[:, None]
+        )  # into the tissue: outwards seen from the hollow organ
         force = np.zeros((space.n_nodes, 3))
         pushed = points.spread(points.measure[:, None] * np.repeat(normal, 3, axis=0))
         np.add.at(force.reshape(-1), points.unknowns, pushed)

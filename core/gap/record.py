@@ -78,7 +78,9 @@ def _gap(found: Diagnosis) -> dict[str, Any]:
         "p_value": found.test.p_value,
         "statistic": found.test.statistic,
         "degrees_of_freedom": found.test.freedom,
-        "p_value_smooth": found.test.p_smooth,
+        "p_values": {"whole": found.test.p_whole, "smooth": found.test.p_smooth, "named": found.test.p_named},
+        "contour_noise_sd_mm": found.fit.sizes.contour * fit.point.scene.problem.facts.noise_sd_mm,
+        "contour_noise_correlation_mm": found.fit.sizes.length,
     }
 
 
@@ -141,7 +143,9 @@ def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
     for what, theta in (("without", found.fit.point.theta), ("with", None if shown is None else shown.point.theta)):
         if theta is None:
             continue
-        for region, t, (low, high) in zip(sorted(found.fit.bench.plain.problem.region_names), theta, bounds, strict=True):
+        for region, t, (low, high) in zip(
+            sorted(found.fit.bench.plain.problem.region_names), theta, bounds, strict=True
+        ):
             if t < low + AT_BOUND or t > high - AT_BOUND:
                 name = found.fit.bench.plain.problem.region_names[region].replace("_", " ")
                 out.append(f"{name}: stiffness at its bound {what} the effect; it may be absorbing an effect")

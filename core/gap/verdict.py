@@ -20,6 +20,10 @@ MOST_CANDIDATES = 3
 # A remainder this improbable under the noise is no noise.
 REMAINDER_LEVEL = 0.01
 
+_NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
+_TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
+_UNCONFIRMED = "the effect fits best, but does not predict what was left out clearly better"
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -56,7 +60,9 @@ def probabilities(evidence: Mapping[str, float], unknown: float) -> dict[str, fl
     """Of every effect and of "unknown", given that there is a gap and the effects were equally likely before."""
     names = [*evidence, UNKNOWN]
     n = max(len(evidence), 1)
-    log = np.array([*(np.log((1.0 - PRIOR_UNKNOWN) / n) + v for v in evidence.values()), np.log(PRIOR_UNKNOWN) + unknown])
+    log = np.array(
+        [*(np.log((1.0 - PRIOR_UNKNOWN) / n) + v for v in evidence.values()), np.log(PRIOR_UNKNOWN) + unknown]
+    )
     weight = np.exp(log - log.max())
     return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))
 
@@ -65,20 +71,24 @@ def decide(detected: bool, judged: Sequence[Judged], unknown: float) -> Verdict:
     """The answer. unknown : log evidence of a free smooth field of forces."""
     probability = probabilities({j.effect: j.log_evidence for j in judged}, unknown)
     if not detected:
-        return Verdict(NONE, (), probability, "what the plain model leaves is no more than contours, walls and mesh explain")
+        return Verdict(
+            NONE, (), probability, "what the plain model leaves is no more than contours, walls and mesh explain"
+        )
     ranked = sorted(judged, key=lambda j: -probability[j.effect])
     top = max((probability[j.effect] for j in ranked), default=0.0)
     tied = [j for j in ranked if probability[j.effect] * TIED >= top]
     if not tied or probability[UNKNOWN] > TIED * top:
-        return Verdict(UNKNOWN, (), probability, "no effect of the library explains the gap as well as a free smooth field of forces")
+        return Verdict(UNKNOWN, (), probability, _NOTHING_NAMED)
     best = tied[0]
     if best.remainder_p < REMAINDER_LEVEL and best.share_of_ceiling < 0.5:
-        return Verdict(UNKNOWN, (), probability, "the best named effect leaves more than noise, and closes less than half of what can be closed")
+        return Verdict(UNKNOWN, (), probability, _TOO_LITTLE)
     names = tuple(j.effect for j in tied[:MOST_CANDIDATES])
     if len(tied) > 1:
         return Verdict(AMBIGUOUS, names, probability, "these effects explain the gap about equally well")
     if probability[UNKNOWN] * TIED > top:
-        return Verdict(AMBIGUOUS, names, probability, "the effect explains the gap no better than something unnamed might")
+        return Verdict(
+            AMBIGUOUS, names, probability, "the effect explains the gap no better than something unnamed might"
+        )
     if not best.confirmed:
-        return Verdict(AMBIGUOUS, names, probability, "the effect fits best, but does not predict what was left out clearly better")
+        return Verdict(AMBIGUOUS, names, probability, _UNCONFIRMED)
     return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")

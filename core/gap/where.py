@@ -52,7 +52,15 @@ def look(fit: PlainFit, forces: ForceFields) -> Where:
     peak = _peak(nodes, size[near], observation.points)
     blur = _blur(forces, inverse @ R, nodes, near, peak)
     return Where(
-        observation.points, observation.normals, observation.region, smooth, smooth / sd, nodes, density[near], peak, blur
+        observation.points,
+        observation.normals,
+        observation.region,
+        smooth,
+        smooth / sd,
+        nodes,
+        density[near],
+        peak,
+        blur,
     )
 
 

@@ -19,7 +19,9 @@ _SHOWN = 4
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """CASE, and effects of one's own."""
     add_case(parser)
-    parser.add_argument("--effects", type=Path, metavar="FOLDER", help="a folder of effects of your own, one *.py file each")
+    parser.add_argument(
+        "--effects", type=Path, metavar="FOLDER", help="a folder of effects of your own, one *.py file each"
+    )
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
