@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Annotated
 
 import qt
 import slicer
-from PalpateStiffnessLib.logic import METHODS, InputError, StiffnessLogic
+from PalpateStiffnessLib.errors import InputError
+from PalpateStiffnessLib.logic import METHODS, StiffnessLogic
 from PalpateStiffnessLib.nodes import LoadError, ResultNodes
 from PalpateStiffnessLib.pipeline import DONE, FAILED, RUNNING, Pipeline
 from PalpateStiffnessLib.program import ProgramNotFoundError
+from PalpateStiffnessLib.sample import sample_pair
 from PalpateStiffnessLib.words import RESEARCH_USE, summary
 from slicer.i18n import tr as _
 from slicer.i18n import translate
@@ -25,7 +26,6 @@ from slicer.ScriptedLoadableModule import (
 from slicer.util import VTKObservationMixin
 
 POLL_MS = 200
-_REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 class PalpateStiffness(ScriptedLoadableModule):
@@ -46,23 +46,16 @@ class PalpateStiffness(ScriptedLoadableModule):
 
 
 def register_sample_data():
-    """The simulated pair of the repository, where this extension lies in it, as one case of the Sample Data module."""
+    """The simulated pair of the repository as a case of the Sample Data module: it fills in the panel's two folders."""
     import SampleData
 
-    folders = [_REPOSITORY / "sample_dicom" / state for state in ("rest", "deformed")]
-    for folder in folders:
-        first = next(iter(sorted(folder.glob("*.dcm"))), None)
-        if first is None:
-            continue
-        SampleData.SampleDataLogic.registerCustomSampleDataSource(
-            category="Palpate",
-            sampleName=f"PalpatePair_{folder.name}",
-            uris=first.as_uri(),
-            fileNames=first.name,
-            checksums=f"SHA256:{hashlib.sha256(first.read_bytes()).hexdigest()}",
-            loadFileType="VolumeFile",
-            nodeNames=f"Palpate sample pair, {folder.name}",
-        )
+    SampleData.SampleDataLogic.registerCustomSampleDataSource(
+        category="Palpate",
+        sampleName="PalpatePair",
+        thumbnailFileName=str(Path(__file__).parent / "Resources" / "Icons" / "PalpateStiffness.png"),
+        loadFileType=None,
+        customDownloader=lambda source: slicer.modules.PalpateStiffnessWidget.on_sample(),
+    )
 
 
 @parameterNodeWrapper
@@ -147,6 +140,15 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         self._nodes, self._results = None, {}
         if self.parent.isEntered:
             self._connect_parameters()
+
+    def on_sample(self):
+        """Fills in the folders of the sample pair, once it is sure that its files are whole."""
+        slicer.util.selectModule("PalpateStiffness")
+        self._guarded(self._fill_in_sample)
+
+    def _fill_in_sample(self):
+        self._parameters.restFolder, self._parameters.deformedFolder = map(str, sample_pair())
+        self.ui.statusLabel.text = _("The sample pair is simulated: choose a folder for the case, then load it.")
 
     def on_load(self):
         """Imports the pair."""

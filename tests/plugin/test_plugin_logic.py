@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "plugin" / "PalpateStiffness"), str(ROOT / "tests" / "ui")]
 
 from dicom_cases import TURN, pair  # noqa: E402
-from PalpateStiffnessLib.logic import InputError, StiffnessLogic, seeds_of  # noqa: E402
+from PalpateStiffnessLib.errors import InputError  # noqa: E402
+from PalpateStiffnessLib.logic import StiffnessLogic, seeds_of  # noqa: E402
 from PalpateStiffnessLib.nodes import LoadError, ResultNodes, show  # noqa: E402
 from PalpateStiffnessLib.pipeline import DONE, FAILED  # noqa: E402
 from PalpateStiffnessLib.words import summary  # noqa: E402

@@ -9,16 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from .errors import InputError
 from .nodes import ResultNodes, show
 from .pipeline import Pipeline, Step
 from .program import program_command
 
 ORGANS = ("prostate", "bladder", "rectum", "urethra")
 METHODS = ("swarm", "gauss-newton")
-
-
-class InputError(Exception):
-    """What a person asked for cannot be done; says what to do."""
 
 
 class StiffnessLogic:
