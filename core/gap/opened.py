@@ -7,10 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.fem.space import Space
+from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.interface import SplitInterface, open_interface
+from palpate.core.fem.terms.springs import Springs
+from palpate.core.fem.terms.wall import wall_points
 from palpate.core.problem import IdentificationProblem
 
 IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +51,31 @@ def _renamed(faces: IntArray, organ_faces: set[tuple[int, ...]], twin_of: IntArr
     out = faces.copy()
     out[own] = twin_of[faces[own]]
     return out
+
+
+def sliding_springs(space: Space, split: SplitInterface, across: float, along: float) -> Springs:
+    """Springs between the twin nodes of a cut, kPa/mm across and along the surface.
+
+    One point a node, with the mean normal there: springs at more points than nodes would let nothing slide along a curved
+    surface, because its flat faces would have to pass through each other.
+    """
+    inner, outer = space.face_nodes(split.inner), space.face_nodes(split.outer)
+    ours = wall_points(inner, space.nodes)
+    twin = dict(zip(inner.ravel().tolist(), outer.ravel().tolist(), strict=True))
+    nodes = ours.nodes[:, 0]
+    pairs = np.column_stack([nodes, [twin[n] for n in nodes.tolist()]])
+    points = PointSet(pairs, np.tile([1.0, -1.0], (len(pairs), 1)), ours.measure)
+    normal = _node_normals(space, inner)[nodes]
+    nn = normal[:, :, None] * normal[:, None, :]
+    S = across * nn + along * (np.eye(3) - nn)
+    return Springs(points, S, np.zeros((len(pairs), 3)))
+
+
+def _node_normals(space: Space, face_nodes: IntArray) -> FloatArray:
+    """(nodes, 3) unit; the area-weighted mean of the faces (f, 3 or 6) around each node."""
+    X = space.nodes[face_nodes[:, :3]]
+    cross = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+    total = np.zeros((space.n_nodes, 3))
+    for column in face_nodes.T:
+        np.add.at(total, column, cross)
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1), 1e-30)[:, None])

@@ -15,10 +15,9 @@ from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibriu
 from palpate.core.fem.sensitivity import Direction, direct
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
-from palpate.core.fem.terms.interface import interface_springs
 from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.gap.composition import Composition
-from palpate.core.gap.opened import OpenedProblem, open_problem
+from palpate.core.gap.opened import OpenedProblem, open_problem, sliding_springs
 from palpate.core.identify.coupled import WALL_STIFFNESS, CoupledScene
 from palpate.core.identify.parameters import StiffnessParameters
 from palpate.core.mesh import TetMesh
@@ -97,7 +96,7 @@ class GapScene(CoupledScene):
             G = self.problem.facts.tissue_shear_modulus_kpa
             across = ACROSS * G
             along = 1.0 / (composition.interface + 1.0 / across)
-            self.loads = (*self.loads, interface_springs(self.space, opened.split, across, along))
+            self.loads = (*self.loads, sliding_springs(self.space, opened.split, across, along))
         held = self.held_nodes()
         free = np.ones((self.space.n_nodes, 3), dtype=bool)
         free[held] = False

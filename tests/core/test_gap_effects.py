@@ -1,0 +1,159 @@
+"""Effects: nothing at phi = 0, the right first-order change beside it, and a thirteenth from a user's own file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from palpate.core.errors import InputError
+from palpate.core.gap.composition import Composition
+from palpate.core.gap.effects import Surroundings, library
+from palpate.core.gap.fit import Bench, Point, Trial
+from palpate.core.gap.opened import open_problem
+from palpate.core.gap.plain import PLAIN
+from palpate.core.gap.pressure_fields import pressure_fields
+from palpate.core.gap.scene import Stage
+from palpate.core.gap.sight import Sight
+from palpate.core.laws import LINEAR, MOONEY_RIVLIN
+from palpate.core.laws.check import derivative_errors, random_deformation_gradients
+from palpate.core.laws.fibre import with_fibres
+from palpate.core.laws.grown import grown
+from tests.core.synthetic_case import problem
+
+IDS = {
+    "interface_sliding", "inclusion", "fibre_anisotropy", "volume_change", "compressible_organ", "tissue_stiffening",
+    "tissue_heterogeneity", "bone_motion", "gravity_change", "prestress", "unmodelled_load", "contour_bias",
+}  # fmt: skip
+THETA = np.log([30.0, 70.0])
+THIRTEENTH = '''
+from palpate.core.gap.effects import Effect, Parameter, Variant
+from palpate.core.gap.material_changes import scaled
+
+EFFECT = Effect(
+    "stiffer_right_half", "the right half is stiffer than thought",
+    (Parameter("log_factor", "1", 1.0),),
+    lambda around: [Variant(lambda c, phi: c.with_law(scaled((2,), __import__("numpy").exp(phi[0]) * (c.problem.mesh.regions > 0))))],
+    "nothing",
+)
+'''
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    posed = problem(depth=3.0)
+    rectum = posed.walls["rectum"]
+    # A second hollow organ, so that prestress has what it needs: half of the same wall by another name.
+    faces = posed.boundary["rectum"]
+    boundary = {**posed.boundary, "rectum": faces[::2], "bladder": faces[1::2]}
+    posed = replace(posed, boundary=boundary, walls={"rectum": rectum, "bladder": rectum})
+    stage = Stage.of(posed, "p1p1")
+    sight = Sight.of(stage.observation, None)
+    return Bench(stage, sight, Composition(posed), np.zeros(sight.n))
+
+
+@pytest.fixture(scope="module")
+def plain(bench: Bench) -> Point:
+    point = bench.solve(PLAIN, THETA, np.zeros(0), None)
+    assert point is not None
+    return point
+
+
+def surroundings(bench: Bench, plain: Point) -> Surroundings:
+    return Surroundings(
+        bench.stage.problem, (None, None), lambda: pressure_fields(bench.stage, plain.scene, THETA)
+    )  # fmt: skip
+
+
+def test_the_library_holds_the_twelve_effects_and_each_can_be_there(bench: Bench, plain: Point) -> None:
+    effects = library()
+    assert set(effects) == IDS
+    assert all(effects[name].variants(surroundings(bench, plain)) for name in IDS)
+
+
+def test_at_zero_every_variant_is_the_very_plain_composition(bench: Bench, plain: Point) -> None:
+    for effect in library().values():
+        for variant in effect.variants(surroundings(bench, plain)):
+            assert variant.applied(bench.plain, np.zeros(len(effect.parameters))) is bench.plain
+
+
+@pytest.mark.parametrize("name", sorted(IDS - {"interface_sliding"}))
+def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: Bench, plain: Point) -> None:
+    """One back-substitution against two full solves at small phi of either sign (one sign where the other is not allowed)."""
+    effect = library()[name]
+    trial = Trial(effect, effect.variants(surroundings(bench, plain))[0])
+    again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
+    assert again is not None
+    at = replace(again, phi=np.zeros(trial.n))
+    S = bench.directions(trial, at)[:, 0]
+    h = np.zeros(trial.n)
+    h[0] = 0.02 * effect.parameters[0].scale
+    high, low = (bench.solve(trial, THETA, sign * h, plain) for sign in (1.0, 0.0 if effect.parameters[0].low == 0 else -1.0))
+    assert high is not None and low is not None
+    slope = (high.residual - low.residual) / (high.phi[0] - low.phi[0])
+    assert np.linalg.norm(S) > 1e-6
+    assert np.linalg.norm(S - slope) < 0.05 * np.linalg.norm(slope) + 2e-3
+
+
+def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(bench: Bench, plain: Point) -> None:
+    held = bench.stage.scene(bench.plain.with_interface(1e-9))
+    found = held.settle(THETA).equilibrium
+    assert found.converged
+    n = len(bench.stage.problem.mesh.points)
+    assert np.abs(found.u[:n] - plain.equilibrium.u).max() < 0.05
+    opened = open_problem(bench.stage.problem)
+    np.testing.assert_array_equal(opened.original[:n], np.arange(n))
+    np.testing.assert_allclose(opened.problem.mesh.points, bench.stage.problem.mesh.points[opened.original])
+
+
+def test_sliding_moves_the_organ_along_its_surroundings(bench: Bench, plain: Point) -> None:
+    effect = library()["interface_sliding"]
+    trial = Trial(effect, effect.variants(surroundings(bench, plain))[0])
+    slid = bench.solve(trial, THETA, np.array([3.0]), plain)
+    assert slid is not None
+    opened = bench.stage.opened
+    inner = np.unique(opened.split.inner)
+    jump = slid.equilibrium.u[inner] - slid.equilibrium.u[opened.original[inner]]
+    radial = opened.problem.mesh.points[inner] / np.linalg.norm(opened.problem.mesh.points[inner], axis=1)[:, None]
+    across = np.abs((jump * radial).sum(axis=1))
+    assert np.linalg.norm(jump, axis=1).max() > 0.3
+    assert across.mean() < 0.15 * np.linalg.norm(jump, axis=1).mean()
+
+
+@pytest.mark.parametrize("law", [grown(MOONEY_RIVLIN, 1.2), grown(LINEAR, 0.9), with_fibres(MOONEY_RIVLIN, np.array([0.6, 0.0, 0.8]))])
+def test_laws_made_of_laws_have_the_right_derivatives(law) -> None:  # type: ignore[no-untyped-def]
+    p = np.random.default_rng(0).uniform(5.0, 500.0, len(law.parameters))
+    errors = derivative_errors(law, p, random_deformation_gradients(200, seed=1))
+    assert max(errors.stress, errors.tangent) < 1e-7
+    assert errors.parameter_linearity < 1e-12
+
+
+def test_a_grown_body_is_free_of_stress_at_its_new_size() -> None:
+    law, p = grown(MOONEY_RIVLIN, 1.331), np.array([4.0, 5.0, 300.0])
+    assert np.abs(law.stress(1.1 * np.eye(3)[None], p)).max() < 1e-10
+    assert np.abs(law.stress(np.eye(3)[None], p)).max() > 1.0
+
+
+def test_a_thirteenth_effect_is_one_file_of_a_users_own(tmp_path: Path, bench: Bench, plain: Point) -> None:
+    (tmp_path / "mine.py").write_text(THIRTEENTH)
+    effect = library(tmp_path)["stiffer_right_half"]
+    trial = Trial(effect, effect.variants(surroundings(bench, plain))[0])
+    again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
+    assert again is not None
+    S = bench.directions(trial, replace(again, phi=np.zeros(1)))
+    # It is what the right half's own stiffness does.
+    np.testing.assert_allclose(S[:, 0], again.in_theta[:, 1], atol=1e-3 * np.abs(S).max())
+
+
+def test_a_users_file_that_is_no_effect_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("x = 1\n")
+    with pytest.raises(InputError, match=r"mine\.py defines no EFFECT"):
+        library(tmp_path)
+    (tmp_path / "mine.py").write_text("def broken(:\n")
+    with pytest.raises(InputError, match=r"mine\.py cannot be loaded \(SyntaxError"):
+        library(tmp_path)
+    (tmp_path / "mine.py").write_text(THIRTEENTH.replace("stiffer_right_half", "prestress"))
+    with pytest.raises(InputError, match="'prestress' is taken"):
+        library(tmp_path)

@@ -1,0 +1,102 @@
+"""Score tests, evidence, the gap test and the verdict on small linear problems whose answers are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from palpate.core.gap.detect import gap_test
+from palpate.core.gap.evidence import explained, mean_of_exponentials, projected, score
+from palpate.core.gap.heldout import Gain
+from palpate.core.gap.verdict import Judged, decide, probabilities
+
+N, T = 40, 2
+RNG = np.random.default_rng(5)
+J = RNG.standard_normal((N, T))
+S = RNG.standard_normal((N, 3))
+FIELDS = RNG.standard_normal((N, 12))
+SCALES = np.array([0.5, 1.0, 2.0])
+
+
+def log_density(r: np.ndarray, columns: np.ndarray) -> float:
+    """Of r ~ N(0, I + columns columns' + 1e8 J J'): the stiffness has a flat prior."""
+    C = np.eye(N) + columns @ columns.T + 1e8 * J @ J.T
+    return float(stats.multivariate_normal(cov=C, allow_singular=False).logpdf(r))
+
+
+def test_evidence_is_the_ratio_of_marginal_likelihoods() -> None:
+    r = RNG.standard_normal(N) + S @ [0.4, -0.8, 1.5]
+    expected = log_density(r, S * SCALES) - log_density(r, np.zeros((N, 1)))
+    assert score(r, J, S, SCALES).log_evidence == pytest.approx(expected, abs=1e-4)
+
+
+def test_an_effect_that_the_stiffness_can_imitate_has_no_evidence() -> None:
+    found = score(RNG.standard_normal(N), J, J @ np.array([[1.0], [2.0]]), np.ones(1))
+    assert found.log_evidence == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(projected(J, J)).max() < 1e-12
+
+
+def test_the_score_finds_the_amplitude_that_was_put_in() -> None:
+    phi = np.array([0.3, -0.5, 1.0])
+    found = score(-50.0 * S @ phi + 30.0 * J[:, 0], J, 50.0 * S, SCALES)
+    np.testing.assert_allclose(found.estimate, phi, atol=5e-3)
+
+
+def test_the_score_statistic_is_chi_squared_without_an_effect() -> None:
+    values = [score(RNG.standard_normal(N), J, S, SCALES).p_value for _ in range(300)]
+    assert stats.kstest(values, "uniform").pvalue > 0.01
+
+
+def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
+    """200 cases: each of the three looks by itself; together (Bonferroni) they are never too small."""
+    named = [(S[:, :1], SCALES[:1]), (S[:, 1:], SCALES[1:])]
+    found = [gap_test(np.random.default_rng(k).standard_normal(N), J, FIELDS, named, seed=1000 + k) for k in range(200)]
+    for name in ("p_whole", "p_smooth", "p_named"):
+        assert stats.kstest([getattr(t, name) for t in found], "uniform").pvalue > 0.05, name
+    assert np.mean([t.detected for t in found]) <= 0.08
+
+
+def test_the_gap_test_sees_an_effect_and_not_a_change_of_stiffness() -> None:
+    quiet = np.random.default_rng(0).standard_normal(N)
+    assert not gap_test(quiet + 100.0 * J[:, 0], J, FIELDS, [(S, SCALES)]).detected
+    assert gap_test(quiet + 3.0 * S[:, 0], J, FIELDS, [(S, SCALES)]).detected
+    assert explained(100.0 * J[:, 1], J) < 1e-18
+
+
+def test_a_mean_of_exponentials_survives_large_exponents() -> None:
+    assert mean_of_exponentials(np.array([1000.0, 1000.0 + np.log(3.0)])) == pytest.approx(1000.0 + np.log(2.0))
+
+
+def judged(effect: str, evidence: float, **changes: object) -> Judged:
+    good = Gain(1.0, 0.5, 0.75, 0.2, 0.75)
+    values = {"gain": good, "placebo_p": 0.0, "share_of_ceiling": 1.0, "remainder_p": 0.5} | changes
+    return Judged(effect, evidence, **values)  # type: ignore[arg-type]
+
+
+def test_no_gap_is_none_whatever_the_effects_say() -> None:
+    assert decide(False, [judged("inclusion", 50.0)], 0.0).verdict == "none"
+
+
+def test_one_clear_effect_is_named_and_twins_are_not_told_apart() -> None:
+    clear = decide(True, [judged("prestress", 20.0), judged("inclusion", 3.0)], 5.0)
+    assert (clear.verdict, clear.candidates) == ("prestress", ("prestress",))
+    twins = decide(True, [judged("prestress", 20.0), judged("inclusion", 19.5)], 5.0)
+    assert (twins.verdict, twins.candidates) == ("ambiguous", ("prestress", "inclusion"))
+
+
+def test_refusals() -> None:
+    assert decide(True, [judged("prestress", 20.0)], 30.0).verdict == "unknown"
+    little = judged("prestress", 20.0, share_of_ceiling=0.3, remainder_p=1e-5)
+    assert decide(True, [little], 5.0).verdict == "unknown"
+    unconfirmed = judged("prestress", 20.0, gain=Gain(1.0, 0.98, 0.04, 0.05, 0.04))
+    assert decide(True, [unconfirmed], 5.0).verdict == "ambiguous"
+    no_better_than_chance = judged("prestress", 20.0, placebo_p=0.2)
+    assert decide(True, [no_better_than_chance], 5.0).verdict == "ambiguous"
+
+
+def test_probabilities_add_up_and_follow_the_evidence() -> None:
+    found = probabilities({"a": 3.0, "b": 1.0}, 0.0)
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert found["a"] / found["b"] == pytest.approx(np.exp(2.0))
+    assert found["unknown"] / found["a"] == pytest.approx(np.exp(-3.0) * 0.1 / 0.45)
