@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+PARTS = ("equilibrium", "scaling", "reduced_model", "workers")
+
 
 @dataclass(frozen=True)
 class BenchOptions:
     """quick : small scenes, under a minute, no environment is made for the peers.
 
+    parts : of `PARTS`, what to measure.
     sizes : about how many tetrahedra. ratios : v1 / mu. elements : "p1" at every ratio and drive, the others at `costly_ratio`.
     repeats : rounds in which all contenders solve in turn. rtol : relative residual. limit_s : for one solve.
     peers : names to look for (felupe, scikit-fem, calculix, dolfinx), None for all. peers_dir : where FElupe's and scikit-fem's
@@ -19,6 +22,7 @@ class BenchOptions:
     """
 
     quick: bool = False
+    parts: tuple[str, ...] = PARTS
     sizes: tuple[int, ...] = (4000, 20000)
     ratios: tuple[float, ...] = (50.0, 200.0, 1000.0)
     drives: tuple[str, ...] = ("displacement", "traction")

@@ -24,31 +24,33 @@ def run_bench(options: BenchOptions | None = None, progress: Progress = silent) 
     Nothing ends the run: a peer that is missing is in "skipped" with the reason, one that fails is in its row with its own.
     """
     options = (options or BenchOptions()).effective()
+    table: dict[str, Any] = {"quick": options.quick, "rtol": options.rtol}
     load = os.getloadavg()
-    progress(0.0, "looking for other solvers")
-    peers, skipped = find_peers(options.peers_dir, options.peers, may_install=not options.quick)
     with tempfile.TemporaryDirectory(prefix="palpate-bench-") as name, one_thread():
         folder = Path(name)
-        table = EquilibriumTable(peers, options, folder)
-        rows = []
-        chosen = scenes(options)
-        for k, scene in enumerate(chosen):
-            progress(
-                0.6 * k / len(chosen), f"{scene.element}, {scene.cells} cells, v1/mu {scene.ratio:g}, {scene.drive}"
-            )
-            rows.append(table.row(scene))
-        grown = scaling(options, folder, lambda f, m: progress(0.6 + 0.2 * f, m))
-        reduced = reduced_study(options, lambda f, m: progress(0.8 + 0.1 * f, f"reduced model: {m}"))
-    return {
-        "machine": {**machine(), "load_before": load, "load_after": os.getloadavg()},
-        "quick": options.quick,
-        "rtol": options.rtol,
-        "equilibrium": rows,
-        "skipped_peers": skipped,
-        "scaling": grown,
-        "reduced_model": reduced,
-        "workers": worker_scaling(options, lambda f, m: progress(0.9 + 0.1 * f, m)),
-    }
+        if "equilibrium" in options.parts:
+            table |= _equilibria(options, folder, _share(progress, 0.0, 0.6))
+        if "scaling" in options.parts:
+            table["scaling"] = scaling(options, folder, _share(progress, 0.6, 0.8))
+        if "reduced_model" in options.parts:
+            table["reduced_model"] = reduced_study(options, _share(progress, 0.8, 0.9))
+    if "workers" in options.parts:
+        table["workers"] = worker_scaling(options, _share(progress, 0.9, 1.0))
+    return {"machine": {**machine(), "load_before": load, "load_after": os.getloadavg()}, **table}
+
+
+def _equilibria(options: BenchOptions, folder: Path, tell: Progress) -> dict[str, Any]:
+    tell(0.0, "looking for other solvers")
+    peers, skipped = find_peers(options.peers_dir, options.peers, may_install=not options.quick)
+    table, rows, chosen = EquilibriumTable(peers, options, folder), [], scenes(options)
+    for k, scene in enumerate(chosen):
+        tell(k / len(chosen), f"{scene.element}, {scene.cells} cells, v1/mu {scene.ratio:g}, {scene.drive}")
+        rows.append(table.row(scene))
+    return {"equilibrium": rows, "skipped_peers": skipped}
+
+
+def _share(progress: Progress, start: float, end: float) -> Progress:
+    return lambda fraction, message: progress(start + (end - start) * fraction, message)
 
 
 def machine() -> dict[str, Any]:

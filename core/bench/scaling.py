@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,10 @@ SMALLEST = 200  # cells of the scene whose memory is the program's own
 
 
 def scaling(options: BenchOptions, folder: Path, tell: Callable[[float, str], None]) -> dict[str, Any]:
-    """For each element: rows {cells, unknowns, seconds, memory_mb} and exponents of seconds and of memory above the program's own."""
+    """For each element: rows {cells, unknowns, seconds, cpu_seconds, memory_mb} and exponents.
+
+    Memory's is that of what is above the program's own.
+    """
     base = _measure(BenchScene(SMALLEST, "p1", options.costly_ratio), options, folder)["memory_mb"]
     jobs = [(e, n) for e in options.scaling_elements for n in options.scaling_sizes]
     rows: dict[str, list[dict[str, Any]]] = {e: [] for e in options.scaling_elements}
@@ -44,7 +46,8 @@ def _measure(scene: BenchScene, options: BenchOptions, folder: Path) -> dict[str
     row["setup_seconds"] = contender.hello.get("setup_seconds")
     if any(a["reason"] for a in answers):
         return {**row, "reason": next(a["reason"] for a in answers if a["reason"]), "memory_mb": None}
-    row["seconds"] = median(a["seconds"] for a in answers[1:])
+    row["seconds"] = min(a["seconds"] for a in answers[1:])
+    row["cpu_seconds"] = min(a["cpu_seconds"] for a in answers[1:])
     row["memory_mb"] = answers[-1]["memory_mb"]
     return row
 
@@ -54,6 +57,7 @@ def _exponents(rows: list[dict[str, Any]], base: float | None) -> dict[str, floa
     own = [] if base is None else [(r["cells"], r["memory_mb"] - base) for r in good if r["memory_mb"]]
     return {
         "seconds_exponent": fitted_exponent([(r["cells"], r["seconds"]) for r in good]),
+        "cpu_seconds_exponent": fitted_exponent([(r["cells"], r["cpu_seconds"]) for r in good]),
         "memory_exponent": fitted_exponent([(n, m) for n, m in own if m > 0.0]),
     }
 

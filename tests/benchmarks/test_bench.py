@@ -15,6 +15,7 @@ from palpate.core.bench.options import BenchOptions
 from palpate.core.bench.run import run_bench
 from palpate.core.bench.scaling import fitted_exponent
 from palpate.core.bench.scene_file import BenchScene, write_scene
+from palpate.ui.cli.bench import text_of
 
 ELEMENTS = ("p1", "p2", "p2p1")
 
@@ -179,3 +180,12 @@ def test_calculix_deck_keeps_to_twenty_characters_and_its_table_is_read_back(tmp
     text = " displacements (vx,vy,vz) for set NALL and time  0.1000000E+01\n\n"
     text += "         2  1.0E+00 -2.0E-01  3.0E+00\n         1  4.0E+00  5.0E+00  6.0E+00\n"
     np.testing.assert_array_equal(calculix_peer.displacements(text, 2), [[4, 5, 6], [1, -0.2, 3]])
+
+
+def test_a_bench_of_one_part_measures_that_part_alone():
+    options = BenchOptions(quick=True, parts=("scaling",))
+    result = run_bench(options)
+    assert set(result) == {"machine", "quick", "rtol", "scaling"}
+    rows = result["scaling"]["elements"]["p1"]["rows"]
+    assert all(r["cpu_seconds"] > 0.0 and r["memory_mb"] > 0.0 for r in rows)
+    assert any("exponents" in line for line in text_of(result))
