@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.segmentation.organs.edges import mask_to_edges
 from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.scene import Found, Scene
@@ -27,6 +28,8 @@ ROUND_SHARE, ROUND_MM, BULGE_MM, SMOOTH_MM = 0.5, (4.0, 13.0), 4.0, 3.0
 WALL_MM, THICKEST_MM = 0.5, 4.0
 INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
 SMALLEST_CC, ENOUGH_CC = 6.0, 80.0
+# What is left of noise at the wall: pits of this radius, and notches of this depth in the wall's outer surface.
+PIT_MM, NOTCH_MM = 6.0, 2.5
 
 
 def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
@@ -40,8 +43,11 @@ def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
     urine = float(np.median(smooth[core]))
     like_urine = (smooth > min(LOWEST_HU, urine - ABOVE_HU)) & (smooth < urine + ABOVE_HU) & allowed
     region = _grown(_whole_core(core, like_urine, scene.step), like_urine, scene.step)
+    region = _without_pits(region, (smooth > scene.fat_edge) & allowed, scene.step)
     shell, seen = _outer(scene, shell_of_mask(region, scene.grid, 1.5), urine)
     mask = largest(np.asarray(ndimage.binary_fill_holes(shell.voxels(scene.grid))))
+    # Noise that looks unlike urine at the wall leaves notches; the wall's outer edge closes them.
+    mask = largest(mask_to_edges(scene, mask, NOTCH_MM))
     spread = float(smooth[eroded(region, 3.0, scene.step)].std())
     return Found(mask, prompts.mode("bladder"), _confidence(scene, mask, spread, seen))
 
@@ -115,6 +121,12 @@ def _grown(core: Mask, like_urine: Mask, step: float) -> Mask:
     trunk = largest(opened(near, float(np.clip(ROUND_SHARE * deepest, *ROUND_MM)), step))
     region = opened(near & dilated(trunk, BULGE_MM, step), SMOOTH_MM, step)
     return largest(np.asarray(ndimage.binary_fill_holes(region)))
+
+
+def _without_pits(region: Mask, soft: Mask, step: float) -> Mask:
+    """The region with pits narrower than twice PIT_MM filled where the picture shows no fat: noise unlike urine, at the wall."""
+    closed = eroded(dilated(region, PIT_MM, step), PIT_MM, step)
+    return np.asarray(ndimage.binary_fill_holes(region | (closed & soft)))
 
 
 def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:

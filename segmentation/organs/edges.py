@@ -16,10 +16,11 @@ FloatArray = NDArray[np.float64]
 STEP_MM = 0.25
 # Noise is averaged over this width; wider, curved edges move inward.
 BLUR_MM = 0.7
-ROUNDS = 3
+# A corner that a smooth guess cut off is won back a little in each round.
+ROUNDS = 8
 
 
-def moved_to_edges(scene: Scene, shell: Shell, reach_mm: float) -> tuple[Shell, float]:
+def moved_to_edges(scene: Scene, shell: Shell, reach_mm: float, rounds: int = ROUNDS) -> tuple[Shell, float]:
     """The surface with every point moved along its normal onto the edge between soft tissue and fat, where there is one.
 
     reach_mm : how far an edge may be. Points without an edge follow their neighbours. Returned with the share of points
@@ -27,7 +28,7 @@ def moved_to_edges(scene: Scene, shell: Shell, reach_mm: float) -> tuple[Shell, 
     """
     sharp = Volume(blurred(scene.filled, BLUR_MM, scene.step), scene.grid.affine)
     seen = np.zeros(len(shell.points), dtype=bool)
-    for number in range(ROUNDS):
+    for number in range(rounds):
         reach = reach_mm if number == 0 else min(reach_mm, 1.5)
         found = _edge_offset(sharp, shell, reach, scene.fat_edge)
         seen = np.isfinite(found)

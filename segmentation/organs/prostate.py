@@ -33,7 +33,7 @@ SHARES = np.arange(0.3, 1.75, 0.025)
 SOFT_WEIGHT, PRIOR_WEIGHT, VALLEY_WEIGHT, STIFFNESS = 0.05, 0.8, 0.1, 0.2
 EDGE_WEIGHT, CORE_SHARE = 3.0, 0.75
 # Rounds of drawing, how much of what was drawn goes into the next round's shape, and how far a last edge may be.
-ROUNDS, LEARNT, SNAP_MM = 4, 0.6, 1.75
+ROUNDS, LEARNT, SNAP_MM = 4, 0.6, 2.5
 
 
 def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: Mask | None) -> Found | None:
