@@ -49,7 +49,7 @@ def test_the_references_own_error_is_read_off_two_coarser_meshes() -> None:
 
 
 def test_the_picture_shows_every_element() -> None:
-    row = {"ratio": 50.0, "drive": "traction", "cells": 80, "rms": 0.02, "seconds": 0.1}
+    row = {"ratio": 50.0, "drive": "traction", "cells": 80, "rms": 0.02, "cpu_seconds": 0.1}
     rows = [{**row, "element": e, "ratio": r} for e in ("p1", "p2p1") for r in (50.0, 1000.0)]
     figure = element_errors({"rows": rows, "sizes": rows})
     assert [t.get_text() for t in figure.axes[0].get_legend().get_texts()] == ["p1", "p2p1"]  # type: ignore[union-attr]
@@ -57,7 +57,7 @@ def test_the_picture_shows_every_element() -> None:
 
 
 def test_time_to_an_error_is_read_off_in_logarithms() -> None:
-    rows = [{"rms": 0.08, "seconds": 1.0}, {"rms": 0.02, "seconds": 10.0}]
+    rows = [{"rms": 0.08, "cpu_seconds": 1.0}, {"rms": 0.02, "cpu_seconds": 10.0}]
     assert seconds_to(0.01, rows) == pytest.approx(10.0**1.5)
     assert seconds_to(0.01, rows[:1]) is None
 

@@ -81,14 +81,19 @@ def _forward(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _forward_text(found: dict[str, Any]) -> str:
-    lines = [f"{'drive':13}{'v1/mu':>6}  {'element':8}{'unknowns':>9}{'rms %':>8}{'largest %':>11}{'seconds':>9}"]
+    lines = [
+        f"{'drive':13}{'v1/mu':>6}  {'element':8}{'unknowns':>9}{'rms %':>8}{'largest %':>11}{'seconds':>9}{'cpu s':>9}"
+    ]
     for r in found["rows"]:
         lines.append(
             f"{r['drive']:13}{r['ratio']:6g}  {r['element']:8}{r['unknowns']:9}{100 * r['rms']:8.2f}"
-            f"{100 * r['largest']:11.2f}{r['seconds']:9.3f}" + ("" if r["converged"] else "  no equilibrium")
+            f"{100 * r['largest']:11.2f}{r['seconds']:9.3f}{r['cpu_seconds']:9.3f}"
+            + ("" if r["converged"] else "  no equilibrium")
         )
     for element, seconds in found["seconds_to_1_percent"].items():
-        lines.append(f"seconds to 1 %, {element}: " + ("not reached" if seconds is None else f"{seconds:.3g}"))
+        lines.append(
+            f"processor seconds to 1 %, {element}: " + ("not reached" if seconds is None else f"{seconds:.3g}")
+        )
     lines.append(f"the reference's own error: {100 * found['reference_rms']:.3f} %")
     lines += [f"reduced model, {key}: {value:.4g}" for key, value in found["reduced_model"].items()]
     return "\n".join(lines)

@@ -41,11 +41,11 @@ def _by_bulk_modulus(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
 def _by_seconds(axes: Axes, sizes: Sequence[Mapping[str, Any]]) -> None:
     for element in dict.fromkeys(r["element"] for r in sizes):
         chosen = [r for r in sizes if r["element"] == element]
-        axes.plot([r["seconds"] for r in chosen], [100.0 * r["rms"] for r in chosen], "o-", **_style(element))
+        axes.plot([r["cpu_seconds"] for r in chosen], [100.0 * r["rms"] for r in chosen], "o-", **_style(element))
     first = sizes[0]
     axes.set_title(f"refined, v1 / μ = {first['ratio']:g}, by {first['drive']}", fontsize=8)
     axes.set_xscale("log")
-    axes.set_xlabel("seconds a solve", fontsize=8)
+    axes.set_xlabel("processor seconds a solve", fontsize=8)
     _finish(axes)
 
 
