@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -14,6 +15,7 @@ from palpate.core.errors import InputError
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation import mesh_step
@@ -46,6 +48,7 @@ class IdentifyStepOptions:
     """identify : what the worker does. on_message : sees every message of the worker. cancel : set it to stop."""
 
     identify: IdentifyOptions = field(default_factory=IdentifyOptions)
+    on_message: Callable[[Message], None] | None = None
     cancel: threading.Event | None = None
 
 
@@ -66,7 +69,7 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
         return done
     folder = case.file("identify")
     _write_problem(case, folder)
-    found = run_job(_job(case, options.identify), lambda m: _tell(m, progress), options.cancel)
+    found = run_job(_job(case, options.identify), lambda m: _tell(m, progress, options.on_message), options.cancel)
     result = {**found, "versions": versions(), "inputs_sha256": _input_hashes(case)}
     if case.facts.other.get("simulated"):
         result["simulated"] = True
@@ -144,9 +147,16 @@ def _job(case: CaseFolder, options: IdentifyOptions) -> Job:
     return job
 
 
-def _tell(message: dict[str, Any], progress: Progress) -> None:
+def overall(fraction: float) -> float:
+    """The fraction of the whole step that a fraction of the worker's job stands for."""
+    return 0.1 + 0.88 * float(fraction)
+
+
+def _tell(message: Message, progress: Progress, on_message: Callable[[Message], None] | None) -> None:
     if message.get("type") == "progress":
-        progress(0.1 + 0.88 * float(message["fraction"]), str(message["message"]))
+        progress(overall(message["fraction"]), str(message["message"]))
+    if on_message is not None:
+        on_message(message)
 
 
 def _input_hashes(case: CaseFolder) -> dict[str, str]:

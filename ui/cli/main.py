@@ -22,7 +22,7 @@ from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_le
 COMMANDS = {
     "analyze": "analyze", "import": "import_scans", "segment": "segment", "mesh": "mesh", "identify": "identify",
     "diagnose": "diagnose", "report": "report", "simulate": "simulate", "export": "export", "bench": "bench", "validate": "validate",
-    "doctor": "doctor",
+    "open": "open_window", "doctor": "doctor",
 }  # fmt: skip
 _DESCRIPTION = (
     "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "

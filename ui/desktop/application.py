@@ -1,0 +1,92 @@
+"""Starts the window: for a person, or for a script without a screen."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from palpate.core.errors import Cancelled, InputError
+from palpate.ui.desktop import display_server
+from palpate.ui.desktop.controller import Controller
+from palpate.ui.desktop.script import Command, Driver
+
+
+def show(case: Path | None, headless: bool = False) -> dict[str, Any]:
+    """Opens the window and returns when it is closed: the longest stall in ms. Raises InputError when it cannot be opened."""
+    window, application = _window(headless)
+    if case is not None:
+        window.page.open_case(case)
+        if window.controller.case is None:
+            reason = window.page.problem.text()
+            window.shut()
+            raise InputError(reason)
+    window.show()
+    ended = signal.signal(signal.SIGTERM, lambda *_: application.quit())
+    interrupted = signal.signal(signal.SIGINT, lambda *_: application.quit())
+    try:
+        application.exec()
+    finally:
+        signal.signal(signal.SIGTERM, ended)
+        signal.signal(signal.SIGINT, interrupted)
+        longest = round(window.stalls.longest_ms, 1)
+        if window.controller.listeners:  # ended by a signal rather than by the window's own button
+            window.shut()
+    return {"longest_stall_ms": longest}
+
+
+def play(commands: list[Command], folder: Path, source: str, headless: bool = True) -> dict[str, Any]:
+    """Drives the window by a script: the events of its commands. Raises InputError naming the line that cannot be done."""
+    window, application = _window(headless)
+    window.show()
+    window.stalls.reset()
+
+    def process(seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while True:
+            application.processEvents()
+            if time.monotonic() >= end:
+                return
+            time.sleep(0.002)
+
+    driver = Driver(window, process, folder, source)
+    events = []
+    try:
+        for command in commands:
+            events.append(driver.run(command))
+            if driver.over:
+                break
+    except KeyboardInterrupt as error:
+        raise Cancelled("the script was stopped") from error
+    finally:
+        window.hide()
+        window.shut()
+    return {"events": events}
+
+
+def _window(headless: bool) -> tuple[Any, Any]:
+    display_server.check(headless)
+    if headless:
+        os.environ["QT_QPA_PLATFORM"] = "offscreen"
+    from PySide6.QtCore import qInstallMessageHandler
+    from PySide6.QtWidgets import QApplication  # here, because the platform is chosen before
+
+    from palpate.ui.desktop.main_window import MainWindow
+    from palpate.ui.desktop.style import dress
+
+    if headless:
+        qInstallMessageHandler(_told_by_qt)
+    application = QApplication.instance() or QApplication(sys.argv[:1])
+    assert isinstance(application, QApplication)
+    application.setApplicationName("Palpate")
+    dress(application)
+    return MainWindow(Controller()), application
+
+
+def _told_by_qt(kind: object, context: object, message: str) -> None:
+    """Qt's words go to standard error, but for what it says of every window that has no screen."""
+    if "propagateSizeHints" not in message:
+        print(message, file=sys.stderr)

@@ -1,0 +1,49 @@
+"""What the window asks the worker to do, as the command line would be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.worker.job import Job
+from palpate.ui.cli.arguments import cores
+from palpate.ui.desktop import scans, step_job
+
+
+def import_command(rest: Path, deformed: Path, case: Path, same_patient: bool = False) -> list[str]:
+    """Two folders to a case."""
+    # Absolute paths, because a name that begins with a dash would be an option.
+    command = ["import", str(rest.absolute()), str(deformed.absolute()), "-o", str(case.absolute())]
+    return [*command, "--same-patient"] if same_patient else command
+
+
+def step_command(
+    step: str, case: Path, seeds: Mapping[str, Mapping[str, Sequence[float]]], deformed_to_rest: NDArray[np.float64]
+) -> list[str]:
+    """One step of a case. Seeds lie in the rest frame; the command line wants those of the deformed scan in its own."""
+    command = [step, str(case.absolute())]
+    if step != "segment":
+        return command
+    for name, point in seeds.get("rest", {}).items():
+        command += ["--seed", _seed(name, point)]
+    back = np.linalg.inv(deformed_to_rest)
+    for name, point in seeds.get("deformed", {}).items():
+        command += ["--deformed-seed", _seed(name, back[:3, :3] @ np.asarray(point) + back[:3, 3])]
+    return command
+
+
+def steps_job(commands: Sequence[Sequence[str]], folder: Path) -> Job:
+    """The job that runs commands. folder : for its messages and log."""
+    return Job(step_job.KIND, str(folder), options={"commands": [list(c) for c in commands]}, workers=cores())
+
+
+def scans_job(sources: Mapping[str, Path], folder: Path) -> Job:
+    """The job that reads scans; folder : where their voxels go."""
+    return Job(scans.KIND, str(folder), options={"sources": {s: str(p) for s, p in sources.items()}}, workers=cores())
+
+
+def _seed(name: str, point: Sequence[float] | NDArray[np.float64]) -> str:
+    return f"{name}={','.join(f'{float(x):.3f}' for x in point)}"

@@ -1,0 +1,294 @@
+"""The window's logic, without a toolkit: what is open, how it is shown, what is being done, and what a person may do next.
+
+Widgets call its methods and are told by name what has changed: "case", "labels", "results", "view", "tools", "job", "said".
+All calls come from one thread; work is done by `jobs.JobControl` in other processes.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import STATES
+from palpate.segmentation.labels import LABELS, ORGAN_LABELS
+from palpate.segmentation.volume import Volume
+from palpate.ui.cli.main import COMMANDS
+from palpate.ui.desktop import commands, steps
+from palpate.ui.desktop.display import Display
+from palpate.ui.desktop.editing import Editing
+from palpate.ui.desktop.jobs import JobControl
+from palpate.ui.desktop.open_case import OpenCase
+from palpate.ui.desktop.recent import remember
+from palpate.ui.desktop.scans import Scan, mapped
+from palpate.ui.pictures.planes import centre_of
+
+
+class Controller:
+    """case : the open case or None. scans : what has been read of its CTs. jobs : the steps. reader : reading of scans.
+
+    available : commands of this version. said : the last thing a person was told.
+    """
+
+    def __init__(self) -> None:
+        self.case: OpenCase | None = None
+        self.scans: dict[str, Scan] = {}
+        self.display = Display()
+        self.jobs, self.reader = JobControl(), JobControl()
+        self.editing = Editing(self)
+        self.available = frozenset(COMMANDS)
+        self.said = ""
+        self.listeners: list[Callable[[str], None]] = []
+        self._scratch = Path(tempfile.mkdtemp(prefix="palpate-window-"))
+        self._pair: tuple[Path, Path, Path] | None = None
+        self._scratch_number = 0
+
+    def notify(self, what: str) -> None:
+        """Tells the widgets that something has changed."""
+        for listener in self.listeners:
+            listener(what)
+
+    def say(self, text: str) -> None:
+        """Tells a person something."""
+        self.said = text
+        self.notify("said")
+
+    # Opening
+
+    def open_case(self, path: Path) -> None:
+        """Opens a case folder; its scans are read by the worker. Raises InputError."""
+        opened = OpenCase(path)
+        self.close()
+        self._take(opened)
+        sources = {state: opened.folder.file(f"{state}_ct") for state in STATES if opened.folder.has(f"{state}_ct")}
+        if sources:
+            self._read(sources)
+        if opened.corrections.unsaved:
+            self.say("corrections that had not been saved are back; save them or undo them")
+
+    def open_pair(self, rest: Path, deformed: Path, case: Path) -> None:
+        """Shows two scans as soon as they are read, then makes their case. Raises InputError for paths that are not there."""
+        for path in (rest, deformed):
+            if not path.exists():
+                raise InputError(f"{path} is not there; choose the folder that holds the slices of the CT")
+        self.close()
+        self._pair = (rest, deformed, case)
+        if rest.is_dir() and deformed.is_dir():
+            self._read({"rest": rest, "deformed": deformed})
+        else:
+            self._import()
+        self.notify("case")
+
+    def close(self) -> None:
+        """Closes the case and stops what runs. Unsaved corrections stay in the case's journal."""
+        for control in (self.jobs, self.reader):
+            control.cancel()
+            control.wait(2.0)
+            control.poll()
+            control.state = None
+        if self.case is not None:
+            self.case.save_session()
+            self.case.close()
+        self.case, self.scans, self._pair = None, {}, None
+        self.display = Display()
+        self.editing.reset()
+        self.notify("case")
+
+    def quit(self) -> None:
+        """Ends everything."""
+        self.close()
+        shutil.rmtree(self._scratch, ignore_errors=True)
+
+    # What is shown
+
+    def ct(self, state: str) -> Volume | None:
+        """The CT of a state in the rest frame, as far as it is read; the deformed one unaligned until the case is made."""
+        scan = self.scans.get(state)
+        if scan is None:
+            return None
+        if state == "rest" or self.case is None:
+            return scan.volume
+        return scan.volume.moved(self.case.folder.deformed_to_rest())
+
+    def labels(self, state: str) -> Volume | None:
+        """The label volume of a state, with all corrections; None where there is none yet."""
+        return None if self.case is None else self.case.volumes.get(state)
+
+    def value_at_crosshair(self) -> str:
+        """HU, label and stiffness where the crosshair is, in words."""
+        state = "deformed" if self.display.mode == "deformed" else "rest"
+        at = np.array([self.display.crosshair])
+        words = []
+        hu, label = _voxel(self.ct(state), at), _voxel(self.labels(state), at)
+        if hu is not None:
+            words.append(f"{hu:.0f} HU".replace("-", "\N{MINUS SIGN}"))
+        if label is not None:
+            words.append(LABELS[int(label)].replace("_", " "))
+            found = [r for r in (self.case.regions if self.case else ()) if r.label == int(label)]
+            words += [f"G = {r.G:.3g} kPa" if r.told else "stiffness not told" for r in found]
+        return ", ".join(words)
+
+    def show(self, **changes: Any) -> None:
+        """Changes how the case is shown: fields of `Display`."""
+        for name, value in changes.items():
+            setattr(self.display, name, value)
+        self.notify("tools" if set(changes) <= {"tool", "label", "radius_mm", "seed_name"} else "view")
+
+    def look_at(self, x: float, y: float, z: float) -> None:
+        """Moves the crosshair to patient coordinates, mm LPS."""
+        self.show(crosshair=(float(x), float(y), float(z)))
+
+    # Doing
+
+    def steps(self) -> list[steps.StepState]:
+        """Where the case is on the way to its report."""
+        path = None if self.case is None else self.case.folder.path
+        return steps.step_states(path, self.available, self.case is not None and self.case.corrections.unsaved)
+
+    def run(self, *names: str) -> None:
+        """Runs steps one after the other in the worker; corrections are saved before. Raises InputError when they cannot run."""
+        if self.case is None:
+            raise InputError("no case is open; open two scans or a case first")
+        if self.jobs.running:
+            raise InputError("another step runs; wait for it or cancel it first")
+        unknown = [name for name in names if name not in self.available or name not in steps.BY_COMMAND]
+        if unknown or not names:
+            raise InputError(f"there is no step {' '.join(unknown)!r}; give one of {', '.join(steps.BY_COMMAND)}")
+        if self.case.corrections.unsaved:
+            self.save()
+        self.case.save_session()
+        self.case.flush()
+        if "segment" in names:
+            self.case.keep_corrected()
+        folder, align = self.case.folder, self.case.folder.deformed_to_rest()
+        asked = [commands.step_command(name, folder.path, self.case.seeds, align) for name in names]
+        self.jobs.start(commands.steps_job(asked, folder.file("desktop/job")), steps.BY_COMMAND[names[0]].title)
+        self.notify("job")
+
+    def cancel(self) -> None:
+        """Stops what runs."""
+        self.jobs.cancel()
+        self.reader.cancel()
+        self.notify("job")
+
+    def save(self) -> None:
+        """Writes corrected labels into the case."""
+        if self.case is not None and self.case.volumes:
+            self.case.save_labels()
+            self.case.save_session()
+            self.notify("labels")
+
+    def poll(self) -> None:
+        """Called every few tens of milliseconds: takes in what jobs tell. Never waits."""
+        if self.reader.poll():
+            self._reader_told()
+        if self.jobs.poll():
+            self._job_told()
+        if self.case is not None and self.case.failures:
+            self.say(self.case.failures.pop())
+
+    # Inside
+
+    def _take(self, opened: OpenCase) -> None:
+        self.case, self.display = opened, opened.display
+        remember(opened.folder.path)
+        if not opened.has_session:
+            self._centre()
+            self.display.overlay = "stiffness" if opened.regions else "labels"
+        self.notify("case")
+
+    def _centre(self) -> None:
+        """Crosshair into the organ, or the middle of what there is."""
+        labels, ct = self.labels("rest"), self.ct("rest")
+        volume = labels if labels is not None else ct
+        if volume is not None:
+            wanted = ORGAN_LABELS if volume is labels else ()
+            x, y, z = (float(c) for c in centre_of(volume, wanted)) if wanted else _middle(volume)
+            self.display.crosshair = (x, y, z)
+
+    def _read(self, sources: dict[str, Path]) -> None:
+        self._scratch_number += 1
+        self.reader.start(
+            commands.scans_job(sources, self._scratch / f"scans{self._scratch_number}"), "Reading the scans"
+        )
+        self.notify("job")
+
+    def _import(self) -> None:
+        assert self._pair is not None
+        job = commands.steps_job([commands.import_command(*self._pair)], self._scratch / "import")
+        self.jobs.start(job, steps.BY_COMMAND["import"].title)
+        self.notify("job")
+
+    def _reader_told(self) -> None:
+        state = self.reader.state
+        assert state is not None
+        if state.outcome == "done":
+            self.scans = {name: mapped(found) for name, found in state.result.items()}
+            if self.case is None or not (self.case.has_session or self.case.volumes):
+                self._centre()
+            self.notify("case")
+            if self._pair is not None and self.case is None:
+                self._import()
+        elif state.outcome:
+            self._pair = None if self.case is None else self._pair
+            self.say(state.error or "reading was cancelled")
+        self.notify("job")
+
+    def _job_told(self) -> None:
+        state = self.jobs.state
+        assert state is not None
+        if not state.running:
+            self._job_ended(state.outcome, state.error)
+        self.notify("job")
+
+    def _job_ended(self, outcome: str, error: str) -> None:
+        if self.case is None and self._pair is not None and outcome == "done":
+            kept = self.display
+            self._take(OpenCase(self._pair[2]))
+            if not self.case_has_session:
+                self.display.crosshair = kept.crosshair
+            self.say("the case is made; both scans lie in one frame, aligned on bone")
+        elif self.case is not None:
+            self._reread()
+        if outcome == "failed":
+            self.say(error)
+        elif outcome == "cancelled":
+            self.say("cancelled; run the step again to go on from where it stopped")
+
+    @property
+    def case_has_session(self) -> bool:
+        """Whether the open case was shown before."""
+        return self.case is not None and self.case.has_session
+
+    def _reread(self) -> None:
+        """Takes in what steps have written."""
+        assert self.case is not None
+        had_labels = bool(self.case.volumes)
+        if not self.case.corrections.unsaved:
+            self.case.journal.close()
+            self.case.read_labels()
+        self.case.read_results()
+        if not had_labels:
+            self._centre()
+        if self.case.regions and self.display.overlay == "labels":
+            self.display.overlay = "stiffness"
+        self.notify("case")
+
+
+def _voxel(volume: Volume | None, at: np.ndarray) -> float | None:
+    """The value of the voxel that holds a point (1, 3) mm; None outside."""
+    if volume is None:
+        return None
+    index = np.rint(volume.to_index(at)[0]).astype(int)
+    inside = (index >= 0).all() and (index < volume.array.shape).all()
+    return float(volume.array[tuple(index)]) if inside else None
+
+
+def _middle(volume: Volume) -> tuple[float, float, float]:
+    x, y, z = volume.to_lps((np.array([volume.array.shape]) - 1) / 2.0)[0]
+    return float(x), float(y), float(z)

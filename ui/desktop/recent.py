@@ -1,0 +1,44 @@
+"""The cases that were open last, in the user's own settings."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from pathlib import Path
+
+_KEPT = 10
+
+
+def recent_file() -> Path:
+    """Where the list is: PALPATE_SETTINGS, else the system's place for settings."""
+    chosen = os.environ.get("PALPATE_SETTINGS")
+    if chosen:
+        return Path(chosen, "recent.json")
+    if sys.platform == "win32":
+        return Path(os.environ.get("APPDATA", Path.home())) / "palpate" / "recent.json"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "palpate" / "recent.json"
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "palpate" / "recent.json"
+
+
+def recent_cases() -> list[Path]:
+    """Case folders that are still there, the last one first."""
+    try:
+        listed = json.loads(recent_file().read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return []
+    paths = [Path(entry) for entry in listed if isinstance(entry, str)] if isinstance(listed, list) else []
+    return [path for path in paths if (path / "case.json").is_file()]
+
+
+def remember(case: Path) -> None:
+    """Puts a case first. A settings folder that cannot be written is no reason to stop."""
+    case = case.absolute()
+    listed = [str(case), *(str(path) for path in recent_cases() if path != case)][:_KEPT]
+    with contextlib.suppress(OSError):
+        recent_file().parent.mkdir(parents=True, exist_ok=True)
+        temporary = recent_file().with_suffix(f".{os.getpid()}")
+        temporary.write_text(json.dumps(listed, indent=1), encoding="utf-8")
+        os.replace(temporary, recent_file())

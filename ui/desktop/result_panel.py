@@ -1,0 +1,86 @@
+"""What was found, in words and figures: stiffness with intervals, misfit, and what the diagnosis says."""
+
+from __future__ import annotations
+
+from html import escape
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
+
+from palpate.ui.desktop import style
+from palpate.ui.desktop.controller import Controller
+from palpate.ui.desktop.open_case import OpenCase
+from palpate.ui.desktop.panel_parts import group
+
+_RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."
+
+
+class ResultPanel(QWidget):
+    """open_report : what the button does."""
+
+    def __init__(self, controller: Controller, open_report: object) -> None:
+        super().__init__()
+        self._controller = controller
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        box, form = group("Result")
+        self.words = QLabel()
+        self.words.setWordWrap(True)
+        self.words.setTextFormat(Qt.TextFormat.RichText)
+        self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        form.addRow(self.words)
+        self.report = QPushButton("Show the report")
+        self.report.clicked.connect(lambda: open_report())  # type: ignore[operator]
+        form.addRow(self.report)
+        column.addWidget(box)
+
+    def told(self, what: str) -> None:
+        """Something has changed."""
+        if what not in ("case", "results", "job"):
+            return
+        case = self._controller.case
+        has_report = case is not None and case.folder.has("report/report.html")
+        self.report.setEnabled(has_report)
+        self.report.setToolTip("In the web browser" if has_report else "There is no report yet; run Report")
+        self.words.setText(_found(case) if case is not None and case.regions else _nothing(case))
+
+
+def _nothing(case: OpenCase | None) -> str:
+    return f"<span style='color:{style.FAINT}'>Nothing found yet.</span>"
+
+
+def _found(case: OpenCase) -> str:
+    rows = []
+    for region in case.regions:
+        if region.told:
+            interval = (
+                "error not known" if region.ci is None else f"{region.ci[0]:.3g}\N{EN DASH}{region.ci[1]:.3g} kPa"
+            )
+            value = f"<b>{region.G:.3g} kPa</b><br><span style='color:{style.FAINT}'>95 % {interval}</span>"
+        else:
+            value = f"<span style='color:{style.WARN}'>not told by this pair</span>"
+        rows.append(f"<tr><td style='padding-right:10px'>{escape(region.words)}</td><td>{value}</td></tr>")
+    misfit = case.result.get("misfit", {})
+    expected = misfit.get("expected_noise_rms_mm")
+    beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
+    parts = [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
+             f"Misfit {misfit.get('rms_mm', float('nan')):.2f} mm rms{beside}"]  # fmt: skip
+    parts += _gap(case)
+    parts.append(f"<span style='color:{style.FAINT}'>{_RESEARCH}</span>")
+    return "<br>".join(parts)
+
+
+def _gap(case: OpenCase) -> list[str]:
+    found = case.diagnosis
+    if not found:
+        return []
+    gap, verdict = found.get("gap", {}), str(found.get("verdict", ""))
+    names = ", ".join(escape(str(c).replace("_", " ").replace("-", " ")) for c in found.get("candidates", []))
+    said = {"none": "no gap beyond the noise", "unknown": "a gap of a kind that is not known",
+            "ambiguous": f"a gap, by one of: {names}"}  # fmt: skip
+    out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
+    if "rms_mm" in gap:
+        out.append(f"{gap['rms_mm']:.2f} mm rms, noise floor {gap.get('noise_floor_mm', float('nan')):.2f} mm")
+    if found.get("next_measurement"):
+        out.append(f"Next: {escape(str(found['next_measurement']))}")
+    return out

@@ -1,0 +1,246 @@
+"""The language that drives the window without hands, for tests and demonstrations: one command a line, words as in a shell.
+
+| command | does |
+| --- | --- |
+| `open CASE` or `open REST DEFORMED CASE` | opens a case, or two scans; waits until the scans are read and the case is made |
+| `crosshair X Y Z` | patient coordinates, mm LPS |
+| `show NAME VALUE` | changes how the case is shown; names as in `Display`: mode, overlay, opacity, centre, width, ... |
+| `preset NAME` | window and level |
+| `seed NAME X Y Z [STATE]` | points at an organ, in the scan at rest unless STATE says `deformed` |
+| `brush LABEL RADIUS X Y Z [X Y Z ...] [STATE]` | paints a ball, or along a line, as one stroke |
+| `eraser LABEL RADIUS X Y Z [X Y Z ...] [STATE]` | takes the label away |
+| `undo`, `redo`, `save` | as the buttons |
+| `run STEP [STEP ...]` | starts steps in the worker and does not wait for them |
+| `cancel` | stops what runs |
+| `wait [SECONDS]` | until nothing runs, at most so long (600) |
+| `until FRACTION [SECONDS]` | until the running step has come so far |
+| `pause SECONDS` | lets time pass |
+| `resize WIDTH HEIGHT` | of the window, pixels |
+| `screenshot FILE` | the window as it is, PNG; relative to the script's folder |
+| `stalls` | tells the longest stall since the last time, ms |
+| `expect NAME VALUE` | ends with exit 3 unless a fact (`state`) has this value |
+| `quit` | closes the window; unsaved corrections stay in the journal |
+
+Empty lines and lines that begin with # are passed over. Every command gives one JSON-able event with the facts after it.
+"""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import STATES
+from palpate.segmentation.labels import LABEL_VALUES
+from palpate.ui.desktop.controller import Controller
+from palpate.ui.desktop.display import Display
+from palpate.ui.desktop.grey import PRESETS
+
+_SECONDS = 600.0
+
+
+@dataclass(frozen=True)
+class Command:
+    """A line of a script: number from 1, the command's name, and its words."""
+
+    line: int
+    name: str
+    words: tuple[str, ...]
+
+
+def parse(text: str, source: str) -> list[Command]:
+    """The commands of a script. Raises InputError naming the file and the line for one that cannot be understood."""
+    found = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        try:
+            words = shlex.split(line, comments=True)
+        except ValueError as error:
+            raise InputError(f"{source}, line {number}: {error}; close the quotation") from error
+        if words and not hasattr(Driver, f"do_{words[0]}"):
+            known = ", ".join(sorted(name[3:] for name in dir(Driver) if name.startswith("do_")))
+            raise InputError(f"{source}, line {number}: no command {words[0]!r}; give one of {known}")
+        if words:
+            found.append(Command(number, words[0], tuple(words[1:])))
+    return found
+
+
+class Driver:
+    """Carries out commands. window : the MainWindow. process : lets the window's events be handled for so many seconds."""
+
+    def __init__(self, window: Any, process: Callable[[float], None], folder: Path, source: str) -> None:
+        self.window, self.process, self._folder, self._source = window, process, folder, source
+        self.controller: Controller = window.controller
+        self.over = False
+
+    def run(self, command: Command) -> dict[str, Any]:
+        """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
+        began = time.monotonic()
+        try:
+            told = getattr(self, f"do_{command.name}")(*command.words) or {}
+        except (TypeError, ValueError) as error:
+            form = f"`{command.name} {' '.join(command.words)}` is not of its form ({error})"
+            raise InputError(f"{self._source}, line {command.line}: {form}") from error
+        except InputError as error:
+            raise InputError(f"{self._source}, line {command.line}: {error}") from error
+        self.process(0.0)
+        seconds = round(time.monotonic() - began, 3)
+        return {"line": command.line, "command": command.name, "seconds": seconds, **self.state(), **told}
+
+    def state(self) -> dict[str, Any]:
+        """Facts that a script can expect."""
+        controller = self.controller
+        job, case = controller.jobs.state, controller.case
+        return {
+            "case": case is not None,
+            "unsaved": case is not None and case.corrections.unsaved,
+            "recovered": 0 if case is None else case.recovered,
+            "job": "none" if job is None else (job.outcome or "running"),
+            "cancel_seconds": None if job is None else job.cancel_seconds,
+            "said": controller.said,
+            "labels": sorted(() if case is None else case.volumes),
+            "seeds": 0 if case is None else sum(map(len, case.seeds.values())),
+            "steps": {s.step.command: s.state for s in controller.steps()},
+        }
+
+    def do_open(self, *paths: str) -> None:
+        """One path: a case. Three: rest, deformed, case."""
+        found = [Path(path) for path in paths]
+        if len(found) == 1:
+            self.controller.open_case(found[0])
+        elif len(found) == 3:
+            self.controller.open_pair(found[0], found[1], found[2])
+        else:
+            raise ValueError("one path or three")
+        self.window.stack.setCurrentIndex(1)
+        self.do_wait()
+        if self.controller.case is None:
+            raise InputError(self.controller.said)
+
+    def do_crosshair(self, x: str, y: str, z: str) -> None:
+        """Moves the crosshair."""
+        self.controller.look_at(float(x), float(y), float(z))
+
+    def do_show(self, name: str, value: str) -> None:
+        """Changes one field of the display, in its own type."""
+        before = getattr(Display(), name, ...)
+        if before is ... or name == "crosshair":
+            raise ValueError(f"nothing is called {name!r}")
+        new: Any = value if isinstance(before, str) else float(value)
+        if isinstance(before, bool):
+            new = value in ("1", "on", "true", "yes")
+        self.controller.show(**{name: int(new) if name == "label" else new})
+
+    def do_preset(self, *words: str) -> None:
+        """A preset by its name."""
+        name = " ".join(words)
+        if name not in PRESETS:
+            raise ValueError(f"presets are {', '.join(PRESETS)}")
+        self.controller.show(centre=PRESETS[name].centre, width=PRESETS[name].width)
+
+    def do_seed(self, name: str, x: str, y: str, z: str, state: str = "rest") -> None:
+        """Points at an organ."""
+        self.controller.editing.seed(state, name, (float(x), float(y), float(z)))
+
+    def do_brush(self, label: str, radius: str, *rest: str) -> None:
+        """One stroke with the brush."""
+        self._stroke("brush", label, radius, rest)
+
+    def do_eraser(self, label: str, radius: str, *rest: str) -> None:
+        """One stroke with the eraser."""
+        self._stroke("eraser", label, radius, rest)
+
+    def do_undo(self) -> None:
+        """Takes the last stroke back."""
+        self.controller.editing.undo()
+
+    def do_redo(self) -> None:
+        """Makes it again."""
+        self.controller.editing.redo()
+
+    def do_save(self) -> None:
+        """Writes the labels, and waits till they are written."""
+        self.controller.save()
+        if self.controller.case is not None:
+            self.controller.case.flush()
+
+    def do_run(self, *steps: str) -> None:
+        """Starts steps."""
+        self.controller.run(*steps)
+
+    def do_cancel(self) -> dict[str, Any]:
+        """Stops what runs and waits till it has stopped."""
+        self.controller.cancel()
+        self.do_wait("5")
+        return {"cancel_seconds": self.state()["cancel_seconds"]}
+
+    def do_wait(self, seconds: str = str(_SECONDS)) -> None:
+        """Until nothing runs."""
+        controller = self.controller
+        self._until(lambda: not (controller.jobs.running or controller.reader.running), float(seconds))
+
+    def do_until(self, fraction: str, seconds: str = str(_SECONDS)) -> None:
+        """Until the step has come so far, or has ended."""
+        job = self.controller.jobs
+        self._until(
+            lambda: not job.running or (job.state is not None and job.state.fraction >= float(fraction)), float(seconds)
+        )
+
+    def do_pause(self, seconds: str) -> None:
+        """Lets time pass."""
+        self.process(float(seconds))
+
+    def do_resize(self, width: str, height: str) -> None:
+        """Of the window."""
+        self.window.resize(int(width), int(height))
+
+    def do_screenshot(self, file: str) -> dict[str, Any]:
+        """The window as a picture, once the 3D view has settled."""
+        solid = self.window.views.solid
+        self.process(0.1)
+        self._until(lambda: solid.settled or not solid.isVisible(), 60.0, "the 3D view")
+        self.process(0.1)
+        path = self._folder / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not self.window.grab().save(str(path)):
+            raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
+        return {"file": str(path)}
+
+    def do_stalls(self) -> dict[str, Any]:
+        """The longest stall since the last time."""
+        longest = round(self.window.stalls.longest_ms, 1)
+        self.window.stalls.reset()
+        return {"longest_stall_ms": longest}
+
+    def do_expect(self, name: str, value: str) -> None:
+        """A fact must have a value."""
+        found = str(self.state().get(name)).lower()
+        if found != value.lower():
+            raise InputError(f"{name} is {found}, not {value}")
+
+    def do_quit(self) -> None:
+        """Ends the script."""
+        self.over = True
+
+    def _stroke(self, tool: str, label: str, radius: str, rest: Sequence[str]) -> None:
+        state = rest[-1] if rest and rest[-1] in STATES else "rest"
+        numbers = [float(word) for word in (rest[:-1] if rest and rest[-1] in STATES else rest)]
+        if not numbers or len(numbers) % 3:
+            raise ValueError("points are X Y Z")
+        points = [(numbers[n], numbers[n + 1], numbers[n + 2]) for n in range(0, len(numbers), 3)]
+        value = LABEL_VALUES[label] if label in LABEL_VALUES else int(label)
+        self.controller.show(tool=tool, label=value, radius_mm=float(radius))
+        self.controller.editing.begin(state, None, points[0])
+        for point in points[1:]:
+            self.controller.editing.go_on(None, point)
+        self.controller.editing.end()
+
+    def _until(self, done: Callable[[], bool], seconds: float, what: str = "it") -> None:
+        end = time.monotonic() + seconds
+        while not done():
+            if time.monotonic() > end:
+                raise InputError(f"{what} was not done after {seconds:g} s; give a longer time")
+            self.process(0.02)

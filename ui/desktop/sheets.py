@@ -1,0 +1,126 @@
+"""One slice of a volume, fast: a view of the array where the grid lies along the patient's axes, else only that slice is sampled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from palpate.segmentation.volume import Volume
+from palpate.ui.pictures.planes import Plane
+
+# A grid counts as lying along the patient's axes when no voxel is farther from where it would then be than this part of its edge.
+_ALIGNED_VOXELS = 0.25
+# Larger oblique slices take the nearest voxel: they are looked at from afar, and scrolling must not lag.
+_MOST_INTERPOLATED = 60_000
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """values (rows, columns), first row at the top of the screen. extent : patient coordinates, mm, at the left, right,
+    bottom and top edge, as in `planes.Slice`."""
+
+    values: NDArray[Any]
+    extent: tuple[float, float, float, float]
+
+    @property
+    def step(self) -> tuple[float, float]:
+        """Pixel edges along columns and rows, mm."""
+        left, right, bottom, top = self.extent
+        rows, columns = self.values.shape
+        return abs(right - left) / columns, abs(top - bottom) / rows
+
+
+def is_aligned(volume: Volume) -> bool:
+    """Whether index axes i, j, k run along +x, +y, +z closely enough to show the voxels themselves."""
+    linear = volume.affine[:3, :3]
+    off = linear - np.diag(np.diag(linear))
+    reach = np.abs(off) @ np.array(volume.array.shape)
+    return bool((np.diag(linear) > 0).all() and (reach < _ALIGNED_VOXELS * volume.spacing).all())
+
+
+def cut(
+    volume: Volume,
+    plane: Plane,
+    position: float,
+    fill: float = 0.0,
+    nearest: bool = False,
+    region: tuple[float, float, float, float] | None = None,
+) -> Sheet | None:
+    """The slice at a patient coordinate (mm) along the plane's normal; None where the volume does not reach.
+
+    volume : axes in LPS order. fill : value outside an oblique volume. nearest : labels, which must not be mixed. region : what of
+    an oblique slice is wanted, as lowest and highest coordinate across and then down; the whole slice where None.
+    """
+    if is_aligned(volume):
+        return _own_voxels(volume, plane, position)
+    return _sampled(volume, plane, position, fill, nearest, region)
+
+
+def positions(volume: Volume, plane: Plane) -> tuple[float, float, float]:
+    """First and last slice centre along the plane's normal and the distance between slices, mm."""
+    corners = _corners(volume)[:, plane.normal]
+    step = float(volume.spacing[plane.normal])
+    return float(corners.min()) + step / 2.0, float(corners.max()) - step / 2.0, step
+
+
+def _own_voxels(volume: Volume, plane: Plane, position: float) -> Sheet | None:
+    n, a, d = plane.normal, plane.across, plane.down
+    origin, spacing = volume.affine[:3, 3], np.diag(volume.affine[:3, :3])
+    index = int(np.floor((position - origin[n]) / spacing[n] + 0.5))
+    if not 0 <= index < volume.array.shape[n]:
+        return None
+    selector: list[Any] = [slice(None)] * 3
+    selector[n] = index
+    values = volume.array[tuple(selector)].T  # the axes that are left run across, then down
+    low = origin - spacing / 2.0
+    high = low + spacing * volume.array.shape
+    top, bottom = (low[d], high[d]) if plane.down_sign > 0 else (high[d], low[d])
+    return Sheet(
+        values if plane.down_sign > 0 else values[::-1], (float(low[a]), float(high[a]), float(bottom), float(top))
+    )
+
+
+def _sampled(
+    volume: Volume,
+    plane: Plane,
+    position: float,
+    fill: float,
+    nearest: bool,
+    region: tuple[float, float, float, float] | None,
+) -> Sheet | None:
+    n, a, d = plane.normal, plane.across, plane.down
+    corners = _corners(volume)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if not low[n] <= position <= high[n]:
+        return None
+    if region is not None:
+        low[[a, d]] = np.maximum(low[[a, d]], [region[0], region[2]])
+        high[[a, d]] = np.minimum(high[[a, d]], [region[1], region[3]])
+    step = volume.spacing
+    columns, rows = int(np.ceil((high[a] - low[a]) / step[a])), int(np.ceil((high[d] - low[d]) / step[d]))
+    if columns < 1 or rows < 1:
+        return None
+    points = np.zeros((3, rows, columns))
+    points[n] = position
+    points[a] = low[a] + (np.arange(columns) + 0.5)[None, :] * step[a]
+    down = low[d] + (np.arange(rows) + 0.5) * step[d]
+    points[d] = (down if plane.down_sign > 0 else down[::-1])[:, None]
+    order = 0 if nearest or rows * columns > _MOST_INTERPOLATED else 1
+    inverse = np.linalg.inv(volume.affine)
+    index = np.tensordot(inverse[:3, :3], points, axes=1) + inverse[:3, 3, None, None]
+    values = ndimage.map_coordinates(
+        volume.array, index, volume.array.dtype, order=order, mode="constant", cval=fill, prefilter=False
+    )
+    first, last = float(low[d]), float(low[d] + rows * step[d])
+    top, bottom = (first, last) if plane.down_sign > 0 else (last, first)
+    return Sheet(values, (float(low[a]), float(low[a] + columns * step[a]), bottom, top))
+
+
+def _corners(volume: Volume) -> NDArray[np.float64]:
+    """The eight outer corners (8, 3) mm of the grid's outermost voxels."""
+    ends = [(-0.5, n - 0.5) for n in volume.array.shape]
+    return volume.to_lps(np.array([[i, j, k] for i in ends[0] for j in ends[1] for k in ends[2]]))

@@ -1,0 +1,176 @@
+"""The 3D view: shows the pictures of the drawing process, and turns the mouse into its camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFont, QImage, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QWheelEvent
+from PySide6.QtWidgets import QWidget
+
+from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.ui.desktop import overlay, style
+from palpate.ui.desktop.controller import Controller
+from palpate.ui.desktop.slice_marks import text
+from palpate.ui.desktop.solid_client import SolidClient
+
+_AROUND = {BONE: (0.93, 0.89, 0.78, 0.25), BLADDER: (1.0, 0.82, 0.2, 0.45), RECTUM: (0.8, 0.45, 0.25, 0.45)}
+_HALVES = {1: (0.86, 0.33, 0.31, 1.0), 2: (0.36, 0.72, 0.42, 1.0)}
+_UNTOLD, _DEFORMED = (0.6, 0.6, 0.6, 1.0), (0.35, 0.65, 1.0, 0.45)
+_AXES = (("L", "R"), ("P", "A"), ("S", "I"))
+
+
+class SolidView(QWidget):
+    """azimuth, elevation : degrees; 0, 0 looks from the front."""
+
+    def __init__(self, controller: Controller, folder: Path) -> None:
+        super().__init__()
+        self.controller = controller
+        self.client = SolidClient(folder)
+        self.azimuth, self.elevation, self.zoom = 25.0, 15.0, 1.0
+        self._image: QImage | None = None
+        self._pixels: NDArray[np.uint8] | None = None
+        self._pressed: QPointF | None = None
+        self._stale = {"labels": True, "scan": True, "points": True, "view": True}
+        self.setMinimumSize(QSize(160, 160))
+        self.setAccessibleName("3D view")
+
+    def told(self, what: str) -> None:
+        """Something has changed; it is sent with the next tick."""
+        if what in ("case", "labels"):
+            self._stale |= {"labels": True, "view": True}
+        if what == "case":
+            self._stale |= {"scan": True, "points": True}
+        if what in ("view", "results"):
+            self._stale["view"] = True
+
+    def tick(self) -> None:
+        """Called every few tens of milliseconds: takes a picture that has come and asks for the next where it is needed."""
+        came = self.client.latest()
+        if came is not None:
+            self._pixels = came.pixels
+            height, width, _ = came.pixels.shape
+            self._image = QImage(came.pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888).copy()
+            self.update()
+        if self.isVisible() and self._stale["view"] and not self.client.busy and not self.client.failure:
+            self._send()
+
+    @property
+    def settled(self) -> bool:
+        """Whether the picture shows the case as it is, or none can be drawn."""
+        return bool(self.client.failure) or not (self.client.busy or self._stale["view"])
+
+    def _send(self) -> None:
+        controller = self.controller
+        if self._stale["labels"]:
+            for state in ("rest", "deformed"):
+                volume = controller.labels(state)
+                if volume is not None:
+                    self.client.labels(state, volume)
+        ct = controller.ct("rest")
+        if self._stale["scan"] and ct is not None:
+            self.client.scan(controller.scans["rest"].file, ct.affine)
+        if self._stale["points"]:
+            self.client.points(self._misfit())
+        self._stale = dict.fromkeys(self._stale, False)
+        self.client.view(**self._how())
+
+    def _how(self) -> dict[str, Any]:
+        display = self.controller.display
+        states = {"rest": ["rest"], "deformed": ["deformed"]}.get(display.mode, ["rest", "deformed"])
+        ratio = self.devicePixelRatioF()
+        return {
+            "size": [max(64, int(self.width() * ratio)), max(64, int(self.height() * ratio))],
+            "azimuth": self.azimuth, "elevation": self.elevation, "zoom": self.zoom,
+            "crosshair": list(display.crosshair), "states": states, "colours": self._colours(states),
+            "planes": ["axial"], "window": [display.centre, display.width],
+            "residual": display.overlay == "misfit",
+        }  # fmt: skip
+
+    def _colours(self, states: list[str]) -> dict[str, list[float]]:
+        case, display = self.controller.case, self.controller.display
+        organ = dict(_HALVES)
+        if display.overlay == "stiffness" and case is not None and case.regions:
+            table = overlay.painted_stiffness(display, case.regions, case.scale).table
+            organ = {k: (*(c / 255.0 for c in table[k][:3]), 1.0) if k in table else _UNTOLD for k in ORGAN_LABELS}  # type: ignore[misc]
+        out = {}
+        for state in states:
+            around = state == states[0]
+            for label in (*ORGAN_LABELS, *_AROUND):
+                if not around:
+                    rgba = _DEFORMED if label in ORGAN_LABELS else (0.0, 0.0, 0.0, 0.0)
+                else:
+                    rgba = organ[label] if label in organ else _AROUND[label]
+                out[f"{state} {label}"] = [float(c) for c in rgba]
+        return out
+
+    def _misfit(self) -> NDArray[np.float64] | None:
+        gap = None if self.controller.case is None else self.controller.case.gap
+        if gap is None:
+            return None
+        rgb = overlay.residual_rgb(gap.residual, overlay.residual_limit(gap.residual))
+        return np.column_stack([gap.points, gap.residual, rgb])
+
+    # Qt
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.fillRect(self.rect(), QColor(style.GROUND))
+        if self._image is not None:
+            painter.drawImage(self.rect(), self._image)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setFont(QFont("DejaVu Sans", 8))
+        top = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
+        text(painter, QRectF(8, 6, 260, 16), "3D", top)
+        both = self.controller.display.mode in ("side by side", "blend")
+        text(painter, QRectF(8, 22, 300, 16), "blue: organ deformed" if both else "", top, style.FAINT)
+        if self.client.failure or self._image is None:
+            words = self.client.failure or "drawing \N{HORIZONTAL ELLIPSIS}"
+            text(painter, QRectF(self.rect()), words, Qt.AlignmentFlag.AlignCenter, style.FAINT)
+        self._axes(painter)
+        painter.end()
+
+    def _axes(self, painter: QPainter) -> None:
+        """Which way the patient lies: six letters on three lines, those behind faint."""
+        a, e = np.deg2rad(self.azimuth), np.deg2rad(self.elevation)
+        right = np.array([np.cos(a), np.sin(a), 0.0])
+        towards = np.array([np.cos(e) * np.sin(a), -np.cos(e) * np.cos(a), np.sin(e)])
+        up = np.cross(towards, right)
+        middle, length = QPointF(44.0, self.height() - 44.0), 26.0
+        for axis in range(3):
+            for sign, letter in ((1.0, _AXES[axis][0]), (-1.0, _AXES[axis][1])):
+                v = sign * np.eye(3)[axis]
+                front = v @ towards >= -0.05
+                tip = middle + QPointF(length * (v @ right), -length * (v @ up))
+                painter.setPen(QPen(style.colour(style.TEXT if front else style.FAINT, 255 if front else 120), 1.4))
+                painter.drawLine(middle, tip)
+                place = middle + QPointF((length + 9) * (v @ right), -(length + 9) * (v @ up))
+                painter.drawText(
+                    QRectF(place.x() - 8, place.y() - 8, 16, 16), int(Qt.AlignmentFlag.AlignCenter), letter
+                )
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        self._pressed = event.position()
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        if self._pressed is None:
+            return
+        moved = event.position() - self._pressed
+        self._pressed = event.position()
+        self.azimuth -= 0.5 * moved.x()
+        self.elevation = float(np.clip(self.elevation + 0.5 * moved.y(), -89.0, 89.0))
+        self._stale["view"] = True
+        self.update()
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        self._pressed = None
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        self.zoom = float(np.clip(self.zoom * 1.15 ** (event.angleDelta().y() / 120.0), 0.3, 10.0))
+        self._stale["view"] = True
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self._stale["view"] = True
