@@ -23,7 +23,7 @@ _PIECE = 50  # scenes between two looks at the clock
 
 @dataclass(frozen=True)
 class RobustnessOptions:
-    """n scenes of seeds seed, seed + 1, ...; a solve that takes longer than `slow_s` is counted as hanging.
+    """n scenes of seeds seed, seed + 1, ...; a solve of more than `slow_s` processor seconds is counted as hanging.
 
     log : file of outcomes; scenes that are in it are not solved again. workers : processes, which change no outcome.
     """
@@ -40,7 +40,7 @@ def solve_one(seed: int) -> Row:
     random = random_scene(seed)
     scene = random.scene
     row: Row = dict(random.description)
-    began = time.perf_counter()
+    began = time.process_time()  # not the clock: a machine that has others to serve is no solver that hangs
     try:
         found = scene.solve(NewtonOptions(), random.start)
     except (
@@ -58,7 +58,7 @@ def solve_one(seed: int) -> Row:
         "largest_mm": float(np.abs(found.u).max()),
         "strain95": _strain(scene, found.u),
         "min_jacobian": float(min(found.min_jacobian, 1e300)),
-        "seconds": time.perf_counter() - began,
+        "seconds": time.process_time() - began,
     }
 
 
