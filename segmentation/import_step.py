@@ -31,7 +31,7 @@ from palpate.segmentation.itksnap import label_values
 from palpate.segmentation.labels import BONE
 from palpate.segmentation.landmarks import read_landmarks
 from palpate.segmentation.nifti_labels import read_labels
-from palpate.segmentation.user_labels import read_user_labels
+from palpate.segmentation.user_labels import files_of, read_user_labels
 from palpate.segmentation.volume import Volume
 
 STEP = "import"
@@ -211,10 +211,21 @@ def _inputs_sha256(sources: Mapping[str, str], options: ImportOptions) -> str:
         raise InputError(f"{missing[0]} is not there; correct the path of the labels or landmarks")
     content = {
         "sources": dict(sources),
-        "files": [[file_sha256(path) if path else None for path in (*options.labels, options.landmarks)]],
+        "files": [[_content_of(path) for path in (*options.labels, options.landmarks)]],
         "options": [options.series, {k: list(v) for k, v in options.roi.items()}, options.align, options.same_patient],
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _content_of(path: Path | None) -> str | None:
+    """The hash of a file and, of a workspace, of the label volume that it names."""
+    if path is None:
+        return None
+    files = files_of(path)
+    missing = [each for each in files if not each.is_file()]
+    if missing:
+        raise InputError(f"{path} names {missing[0].name}, which is not there; keep the workspace with its images")
+    return file_sha256(path) if len(files) == 1 else "".join(file_sha256(each) for each in files)
 
 
 def _values_beside(path: Path) -> dict[int, int] | None:

@@ -78,6 +78,13 @@ def read_user_labels(
     )
 
 
+def files_of(path: Path) -> list[Path]:
+    """The files that a person's labels lie in: a workspace names others. Raises InputError when it cannot be read."""
+    if path.name.lower().endswith(".itksnap") and path.is_file():
+        return [path, read_workspace(path).only(LABEL_LAYER, str(path)).path]
+    return [path]
+
+
 def is_segmentation(path: Path) -> bool:
     """Whether the file is a DICOM segmentation."""
     header = read_file(path, stop_before_pixels=True) if path.is_file() else None

@@ -87,7 +87,7 @@ def test_icon_and_screenshot() -> None:
 
 
 def test_the_sample_pair_is_the_known_one(tmp_path: Path) -> None:
-    """After the sample was made anew: python plugin/PalpateStiffness/PalpateStiffnessLib/sample.py prints its hashes."""
+    """After the sample was made anew: python -m PalpateStiffnessLib.sample in plugin/PalpateStiffness prints its hashes."""
     assert sample_pair() == (FOLDER / "rest", FOLDER / "deformed")
     with pytest.raises(InputError, match="clone the repository"):
         sample_pair(tmp_path)

@@ -19,8 +19,10 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.grid import labels_on
 from palpate.segmentation.itksnap_workspace import read_workspace
 from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
+from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.user_labels import UserLabels, read_user_labels
 from palpate.segmentation.volume import Volume
+from palpate.ui.cli import main as cli
 from palpate.ui.export import exporter
 
 # Form -> file at rest, file of the deformed scan (in its own frame), whether surrounding tissue is in it.
@@ -155,3 +157,36 @@ def test_slicer_reads_our_segmentation_with_names_and_place(fine: CaseFolder, tm
     storage.SetFileName(str(tmp_path / "by_slicer.seg.nrrd"))
     assert storage.WriteData(node) == 1
     assert_same(read_back(fine, tmp_path / "by_slicer.seg.nrrd").volume, wanted, 1.0)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_is_imported_by_the_command_line(form: str, fine: CaseFolder, tmp_path: Path) -> None:
+    exporter(form).export(fine, tmp_path)
+    drawn, case = tmp_path / FORMS[form][0], tmp_path / "case"
+    command = [
+        "import",
+        str(fine.file("rest_ct")),
+        str(fine.file("deformed_ct")),
+        "-o",
+        str(case),
+        "--no-align",
+        "--quiet",
+    ]
+    assert cli.main([*command, "--rest-labels", str(drawn)]) == 0
+    found = CaseFolder(case).user_labels("rest")
+    assert found is not None
+    assert_same(found, fine.labels("rest"), 0.93, f"{form}, imported")
+
+
+def test_a_workspace_whose_labels_changed_is_imported_again(fine: CaseFolder, tmp_path: Path) -> None:
+    exporter("itksnap").export(fine, tmp_path)
+    command = ["import", str(fine.file("rest_ct")), str(fine.file("deformed_ct")), "-o", str(tmp_path / "case"), "--no-align",
+               "--quiet", "--rest-labels", str(tmp_path / "rest.itksnap")]  # fmt: skip
+    assert cli.main(command) == 0
+    ct = fine.ct("rest")
+    write_labels(tmp_path / "rest_labels_on_ct.nii.gz", ct.with_array((ct.array > 500).astype(np.uint8)))
+    assert cli.main(command) == 0
+    found = CaseFolder(tmp_path / "case").user_labels("rest")
+    assert found is not None and np.unique(found.array).tolist() == [0, 1]
+    (tmp_path / "rest_labels_on_ct.nii.gz").unlink()
+    assert cli.main(command) == 3

@@ -26,10 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("reading the scans")
     for state in ("rest", "deformed"):
         group.add_argument(f"--{state}-labels", type=Path, metavar="FILE",
-                           help=f"RTSTRUCT or NIfTI labels drawn on the {state} scan; they always win")  # fmt: skip
+                           help=f"labels drawn on the {state} scan, which always win: DICOM RTSTRUCT or SEG, "
+                           "NIfTI, ITK-SNAP workspace, .seg.nrrd of 3D Slicer")  # fmt: skip
         group.add_argument(f"--{state}-series", metavar="ID", help="which CT series, where a folder holds several")
     group.add_argument("--roi", action="append", default=[], metavar="ORGAN=NAME[,NAME]",
-                       help="which structures of an RTSTRUCT are an organ, e.g. prostate=Prostata")  # fmt: skip
+                       help="which structures or segments are an organ, e.g. prostate=Prostata")  # fmt: skip
     group.add_argument("--landmarks", type=Path, metavar="CSV", help="matched points in both scans (CASE_FORMAT.md)")
     group.add_argument("--name", help="the case's name, printed in the report (default: the folder's)")
     group.add_argument("--same-patient", action="store_true",

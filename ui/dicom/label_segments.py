@@ -14,7 +14,7 @@ from palpate.segmentation.labels import LABEL_COLOURS, LABELS
 from palpate.segmentation.volume import Volume
 from palpate.ui.dicom.codes import OF_LABEL
 from palpate.ui.dicom.making import MODEL, Making, making, version
-from palpate.ui.dicom.source import SourceScan, read_source
+from palpate.ui.dicom.source import SourceScan, read_source, set_thickness
 
 _INPUTS = ("labels.txt", "segmentation.json", "alignment.json")
 
@@ -71,6 +71,7 @@ def _segmentation(
                 hd.sr.CodedConcept.from_code(side)
             ]
     found.BodyPartExamined = source.body_part
+    set_thickness(found, labels)
     made.stamp(found)
     return found
 

@@ -93,6 +93,12 @@ def reference_to(image: Dataset) -> Dataset:
     return item
 
 
+def set_thickness(found: Dataset, volume: Volume) -> None:
+    """States the slice thickness of a SEG or map from the volume that it holds: highdicom takes the scan's, if it has one."""
+    measures = found.SharedFunctionalGroupsSequence[0].PixelMeasuresSequence[0]
+    measures.SliceThickness = measures.SpacingBetweenSlices = f"{volume.spacing[2]:.6g}"
+
+
 def _fill(header: Dataset) -> None:
     """Blanks what must be there but may be blank, where it is absent or not in its form."""
     for keyword, vr in _MAY_BE_BLANK.items():
@@ -102,7 +108,7 @@ def _fill(header: Dataset) -> None:
     if str(header.PatientSex) not in _SEXES:
         header.PatientSex = "O"
     if "NumberOfFrames" not in header and not header.get("SliceThickness"):
-        # highdicom looks at it, but takes the objects' own from the volume that they hold.
+        # highdicom asks for it; ``set_thickness`` puts the right one into the objects.
         header.SliceThickness = "1"
 
 

@@ -11,7 +11,7 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.volume import Volume
 from palpate.ui.dicom.codes import KILOPASCAL, SHEAR_MODULUS, STIFFNESS_FROM_PAIR, scheme
 from palpate.ui.dicom.making import making, save
-from palpate.ui.dicom.source import read_source
+from palpate.ui.dicom.source import read_source, set_thickness
 from palpate.ui.export.stiffness import stiffness_volume
 
 WRITES = "DICOM Parametric Map: shear modulus G in kPa, 0 where none was identified"
@@ -50,6 +50,7 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     )
     found.ImageComments = made.note
     found.BodyPartExamined = source.body_part
+    set_thickness(found, G)
     made.stamp(found)
     return [save(found, folder / "stiffness_pm.dcm")]
 

@@ -1,14 +1,14 @@
-"""The sample pair that ships in the repository, checked by hash: ``python sample.py`` prints the hashes after it was made anew."""
+"""The sample pair that ships in the repository, checked by hash.
+
+After it was made anew: ``python -m PalpateStiffnessLib.sample`` in the folder above prints the hashes.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from pathlib import Path
 
-try:
-    from .errors import InputError
-except ImportError:  # run as a script
-    from errors import InputError
+from .errors import InputError
 
 STATES = ("rest", "deformed")
 FOLDER = Path(__file__).resolve().parents[3] / "sample_dicom"
