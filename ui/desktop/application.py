@@ -89,4 +89,4 @@ def _window(headless: bool) -> tuple[Any, Any]:
 def _told_by_qt(kind: object, context: object, message: str) -> None:
     """Qt's words go to standard error, but for what it says of every window that has no screen."""
     if "propagateSizeHints" not in message:
-        print(message, file=sys.stderr)
+        sys.stderr.write(f"{message}\n")

@@ -9,15 +9,17 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QLinearGradient, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
+from palpate.segmentation.labels import BLADDER, BONE, LABEL_COLOURS, LABELS, ORGAN_LABELS, RECTUM
 from palpate.ui.desktop import overlay, style
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.pictures.colours import STIFFNESS_LABEL
 
+_LISTED = (*ORGAN_LABELS, BLADDER, RECTUM, BONE)
 _TOP, _BOTTOM, _LEFT, _WIDE = 34.0, 16.0, 26.0, 16.0
 
 
 class ColourBar(QWidget):
-    """Shows the scale of the overlay that is on; empty for labels, whose names stand in the panel."""
+    """Shows the scale of the overlay that is on; for labels their colours and names."""
 
     def __init__(self, controller: Controller) -> None:
         super().__init__()
@@ -52,7 +54,11 @@ class ColourBar(QWidget):
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setFont(QFont("DejaVu Sans", 8))
-        if display.overlay == "stiffness":
+        if display.overlay == "labels":
+            self._legend(
+                painter, [label for label in _LISTED if any((v.array == label).any() for v in case.volumes.values())]
+            )
+        elif display.overlay == "stiffness":
             scale = case.scale
             ticks = LogLocator(subs=(1, 2, 5)) if scale.log else MaxNLocator(6)
             shares = {float(v): float(scale.norm(v)) for v in ticks.tick_values(scale.low, scale.high)}
@@ -65,6 +71,16 @@ class ColourBar(QWidget):
             words = f"{name}: model outside (+) or inside (\N{MINUS SIGN}) the scan's organ"
             self._bar(painter, lambda s: QColor.fromRgbF(*colormaps["RdBu_r"](s)[:3]), shares, words)
         painter.end()
+
+    def _legend(self, painter: QPainter, labels: list[int]) -> None:
+        for row, label in enumerate(labels):
+            y = _TOP + 30.0 * row
+            painter.setPen(QPen(QColor(overlay.OUTLINED[label]), 1.3))
+            painter.setBrush(QColor(*LABEL_COLOURS[label][:3], 150))
+            painter.drawRect(QRectF(2, y, 12, 12))
+            painter.setPen(QColor(style.TEXT))
+            top = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
+            painter.drawText(QRectF(20, y - 1, 70, 28), int(top), LABELS[label].replace("_", "\n"))
 
     def _bar(self, painter: QPainter, colour_of: object, shares: dict[float, float], words: str) -> None:
         bar = self._rect()

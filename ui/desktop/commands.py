@@ -40,9 +40,10 @@ def steps_job(commands: Sequence[Sequence[str]], folder: Path) -> Job:
     return Job(step_job.KIND, str(folder), options={"commands": [list(c) for c in commands]}, workers=cores())
 
 
-def scans_job(sources: Mapping[str, Path], folder: Path) -> Job:
-    """The job that reads scans; folder : where their voxels go."""
-    return Job(scans.KIND, str(folder), options={"sources": {s: str(p) for s, p in sources.items()}}, workers=cores())
+def scans_job(sources: Mapping[str, Path], case: Path | None, folder: Path) -> Job:
+    """The job that reads scans, and the labels of a case; folder : where their voxels go."""
+    options = {"sources": {s: str(p) for s, p in sources.items()}, "case": None if case is None else str(case)}
+    return Job(scans.KIND, str(folder), options=options, workers=cores())
 
 
 def _seed(name: str, point: Sequence[float] | NDArray[np.float64]) -> str:

@@ -25,7 +25,7 @@ from palpate.ui.desktop.editing import Editing
 from palpate.ui.desktop.jobs import JobControl
 from palpate.ui.desktop.open_case import OpenCase
 from palpate.ui.desktop.recent import remember
-from palpate.ui.desktop.scans import Scan, mapped
+from palpate.ui.desktop.scans import Scan, mapped_labels, mapped_scan
 from palpate.ui.pictures.planes import centre_of
 
 
@@ -47,6 +47,7 @@ class Controller:
         self._scratch = Path(tempfile.mkdtemp(prefix="palpate-window-"))
         self._pair: tuple[Path, Path, Path] | None = None
         self._scratch_number = 0
+        self._running: tuple[str, ...] = ()
 
     def notify(self, what: str) -> None:
         """Tells the widgets that something has changed."""
@@ -65,11 +66,7 @@ class Controller:
         opened = OpenCase(path)
         self.close()
         self._take(opened)
-        sources = {state: opened.folder.file(f"{state}_ct") for state in STATES if opened.folder.has(f"{state}_ct")}
-        if sources:
-            self._read(sources)
-        if opened.corrections.unsaved:
-            self.say("corrections that had not been saved are back; save them or undo them")
+        self._read({state: opened.folder.file(f"{state}_ct") for state in STATES if opened.folder.has(f"{state}_ct")})
 
     def open_pair(self, rest: Path, deformed: Path, case: Path) -> None:
         """Shows two scans as soon as they are read, then makes their case. Raises InputError for paths that are not there."""
@@ -94,7 +91,7 @@ class Controller:
         if self.case is not None:
             self.case.save_session()
             self.case.close()
-        self.case, self.scans, self._pair = None, {}, None
+        self.case, self.scans, self._pair, self._running = None, {}, None, ()
         self.display = Display()
         self.editing.reset()
         self.notify("case")
@@ -113,7 +110,7 @@ class Controller:
             return None
         if state == "rest" or self.case is None:
             return scan.volume
-        return scan.volume.moved(self.case.folder.deformed_to_rest())
+        return scan.volume.moved(self.case.deformed_to_rest)
 
     def labels(self, state: str) -> Volume | None:
         """The label volume of a state, with all corrections; None where there is none yet."""
@@ -165,7 +162,8 @@ class Controller:
         self.case.flush()
         if "segment" in names:
             self.case.keep_corrected()
-        folder, align = self.case.folder, self.case.folder.deformed_to_rest()
+        folder, align = self.case.folder, self.case.deformed_to_rest
+        self._running = names
         asked = [commands.step_command(name, folder.path, self.case.seeds, align) for name in names]
         self.jobs.start(commands.steps_job(asked, folder.file("desktop/job")), steps.BY_COMMAND[names[0]].title)
         self.notify("job")
@@ -197,9 +195,8 @@ class Controller:
     def _take(self, opened: OpenCase) -> None:
         self.case, self.display = opened, opened.display
         remember(opened.folder.path)
-        if not opened.has_session:
-            self._centre()
-            self.display.overlay = "stiffness" if opened.regions else "labels"
+        if not opened.has_session and opened.regions:
+            self._show_stiffness()
         self.notify("case")
 
     def _centre(self) -> None:
@@ -207,15 +204,14 @@ class Controller:
         labels, ct = self.labels("rest"), self.ct("rest")
         volume = labels if labels is not None else ct
         if volume is not None:
-            wanted = ORGAN_LABELS if volume is labels else ()
-            x, y, z = (float(c) for c in centre_of(volume, wanted)) if wanted else _middle(volume)
-            self.display.crosshair = (x, y, z)
+            self.display.crosshair = _inside(volume, labels is not None)
 
     def _read(self, sources: dict[str, Path]) -> None:
+        """Starts reading scans, and the labels of the open case."""
         self._scratch_number += 1
-        self.reader.start(
-            commands.scans_job(sources, self._scratch / f"scans{self._scratch_number}"), "Reading the scans"
-        )
+        case = None if self.case is None else self.case.folder.path
+        job = commands.scans_job(sources, case, self._scratch / f"read{self._scratch_number}")
+        self.reader.start(job, "Reading the scans" if sources else "Reading the labels")
         self.notify("job")
 
     def _import(self) -> None:
@@ -227,17 +223,30 @@ class Controller:
     def _reader_told(self) -> None:
         state = self.reader.state
         assert state is not None
-        if state.outcome == "done":
-            self.scans = {name: mapped(found) for name, found in state.result.items()}
-            if self.case is None or not (self.case.has_session or self.case.volumes):
-                self._centre()
-            self.notify("case")
-            if self._pair is not None and self.case is None:
-                self._import()
-        elif state.outcome:
+        while state.found:
+            self._found(state.found.pop(0))
+        if state.outcome == "done" and self._pair is not None and self.case is None:
+            self._import()
+        elif state.outcome in ("failed", "cancelled"):
             self._pair = None if self.case is None else self._pair
             self.say(state.error or "reading was cancelled")
         self.notify("job")
+
+    def _found(self, found: dict[str, Any]) -> None:
+        """Takes in a scan, or the labels, that have been read."""
+        had_labels = self.labels("rest") is not None
+        if "scan" in found:
+            self.scans[found["scan"]["state"]] = mapped_scan(found["scan"])
+        elif self.case is not None:
+            told = found["labels"]
+            volumes = {state: mapped_labels(one) for state, one in told.items()}
+            self.case.take_labels(volumes, {state: one["hash"] for state, one in told.items()})
+            if self.case.corrections.unsaved:
+                self.say("corrections that had not been saved are back; save them or undo them")
+        new = not had_labels and self.labels("rest") is not None
+        if (new or self.labels("rest") is None) and not (self.case is not None and self.case.has_session):
+            self._centre()
+        self.notify("case")
 
     def _job_told(self) -> None:
         state = self.jobs.state
@@ -248,36 +257,27 @@ class Controller:
 
     def _job_ended(self, outcome: str, error: str) -> None:
         if self.case is None and self._pair is not None and outcome == "done":
-            kept = self.display
+            kept = self.display.crosshair
             self._take(OpenCase(self._pair[2]))
-            if not self.case_has_session:
-                self.display.crosshair = kept.crosshair
+            self.display.crosshair = kept
+            self._read({})
             self.say("the case is made; both scans lie in one frame, aligned on bone")
         elif self.case is not None:
-            self._reread()
+            had_result = bool(self.case.regions)
+            self.case.read_results()
+            if self.case.regions and not had_result:
+                self._show_stiffness()
+            if "segment" in self._running:
+                self._read({})
+            self.notify("case")
         if outcome == "failed":
             self.say(error)
         elif outcome == "cancelled":
             self.say("cancelled; run the step again to go on from where it stopped")
 
-    @property
-    def case_has_session(self) -> bool:
-        """Whether the open case was shown before."""
-        return self.case is not None and self.case.has_session
-
-    def _reread(self) -> None:
-        """Takes in what steps have written."""
-        assert self.case is not None
-        had_labels = bool(self.case.volumes)
-        if not self.case.corrections.unsaved:
-            self.case.journal.close()
-            self.case.read_labels()
-        self.case.read_results()
-        if not had_labels:
-            self._centre()
-        if self.case.regions and self.display.overlay == "labels":
-            self.display.overlay = "stiffness"
-        self.notify("case")
+    def _show_stiffness(self) -> None:
+        # Opaque enough for the colours to be those of the bar.
+        self.display.overlay, self.display.opacity = "stiffness", max(self.display.opacity, 0.7)
 
 
 def _voxel(volume: Volume | None, at: np.ndarray) -> float | None:
@@ -289,6 +289,10 @@ def _voxel(volume: Volume | None, at: np.ndarray) -> float | None:
     return float(volume.array[tuple(index)]) if inside else None
 
 
-def _middle(volume: Volume) -> tuple[float, float, float]:
-    x, y, z = volume.to_lps((np.array([volume.array.shape]) - 1) / 2.0)[0]
-    return float(x), float(y), float(z)
+def _inside(volume: Volume, labelled: bool) -> tuple[float, float, float]:
+    """The middle of the organ in labels, or of the whole grid."""
+    if labelled:
+        x, y, z = (float(c) for c in centre_of(volume, ORGAN_LABELS))
+    else:
+        x, y, z = (float(c) for c in volume.to_lps((np.array([volume.array.shape]) - 1) / 2.0)[0])
+    return x, y, z

@@ -36,7 +36,7 @@ class DisplayPanel(QWidget):
         column.addWidget(self._overlay())
 
     def _view(self) -> QWidget:
-        box, form = group("View")
+        box, form = group("Arrangement")
         self.modes = Choice(_MODES, lambda mode: self._controller.show(mode=mode))
         form.addRow(self.modes)
         self.blend = slider(0, 100, 50, lambda v: self._controller.show(blend=v / 100.0), "Share of the deformed scan")
@@ -79,7 +79,6 @@ class DisplayPanel(QWidget):
         out = QDoubleSpinBox()
         out.setRange(0.0, 10000.0)
         out.setDecimals(1)
-        out.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
         out.setSuffix(" kPa")
         out.setSpecialValueText("any")
         out.setToolTip("Threshold: stiffness outside is not coloured")

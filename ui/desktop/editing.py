@@ -36,6 +36,8 @@ class Editing:
         case, jobs = self._controller.case, self._controller.jobs
         if case is None:
             return "open a case first"
+        if self._controller.reader.running and not case.volumes:
+            return "the labels are being read"
         if not case.volumes:
             return "there are no labels yet; run Segment first"
         if jobs.running:
@@ -97,7 +99,7 @@ class Editing:
         case, drag = self._controller.case, self._drag
         self.reset()
         stroke = drag.end() if drag is not None else None
-        if stroke is not None and case is not None:
+        if stroke is not None and case is not None and case.journal is not None:
             case.journal.stroke(stroke)
             self._controller.notify("labels")
 
@@ -111,7 +113,7 @@ class Editing:
 
     def _act(self, name: str) -> bool:
         case = self._controller.case
-        if case is None or self.why_not():
+        if case is None or case.journal is None or self.why_not():
             return False
         stroke = case.corrections.undo() if name == "undo" else case.corrections.redo()
         if stroke is None:

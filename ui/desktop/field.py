@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, QSize
+from PySide6.QtGui import QTransform
 
 from palpate.ui.pictures.planes import Plane
 
@@ -43,6 +44,11 @@ class Screen:
         x = self.size.width() / 2.0 + (across - centre[self.plane.across]) / mm
         y = self.size.height() / 2.0 + self.plane.down_sign * (down - centre[self.plane.down]) / mm
         return QPointF(x, y)
+
+    def transform(self) -> QTransform:
+        """The same mapping for whole paths in mm."""
+        origin, scale = self.to_pixel(0.0, 0.0), 1.0 / self.field.mm_per_pixel
+        return QTransform(scale, 0.0, 0.0, self.plane.down_sign * scale, origin.x(), origin.y())
 
     def to_mm(self, pixel: QPointF) -> tuple[float, float]:
         """The place in the plane, mm, of a pixel."""

@@ -36,7 +36,10 @@ class Swarm:
 
 @dataclass
 class JobState:
-    """What is known of the job that runs, or ran last. outcome : "", "done", "cancelled" or "failed"."""
+    """What is known of the job that runs, or ran last. outcome : "", "done", "cancelled" or "failed".
+
+    found : what progress messages brought along, in their order; whoever uses it takes it out.
+    """
 
     title: str
     began: float
@@ -48,6 +51,7 @@ class JobState:
     outcome: str = ""
     error: str = ""
     result: dict[str, Any] = field(default_factory=dict)
+    found: list[dict[str, Any]] = field(default_factory=list)
     swarm: Swarm = field(default_factory=Swarm)
     cancel_seconds: float | None = None
 
@@ -123,6 +127,8 @@ class JobControl:
                 state.step, state.step_began = step, time.monotonic()
             state.fraction, state.message = float(message["fraction"]), str(message["message"])
             state.step_fraction = float(message.get("step_fraction", state.fraction))
+            if "found" in message:
+                state.found.append(message["found"])
             if "particles" in message:
                 state.swarm.hear(message)
         elif kind == "end":

@@ -1,7 +1,7 @@
 """Corrections on disk: every stroke, undo and redo is written at once, so that a kill loses none and undo outlives the window.
 
 `desktop/edits.jsonl` of the case, one JSON object on a line: {"stroke": ...}, {"act": "undo" or "redo"}, and
-{"labels": {state: hash}} wherever the labels were, or were about to be, saved as they then were. What a process has
+{"labels": {state: hash}, "acts": n} wherever the labels were, or were about to be, saved as they were after n acts. What a process has
 written survives its being killed; against a power failure the file is also flushed, in another thread.
 """
 
@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from palpate.segmentation.volume import Volume
 from palpate.ui.desktop.strokes import Corrections, Stroke
@@ -30,26 +32,30 @@ class Journal:
         size = os.fstat(self._descriptor).st_size
         if size and os.pread(self._descriptor, 1, size - 1) != b"\n":
             os.write(self._descriptor, b"\n")  # a last line that a kill cut in two ends here and is passed over
+        self.acts = sum(_is_act(line) for line in _lines(path))
 
     def stroke(self, stroke: Stroke) -> None:
         """Notes a stroke."""
+        self.acts += 1
         self._write({"stroke": stroke.to_dict()})
 
     def act(self, name: str) -> None:
         """Notes an undo or a redo."""
+        self.acts += 1
         self._write({"act": name})
 
-    def mark(self, volumes: Mapping[str, Volume]) -> None:
-        """Notes the labels as they are and as they are about to be saved."""
-        self._write({"labels": content_hashes(volumes)})
+    def mark(self, hashes: Mapping[str, str], acts: int) -> None:
+        """Notes that labels with these hashes, as they were after so many acts, are about to be saved."""
+        self._write({"labels": dict(hashes), "acts": acts})
 
-    def start_over(self, volumes: Mapping[str, Volume]) -> None:
+    def start_over(self, hashes: Mapping[str, str]) -> None:
         """Forgets everything: these are other labels. What was there is kept beside, for a person to look for."""
         if os.fstat(self._descriptor).st_size:
             kept = self._path.with_name("edits_of_earlier_labels.jsonl")
             kept.write_bytes(self._path.read_bytes())
         os.ftruncate(self._descriptor, 0)
-        self.mark(volumes)
+        self.acts = 0
+        self.mark(hashes, 0)
 
     def close(self) -> None:
         """Leaves the file as it is."""
@@ -60,25 +66,35 @@ class Journal:
         self._flusher.submit(_flush, self._path)
 
 
-def content_hashes(volumes: Mapping[str, Volume]) -> dict[str, str]:
-    """A hash of each label volume's voxels, by state."""
-    return {state: hashlib.sha256(volume.array.tobytes()).hexdigest() for state, volume in sorted(volumes.items())}
+def content_hash(volume: Volume) -> str:
+    """A hash of a label volume's voxels."""
+    return hashlib.sha256(np.ascontiguousarray(volume.array).data).hexdigest()
 
 
-def replay(path: Path, corrections: Corrections) -> int | None:
-    """Brings labels that have just been read, and their undo, to where they were. Returns the number of acts since they
-    were saved; None when there is no journal or it belongs to other labels, whose strokes would be nonsense on these."""
-    if not path.is_file():
-        return None
-    lines = [line for line in map(_parsed, path.read_text(encoding="utf-8").splitlines()) if line]
-    current = content_hashes(corrections.volumes)
-    saved_at = max((n for n, line in enumerate(lines) if line.get("labels") == current), default=None)
-    if saved_at is None:
-        return None
-    for line in lines[:saved_at]:
+def replay(path: Path, corrections: Corrections, hashes: Mapping[str, str]) -> bool:
+    """Brings labels that have just been read, with these hashes, and their undo to where they were. False when there is no
+    journal or it belongs to other labels, whose strokes would be nonsense on these."""
+    lines = _lines(path)
+    acts = [line for line in lines if _is_act(line)]
+    saved_at = [line.get("acts") for line in lines if line.get("labels") == dict(hashes)]
+    if not saved_at or not isinstance(saved_at[-1], int):
+        return False
+    for line in acts[: saved_at[-1]]:
         _again(line, corrections, touch=False)
     corrections.saved()
-    return sum(_again(line, corrections, touch=True) for line in lines[saved_at + 1 :])
+    for line in acts[saved_at[-1] :]:
+        _again(line, corrections, touch=True)
+    return True
+
+
+def _lines(path: Path) -> list[Mapping[str, Any]]:
+    if not path.is_file():
+        return []
+    return [line for line in map(_parsed, path.read_text(encoding="utf-8").splitlines()) if line]
+
+
+def _is_act(line: Mapping[str, Any]) -> bool:
+    return "stroke" in line or line.get("act") in ("undo", "redo")
 
 
 def _again(line: Mapping[str, Any], corrections: Corrections, touch: bool) -> bool:

@@ -17,7 +17,7 @@ from palpate.core.errors import InputError
 from palpate.segmentation.case import STATES, CaseFolder
 from palpate.segmentation.volume import Volume
 from palpate.ui.desktop.display import Display
-from palpate.ui.desktop.journal import Journal, replay
+from palpate.ui.desktop.journal import Journal, content_hash, replay
 from palpate.ui.desktop.strokes import Corrections
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.report.regions import RegionStiffness, region_of
@@ -36,8 +36,10 @@ class GapMap:
 
 
 class OpenCase:
-    """folder : the case. volumes : state -> labels, in place. corrections : on them. seeds : state -> name -> (x, y, z) mm,
-    both states in the rest frame. recovered : acts of an earlier window that had not been saved.
+    """folder : the case. deformed_to_rest : (4, 4).
+
+    volumes : state -> labels, in place. corrections : on them. seeds : state -> name -> (x, y, z) mm,
+    both states in the rest frame.
 
     Raises InputError when the folder is no case, a file in it is damaged, or another window has it open.
     """
@@ -52,20 +54,22 @@ class OpenCase:
         self.seeds: dict[str, dict[str, list[float]]] = {
             state: dict(session.get("seeds", {}).get(state, {})) for state in STATES
         }
-        self.recovered = 0
         self.failures: list[str] = []
-        self.read_labels()
+        self.deformed_to_rest = self.folder.deformed_to_rest()
+        self.corrections = Corrections({})
+        self.journal: Journal | None = None
         self.read_results()
 
-    def read_labels(self) -> None:
-        """Labels as they are on disk, then the strokes that were not saved."""
-        volumes = {state: _writable(self.folder.labels(state)) for state in STATES if self.folder.has_labels(state)}
+    def take_labels(self, volumes: dict[str, Volume], hashes: Mapping[str, str]) -> None:
+        """Labels as they are on disk, with the hashes of their voxels; makes the strokes again that were not saved."""
+        self.flush()
         self.corrections = Corrections(volumes)
-        acts = replay(self.folder.file(EDITS), self.corrections)
-        self.recovered = acts or 0
+        again = replay(self.folder.file(EDITS), self.corrections, hashes)
+        if self.journal is not None:
+            self.journal.close()
         self.journal = Journal(self.folder.file(EDITS), self._writer)
-        if acts is None and volumes:
-            self.journal.start_over(volumes)
+        if not again and volumes:
+            self.journal.start_over(hashes)
 
     def read_results(self) -> None:
         """What identify and diagnose have found, as far as they have been run."""
@@ -85,17 +89,19 @@ class OpenCase:
 
     def save_labels(self) -> None:
         """Writes the labels as they are; what is drawn meanwhile counts as unsaved."""
-        copies = {state: volume.with_array(volume.array.copy()) for state, volume in self.volumes.items()}
-        self.journal.mark(copies)
-        self.corrections.saved()
-        self.later(self._write_labels, copies)
+        if self.journal is not None:
+            copies = {state: volume.with_array(volume.array.copy()) for state, volume in self.volumes.items()}
+            self.corrections.saved()
+            self.later(self._write_labels, copies, self.journal, self.journal.acts)
 
     def discard(self) -> None:
-        """Gives up corrections that are not saved: the labels are those of the files again. The strokes are kept beside."""
+        """Gives up corrections that are not saved; the case has no labels till they are read again. The strokes are kept beside."""
         self.flush()
-        self.journal.start_over({state: self.folder.labels(state) for state in self.volumes})
-        self.journal.close()
-        self.read_labels()
+        if self.journal is not None:
+            hashes = {state: content_hash(self.folder.labels(state)) for state in self.volumes}
+            self.journal.start_over(hashes)
+            self.journal.close()
+        self.journal, self.corrections = None, Corrections({})
 
     def keep_corrected(self) -> None:
         """Copies labels that were corrected by hand, before a step writes new ones."""
@@ -122,7 +128,8 @@ class OpenCase:
     def close(self) -> None:
         """Leaves the case to others."""
         self._writer.shutdown(wait=True)
-        self.journal.close()
+        if self.journal is not None:
+            self.journal.close()
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -133,7 +140,8 @@ class OpenCase:
         except (InputError, OSError) as error:
             self.failures.append(" ".join(str(error).split()))
 
-    def _write_labels(self, volumes: Mapping[str, Volume]) -> None:
+    def _write_labels(self, volumes: Mapping[str, Volume], journal: Journal, acts: int) -> None:
+        journal.mark({state: content_hash(volume) for state, volume in volumes.items()}, acts)
         for state, volume in volumes.items():
             if not np.array_equal(self.folder.labels(state).array, volume.array):  # an unchanged file keeps its date
                 self.folder.write_labels(state, volume)
@@ -158,10 +166,6 @@ class OpenCase:
     def _json(self, name: str) -> dict[str, Any]:
         found = self.folder.read_json(name) if self.folder.has(name) else {}
         return found if isinstance(found, dict) else {}
-
-
-def _writable(volume: Volume) -> Volume:
-    return Volume(np.array(volume.array, dtype=np.uint8, order="C"), volume.affine)
 
 
 def _locked(path: Path) -> int | None:

@@ -97,7 +97,6 @@ class Driver:
         return {
             "case": case is not None,
             "unsaved": case is not None and case.corrections.unsaved,
-            "recovered": 0 if case is None else case.recovered,
             "job": "none" if job is None else (job.outcome or "running"),
             "cancel_seconds": None if job is None else job.cancel_seconds,
             "said": controller.said,

@@ -61,23 +61,15 @@ def label_image(kept: Kept, name: str, sheet: Sheet, table: Mapping[int, RGBA]) 
     return made[0]
 
 
-def outline_paths(kept: Kept, name: str, sheet: Sheet, labels: tuple[int, ...]) -> dict[int, list[QPolygonF]]:
-    """Outlines of labels, in mm across and down."""
+def outline_paths(kept: Kept, name: str, sheet: Sheet, labels: tuple[int, ...]) -> dict[int, QPainterPath]:
+    """Outlines of labels, with their holes, in mm across and down."""
 
-    def make() -> dict[int, list[QPolygonF]]:
+    def make() -> dict[int, QPainterPath]:
         present = [label for label in labels if (sheet.values == label).any()]
-        return {label: [_polygon(line) for line in outlines(sheet, label)] for label in present}
+        return {label: _path(outlines(sheet, label)) for label in present}
 
-    made: dict[int, list[QPolygonF]] = kept.get(f"{name} outlines", (id(sheet), labels), make)
+    made: dict[int, QPainterPath] = kept.get(f"{name} outlines", (id(sheet), labels), make)
     return made
-
-
-def on_screen(polygons: list[QPolygonF], screen: Screen) -> QPainterPath:
-    """Outlines in pixels, as one path with holes."""
-    path = QPainterPath()
-    for polygon in polygons:
-        path.addPolygon(QPolygonF([screen.to_pixel(p.x(), p.y()) for p in polygon]))
-    return path
 
 
 def _grey(sheet: Sheet, window: WindowLevel) -> tuple[QImage, NDArray[np.uint8]]:
@@ -94,5 +86,8 @@ def _coloured(sheet: Sheet, table: Mapping[int, RGBA]) -> tuple[QImage, NDArray[
     return image, data
 
 
-def _polygon(line: NDArray[np.float64]) -> QPolygonF:
-    return QPolygonF([QPointF(float(a), float(d)) for a, d in line])
+def _path(lines: list[NDArray[np.float64]]) -> QPainterPath:
+    path = QPainterPath()
+    for line in lines:
+        path.addPolygon(QPolygonF([QPointF(float(a), float(d)) for a, d in line]))
+    return path

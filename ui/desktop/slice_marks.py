@@ -98,6 +98,6 @@ def hatch(painter: QPainter, paths: Iterable[QPainterPath]) -> None:
 
 
 def position_words(screen: Screen, position: float) -> str:
-    """``Axial  z = -148.0 mm`` with a true minus sign."""
+    """``z = -148.0 mm`` with a true minus sign."""
     sign = "\N{MINUS SIGN}" if position < 0 else ""
-    return f"{screen.plane.name.capitalize()}   {'xyz'[screen.plane.normal]} = {sign}{abs(position):.1f} mm"
+    return f"{'xyz'[screen.plane.normal]} = {sign}{abs(position):.1f} mm"

@@ -12,7 +12,7 @@ from palpate.core.errors import InputError
 from palpate.ui.desktop import overlay, slice_marks, style
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.field import Field, Screen
-from palpate.ui.desktop.slice_layers import Kept, grey_image, label_image, on_screen, outline_paths, sheet_of
+from palpate.ui.desktop.slice_layers import Kept, grey_image, label_image, outline_paths, sheet_of
 from palpate.ui.pictures.planes import Plane
 
 BLEND = "blend"
@@ -97,18 +97,19 @@ class SliceView(QWidget):
         if sheet is None:
             return
         painted = self._painted()
-        polygons = outline_paths(self._kept, state, sheet, tuple(overlay.OUTLINED))
+        in_mm, to_pixels = outline_paths(self._kept, state, sheet, tuple(overlay.OUTLINED)), screen.transform()
+        paths = {label: to_pixels.map(path) for label, path in in_mm.items()}
         if painted is not None and (self.state != BLEND or state == "rest"):
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
             painter.drawImage(screen.rect(sheet.extent), label_image(self._kept, state, sheet, painted.table))
-            hatched = [on_screen(lines, screen) for label, lines in polygons.items() if label in painted.hatched]
+            hatched = [path for label, path in paths.items() if label in painted.hatched]
             slice_marks.hatch(painter, hatched)
         if display.outlines:
             dashes = Qt.PenStyle.DashLine if self.state == BLEND and state == "deformed" else Qt.PenStyle.SolidLine
-            for label, lines in polygons.items():
+            for label, path in paths.items():
                 painter.setPen(QPen(QColor(overlay.OUTLINED[label]), 1.3, dashes))
                 painter.setBrush(Qt.BrushStyle.NoBrush)
-                painter.drawPath(on_screen(lines, screen))
+                painter.drawPath(path)
 
     def _painted(self) -> overlay.Painted | None:
         case, display = self.controller.case, self.controller.display
@@ -130,9 +131,11 @@ class SliceView(QWidget):
         painter.setFont(QFont("DejaVu Sans", 8))
         slice_marks.scale_bar(painter, screen)
         corner = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
-        slice_marks.text(painter, QRectF(8, 6, 260, 16), slice_marks.position_words(screen, self.position), corner)
-        name = {"rest": "At rest", "deformed": "Deformed", BLEND: "Rest and deformed (dashed)"}[self.state]
-        slice_marks.text(painter, QRectF(8, 22, 260, 16), name, corner, style.FAINT)
+        name = {"rest": "at rest", "deformed": "deformed", BLEND: "rest, deformed dashed"}[self.state]
+        title = f"{self.plane.name.capitalize()}, {name}"
+        slice_marks.text(painter, QRectF(8, 4, 260, 16), title, corner)
+        place = slice_marks.position_words(screen, self.position)
+        slice_marks.text(painter, QRectF(8, 20, 260, 16), place, corner, style.FAINT)
         low = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom
         window = f"C {display.centre:.0f}  W {display.width:.0f} HU"
         size = self.size()

@@ -8,7 +8,7 @@
 | labels | state, file (NumPy, uint8), affine |
 | scan | file (NumPy), affine: the scan whose slices are shown in space |
 | points | file (NumPy, (n, 7): x, y, z, residual, r, g, b) or null: misfit on the organ |
-| view | id, size, azimuth, elevation, zoom, crosshair, states, colours {label: [r, g, b, opacity 0 to 1]}, planes, window |
+| view | id, size, azimuth, elevation, zoom, crosshair, states, colours {label: [r, g, b, opacity 0 to 1]}, planes, window, residual, fast |
 """
 
 from __future__ import annotations
@@ -66,7 +66,10 @@ class SolidScene:
         self._plotter = pv.Plotter(off_screen=True, window_size=[400, 400], lighting="light kit")
         self._plotter.set_background(_GROUND)  # type: ignore[arg-type]
         self._plotter.enable_parallel_projection()  # type: ignore[call-arg]
-        self._plotter.enable_depth_peeling(4)  # type: ignore[arg-type]  # before the first picture, or walls do not show
+        # Multisampling and depth peeling exclude each other: walls would not be drawn at all.
+        self._plotter.render_window.SetMultiSamples(0)  # type: ignore[union-attr]
+        self._plotter.enable_depth_peeling(4)  # type: ignore[arg-type]
+        self._plotter.enable_anti_aliasing("fxaa")
         self._bodies: dict[tuple[str, int], Any] = {}
         self._scan: Volume | None = None
         self._centre, self._half = np.zeros(3), 60.0
@@ -109,6 +112,7 @@ class SolidScene:
         """The picture of a view, (height, width, 3)."""
         plotter = self._plotter
         plotter.window_size = list(message["size"])
+        plotter.renderer.SetUseDepthPeeling(not message.get("fast"))
         for (state, label), actor in self._bodies.items():
             r, g, b, opacity = message["colours"].get(f"{state} {label}", (0.0, 0.0, 0.0, 0.0))
             actor.visibility = state in message["states"] and opacity > 0.0
@@ -164,7 +168,8 @@ class SolidScene:
         camera.focal_point = self._centre.tolist()
         camera.position = (self._centre + 10.0 * self._half * towards).tolist()
         camera.up = (0.0, 0.0, 1.0)
-        camera.parallel_scale = 1.05 * self._half / message["zoom"]
+        width, height = message["size"]
+        camera.parallel_scale = 1.05 * self._half * max(1.0, height / width) / message["zoom"]
         self._plotter.renderer.ResetCameraClippingRange()
 
 

@@ -11,7 +11,7 @@ INTERVAL_MS = 5
 
 
 class StallMeter(QObject):
-    """longest_ms : the longest time between two rings beyond the interval, since `reset`. at : what was being done then."""
+    """longest_ms : the longest time between two rings beyond the interval, since `reset`."""
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)

@@ -28,6 +28,7 @@ QGroupBox {{ border: 1px solid {LINE}; border-radius: 5px; margin-top: 9px; padd
 QGroupBox::title {{ subcontrol-origin: margin; left: 8px; padding: 0 4px; color: {FAINT}; }}
 QComboBox, QDoubleSpinBox, QSpinBox, QLineEdit {{ background: {GROUND}; border: 1px solid {LINE}; border-radius: 3px; padding: 3px 5px; }}
 QComboBox QAbstractItemView {{ background: {GROUND}; selection-background-color: {ACCENT}; }}
+QDoubleSpinBox::up-button, QDoubleSpinBox::down-button {{ width: 0; border: none; }}
 QSlider::groove:horizontal {{ height: 4px; background: {LINE}; border-radius: 2px; }}
 QSlider::handle:horizontal {{ background: {TEXT}; width: 12px; margin: -5px 0; border-radius: 6px; }}
 QSlider::sub-page:horizontal {{ background: {ACCENT}; border-radius: 2px; }}
