@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.grey import PRESETS
-from palpate.ui.desktop.panel_parts import Choice, combo, group, quietly, slider
+from palpate.ui.desktop.panel_parts import Choice, combo, group, slider
 
 _MODES = (
     ("rest", "Rest", "The scan at rest"),
@@ -46,11 +47,11 @@ class DisplayPanel(QWidget):
         self.centre = slider(
             -1000, 2000, 40, lambda v: self._controller.show(centre=float(v)), "Centre, HU (right drag up, down)"
         )
-        self.width = slider(
+        self.wide = slider(
             1, 4000, 400, lambda v: self._controller.show(width=float(v)), "Width, HU (right drag left, right)"
         )
         form.addRow("Centre", self.centre)
-        form.addRow("Width", self.width)
+        form.addRow("Width", self.wide)
         return box
 
     def _overlay(self) -> QWidget:
@@ -103,14 +104,17 @@ class DisplayPanel(QWidget):
         self.modes.select(display.mode)
         self.overlays.select(display.overlay)
         for widget, value in ((self.blend, 100 * display.blend), (self.opacity, 100 * display.opacity),
-                              (self.centre, display.centre), (self.width, display.width),
+                              (self.centre, display.centre), (self.wide, display.width),
                               (self.sure, 10 * (display.surest_factor or 0.1 * _NO_LIMIT_TENTHS))):  # fmt: skip
-            quietly(widget, lambda w=widget, v=value: w.setValue(round(v)))
+            with QSignalBlocker(widget):
+                widget.setValue(round(value))
         for spin, limit in ((self.low, display.low_kpa), (self.high, display.high_kpa)):
-            quietly(spin, lambda s=spin, v=limit: s.setValue(v or 0.0))
-        quietly(self.outlines, lambda: self.outlines.setChecked(display.outlines))
+            with QSignalBlocker(spin):
+                spin.setValue(limit or 0.0)
+        with QSignalBlocker(self.outlines):
+            self.outlines.setChecked(display.outlines)
         named = next((name for name, preset in PRESETS.items() if preset == display.window), "Custom")
-        quietly(self.preset, lambda: self.preset.setCurrentText(named))
+        self.preset.setCurrentText(named)  # only a person's choice is told
         factor = display.surest_factor
         self.sure_words.setText("all that the pair tells" if factor is None else f"known to a factor of {factor:.1f}")
         self.blend.setEnabled(display.mode == "blend")

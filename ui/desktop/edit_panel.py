@@ -76,13 +76,13 @@ class EditPanel(QWidget):
         for name in ("brush", "eraser"):
             self.tools.buttons[name].setEnabled(not reason)
             self.tools.buttons[name].setToolTip(reason.capitalize() or {t[0]: t[2] for t in _TOOLS}[name])
-        corrections = None if controller.case is None else controller.case.corrections
-        able = corrections is not None and not reason
-        self._state(
-            self.undo, able and corrections.can_undo, "Take the last correction back", reason or "nothing to undo"
-        )  # type: ignore[union-attr]
-        self._state(self.redo, able and corrections.can_redo, "Make it again", reason or "nothing to redo")  # type: ignore[union-attr]
-        self._state(self.save, able and corrections.unsaved, "Write the corrected labels", reason or "nothing unsaved")  # type: ignore[union-attr]
+        strokes = None if controller.case is None or reason else controller.case.corrections
+        can_undo, can_redo, unsaved = (
+            (False,) * 3 if strokes is None else (strokes.can_undo, strokes.can_redo, strokes.unsaved)
+        )
+        self._state(self.undo, can_undo, "Take the last correction back", reason or "nothing to undo")
+        self._state(self.redo, can_redo, "Make it again", reason or "nothing to redo")
+        self._state(self.save, unsaved, "Write the corrected labels", reason or "nothing unsaved")
         seeds = controller.case is not None and any(controller.case.seeds.values())
         self._state(self.forget, seeds, "Take all points away", "no points yet")
 

@@ -71,10 +71,3 @@ class Choice(QWidget):
         """Presses one without telling."""
         if value in self.buttons:
             self.buttons[value].setChecked(True)
-
-
-def quietly(widget: QWidget, act: Callable[[], object]) -> None:
-    """Changes a control without its telling anybody."""
-    before = widget.blockSignals(True)
-    act()
-    widget.blockSignals(before)

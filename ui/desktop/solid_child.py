@@ -80,7 +80,7 @@ class SolidScene:
         labels = Volume(np.load(message["file"]), np.array(message["affine"]))
         for label in _DRAWN:
             name = f"{message['state']} {label}"
-            self._plotter.remove_actor(name, render=False)
+            self._plotter.remove_actor(name, render=False)  # type: ignore[arg-type]
             self._bodies.pop((message["state"], label), None)
             shape = surface(labels, label)
             if shape is not None:
@@ -150,7 +150,7 @@ class SolidScene:
                 else None
             )
             if sheet is None:
-                self._plotter.remove_actor(name, render=False)
+                self._plotter.remove_actor(name, render=False)  # type: ignore[arg-type]
                 continue
             quad = _quad(sheet, plane, at[plane.normal])
             grey = to_grey(sheet.values, WindowLevel(*message["window"]))

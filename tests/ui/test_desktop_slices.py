@@ -1,0 +1,117 @@
+"""What a slice view shows lies where the patient is: bright marker, letters, screen and colours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from phantoms import CENTRE, MARKER, affine, labels, marked_ct
+
+from palpate.segmentation.grid import in_lps_order
+from palpate.ui.desktop import overlay
+from palpate.ui.desktop.display import Display
+from palpate.ui.desktop.grey import PRESETS, WindowLevel, to_grey
+from palpate.ui.desktop.sheets import Sheet, cut, is_aligned, positions
+from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.planes import AXIAL, PLANES, SAGITTAL, Plane
+from palpate.ui.report.regions import RegionStiffness
+
+GRIDS = [(0.0, (1, 1, 1), "ijk"), (0.0, (-1, -1, -1), "kij"), (0.0, (1, -1, -1), "jki"), (7.0, (-1, 1, -1), "ijk")]
+
+
+def place_of_brightest(sheet: Sheet) -> tuple[float, float]:
+    """Across and down, mm, of the middle of the brightest pixels."""
+    rows, columns = np.nonzero(sheet.values > 500)
+    left, right, bottom, top = sheet.extent
+    across = left + (columns.mean() + 0.5) * (right - left) / sheet.values.shape[1]
+    return across, top + (rows.mean() + 0.5) * (bottom - top) / sheet.values.shape[0]
+
+
+@pytest.mark.parametrize("plane", PLANES, ids=lambda p: p.name)
+@pytest.mark.parametrize("rotation, flips, order", GRIDS)
+def test_the_marker_is_where_it_is_in_the_patient(
+    plane: Plane, rotation: float, flips: tuple[int, int, int], order: str
+) -> None:
+    ct = in_lps_order(marked_ct(affine(rotation, flips, order), order))
+    assert is_aligned(ct) == (rotation == 0.0)
+    sheet = cut(ct, plane, float(MARKER[plane.normal]), -1024.0)
+    assert sheet is not None
+    across, down = place_of_brightest(sheet)
+    assert across == pytest.approx(MARKER[plane.across], abs=1.0)
+    assert down == pytest.approx(MARKER[plane.down], abs=1.0)
+
+
+@pytest.mark.parametrize("plane", PLANES, ids=lambda p: p.name)
+def test_first_row_is_the_letter_at_the_top(plane: Plane) -> None:
+    ct = marked_ct(affine())
+    sheet = cut(ct, plane, float(CENTRE[plane.normal]))
+    assert sheet is not None
+    left, right, bottom, top = sheet.extent
+    assert left < right
+    # Top is anterior (lower y) on axial, superior (higher z) on the others.
+    assert (top < bottom) == (plane is AXIAL)
+
+
+def test_outside_of_the_volume_there_is_no_slice() -> None:
+    ct = marked_ct(affine())
+    first, last, step = positions(ct, AXIAL)
+    assert step == pytest.approx(3.0) and last - first == pytest.approx(32 * 3.0)
+    assert cut(ct, AXIAL, first - 2.0) is None and cut(ct, AXIAL, last + 2.0) is None
+    assert cut(ct, AXIAL, first - 1.0) is not None
+
+
+def test_an_oblique_slice_can_be_cut_in_part_and_says_so_itself() -> None:
+    ct = in_lps_order(marked_ct(affine(7.0)))
+    at = float(MARKER[2])
+    region = (MARKER[0] - 12.0, MARKER[0] + 12.0, MARKER[1] - 12.0, MARKER[1] + 12.0)
+    part = cut(ct, AXIAL, at, -1024.0, region=region)
+    whole = cut(ct, AXIAL, at, -1024.0)
+    assert part is not None and whole is not None and part.values.size < whole.values.size / 4
+    assert place_of_brightest(part) == pytest.approx(place_of_brightest(whole), abs=0.8)
+    assert cut(ct, AXIAL, at, region=(500.0, 510.0, 0.0, 10.0)) is None
+
+
+def test_labels_are_never_mixed() -> None:
+    volume = in_lps_order(labels(affine(11.0)))
+    sheet = cut(volume, SAGITTAL, float(CENTRE[0]) + 3.0, nearest=True)
+    assert sheet is not None and set(np.unique(sheet.values)) <= {0, 1, 2, 3, 6} and sheet.values.dtype == np.uint8
+
+
+def test_window_and_level_as_dicom_defines_them() -> None:
+    hu = np.array([[-160, -159, 40, 239, 240, 3000]], dtype=np.int16)
+    assert to_grey(hu, WindowLevel(40.0, 400.0)).tolist() == [[0, 0, 127, 254, 255, 255]]
+    moved = PRESETS["Soft tissue"].moved(1e6, -1e6)
+    assert moved == WindowLevel(3071.0, 1.0)
+
+
+def test_outlines_run_along_the_voxels_edges() -> None:
+    values = np.zeros((6, 8), dtype=np.uint8)
+    values[2:4, 3:6] = 1
+    sheet = Sheet(values, (10.0, 26.0, 12.0, 0.0))  # 2 mm pixels, down grows downwards
+    (line,) = overlay.outlines(sheet, 1)
+    assert line[:, 0].min() == pytest.approx(10.0 + 3 * 2) and line[:, 0].max() == pytest.approx(10.0 + 6 * 2)
+    assert line[:, 1].min() == pytest.approx(2 * 2) and line[:, 1].max() == pytest.approx(4 * 2)
+    assert overlay.outlines(sheet, 2) == []
+
+
+def region(label: int, G: float, ci: tuple[float, float], told: bool = True) -> RegionStiffness:
+    name = {1: "prostate_left", 2: "prostate_right"}[label]
+    return RegionStiffness(name, name, G, None, ci, G / 4, G / 4, G / 4, False, told)
+
+
+def test_stiffness_outside_the_threshold_is_clear_and_unsure_stiffness_is_hatched() -> None:
+    scale = StiffnessScale(0.0, 100.0)
+    sure, unsure = region(1, 80.0, (70.0, 91.0)), region(2, 20.0, (5.0, 80.0))
+    both = overlay.painted_stiffness(Display(opacity=0.5), [sure, unsure], scale)
+    assert set(both.table) == {1, 2} and both.table[1][3] == 128 and not both.hatched
+    masked = overlay.painted_stiffness(Display(surest_factor=2.0), [sure, unsure], scale)
+    assert set(masked.table) == {1} and masked.hatched == {2}
+    limited = overlay.painted_stiffness(Display(low_kpa=50.0), [sure, unsure], scale)
+    assert set(limited.table) == {1} and not limited.hatched
+    untold = overlay.painted_stiffness(Display(), [region(1, 80.0, (70.0, 91.0), told=False)], scale)
+    assert untold.hatched == {1} and not untold.table
+
+
+def test_misfit_colours_are_white_where_the_model_meets_the_scan() -> None:
+    rgb = overlay.residual_rgb(np.array([-9.0, 0.0, 9.0]), 2.0).astype(int)
+    assert rgb[1].min() > 240 and rgb[0, 2] > rgb[0, 0] and rgb[2, 0] > rgb[2, 2]
+    assert overlay.residual_limit(np.array([0.1, -1.7])) == 2.0
