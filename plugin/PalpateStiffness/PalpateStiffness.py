@@ -66,10 +66,10 @@ class PalpateStiffnessParameterNode:
     where empty. clicks : points named by organ, in the scan at rest. method, tetrahedra : of the search.
     """
 
-    restFolder: str
-    deformedFolder: str
-    caseFolder: str
-    program: str
+    restFolder: Path
+    deformedFolder: Path
+    caseFolder: Path
+    program: Path
     clicks: slicer.vtkMRMLMarkupsFiducialNode
     method: Annotated[str, Choice(list(METHODS))] = METHODS[0]
     tetrahedra: Annotated[int, WithinRange(500, 100000)] = 7000
@@ -142,44 +142,44 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
             self._connect_parameters()
 
     def on_sample(self):
-        """Fills in the folders of the sample pair, once it is sure that its files are whole."""
+        """Fills in the folders of the sample pair."""
         slicer.util.selectModule("PalpateStiffness")
         self._guarded(self._fill_in_sample)
 
     def _fill_in_sample(self):
-        self._parameters.restFolder, self._parameters.deformedFolder = map(str, sample_pair())
+        self._parameters.restFolder, self._parameters.deformedFolder = sample_pair()
         self.ui.statusLabel.text = _("The sample pair is simulated: choose a folder for the case, then load it.")
 
     def on_load(self):
         """Imports the pair."""
         p = self._parameters
         self._start(
-            self.logic.stiffness(p.program).load_pair(Path(p.restFolder), Path(p.deformedFolder), self._case()),
+            self._stiffness().load_pair(p.restFolder, p.deformedFolder, self._case()),
             self.on_show,
         )
 
     def on_segment(self):
         """Finds the organs."""
         p = self._parameters
-        self._start(self.logic.stiffness(p.program).segment(self._case(), p.clicks), self.on_show)
+        self._start(self._stiffness().segment(self._case(), p.clicks), self.on_show)
 
     def on_identify(self):
         """Finds the stiffness."""
         p = self._parameters
-        self._start(self.logic.stiffness(p.program).identify(self._case(), p.method, (), p.tetrahedra), self.on_show)
+        self._start(self._stiffness().identify(self._case(), p.method, (), p.tetrahedra), self.on_show)
 
     def on_report(self):
         """Writes the report and opens it."""
         page = self._case() / "report" / "report.html"
-        pipeline = self.logic.stiffness(self._parameters.program).report(self._case())
+        pipeline = self._stiffness().report(self._case())
         self._start(pipeline, lambda: qt.QDesktopServices.openUrl(qt.QUrl.fromLocalFile(str(page))))
 
     def on_show(self):
         """Exports the case and shows it in the scene."""
-        pipeline, folder = self.logic.stiffness(self._parameters.program).export(self._case())
+        pipeline, folder = self._stiffness().export(self._case())
 
         def shown():
-            self._nodes = self.logic.stiffness(self._parameters.program).show_results(folder, self._nodes)
+            self._nodes = self._stiffness().show_results(folder, self._nodes)
             self.logic.show_in_slices(self._nodes)
 
         self._start(pipeline, shown)
@@ -221,10 +221,15 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
             self.ui.statusLabel.text = str(error)
             self.ui.statusLabel.styleSheet = "color: #b00020"
 
+    def _stiffness(self):
+        """The logic, calling the program that the panel names; an empty path is `.` in a parameter node."""
+        program = self._parameters.program
+        return self.logic.stiffness("" if program == Path() else str(program))
+
     def _case(self):
-        if not self._parameters.caseFolder.strip():
+        if self._parameters.caseFolder == Path():
             raise InputError(_("Choose a folder for the case first."))
-        return Path(self._parameters.caseFolder)
+        return self._parameters.caseFolder
 
     def _update_buttons(self):
         """Off while something runs; a button that is off says why."""
@@ -299,13 +304,13 @@ class PalpateStiffnessTest(ScriptedLoadableModuleTest):
         """The parameters of the scene reach the panel, and back."""
         slicer.util.selectModule("PalpateStiffness")
         widget = slicer.modules.PalpateStiffnessWidget
-        widget._parameters.caseFolder = "/tmp/case"
+        widget._parameters.caseFolder = Path("/tmp/case")
         self.assertEqual(widget.ui.caseFolderEdit.currentPath, "/tmp/case")
         self.assertFalse(widget.ui.cancelButton.enabled)
 
     def test_refusal(self):
         """What is missing is said in the panel, without a pop-up."""
         widget = slicer.modules.PalpateStiffnessWidget
-        widget._parameters.caseFolder = "/tmp/no-case"
+        widget._parameters.caseFolder = Path("/tmp/no-case")
         widget._guarded(widget.on_segment)
         self.assertIn("is no case", widget.ui.statusLabel.text)

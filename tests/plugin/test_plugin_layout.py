@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 import re
-import shutil
 import struct
 import sys
 import xml.etree.ElementTree as ET
@@ -22,7 +21,7 @@ sys.path.insert(0, str(MODULE))
 
 from PalpateStiffnessLib.errors import InputError  # noqa: E402
 from PalpateStiffnessLib.logic import METHODS  # noqa: E402
-from PalpateStiffnessLib.sample import FOLDER, sample_pair  # noqa: E402
+from PalpateStiffnessLib.sample import sample_pair  # noqa: E402
 
 from palpate.core.identify.options import METHODS as PROGRAM_METHODS  # noqa: E402
 
@@ -46,6 +45,17 @@ def test_every_parameter_is_bound_to_a_widget() -> None:
     bound = [p.findtext("string") for p in UI.iter("property") if p.get("name") == "SlicerParameterName"]
     assert sorted(bound) == sorted(parameters())
     assert METHODS == PROGRAM_METHODS
+
+
+def test_every_parameter_has_a_type_that_its_widget_takes() -> None:
+    """As Slicer's parameterNodeWrapper binds them: a path line takes a Path only, a combo box a Choice."""
+    takes = {"ctkPathLineEdit": "Path", "QComboBox": "Choice", "QSpinBox": "int", "qMRMLNodeComboBox": "slicer.vtkMRML"}
+    node = next(n for n in ast.parse(SOURCE).body if isinstance(n, ast.ClassDef) and n.name.endswith("ParameterNode"))
+    types = {e.target.id: ast.unparse(e.annotation) for e in node.body if isinstance(e, ast.AnnAssign)}
+    for widget in UI.iter("widget"):
+        for each in widget.findall("property"):
+            if each.get("name") == "SlicerParameterName":
+                assert takes[widget.get("class")] in types[each.findtext("string")], each.findtext("string")
 
 
 def test_every_control_says_what_it_does() -> None:
@@ -86,12 +96,7 @@ def test_icon_and_screenshot() -> None:
     assert (PLUGIN / "Screenshots" / "PalpateStiffness.png").stat().st_size > 50_000
 
 
-def test_the_sample_pair_is_the_known_one(tmp_path: Path) -> None:
-    """After the sample was made anew: python -m PalpateStiffnessLib.sample in plugin/PalpateStiffness prints its hashes."""
-    assert sample_pair() == (FOLDER / "rest", FOLDER / "deformed")
+def test_the_sample_pair_is_that_of_the_repository(tmp_path: Path) -> None:
+    assert sample_pair() == (ROOT / "sample_dicom" / "rest", ROOT / "sample_dicom" / "deformed")
     with pytest.raises(InputError, match="clone the repository"):
         sample_pair(tmp_path)
-    shutil.copytree(FOLDER, tmp_path / "sample")
-    next((tmp_path / "sample" / "rest").glob("*.dcm")).write_bytes(b"other")
-    with pytest.raises(InputError, match="is not the one this module knows"):
-        sample_pair(tmp_path / "sample")

@@ -32,7 +32,8 @@ class StiffnessLogic:
     def load_pair(self, rest: Path, deformed: Path, case: Path, aligned: bool = False) -> Pipeline:
         """Imports two DICOM folders as a case, aligned on bone. aligned : they lie in one frame already."""
         for folder, what in ((rest, "scan at rest"), (deformed, "deformed scan")):
-            if not folder.is_dir():
+            # An empty field is `.` in Slicer's parameter node.
+            if folder == Path() or not folder.is_dir():
                 raise InputError(f"Choose the folder of the {what}; {folder} is none.")
         options = ["--no-align"] if aligned else []
         return Pipeline([self._step("import", str(rest), str(deformed), "-o", str(case), *options)])

@@ -1,0 +1,196 @@
+"""The panel's own code, with stand-ins for what only Slicer's application has: Qt, the widget's base class, the .ui loader."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+slicer = pytest.importorskip("slicer", reason="slicer-core is absent: pip install slicer-core")
+ROOT = Path(__file__).resolve().parents[2]
+MODULE = ROOT / "plugin" / "PalpateStiffness"
+sys.path[:0] = [str(MODULE), str(ROOT / "tests" / "ui")]
+
+from dicom_cases import pair  # noqa: E402
+from phantoms import affine  # noqa: E402
+
+
+class Control:
+    """A widget: any attribute, and signals that are kept."""
+
+    def __init__(self) -> None:
+        self.toolTip, self.enabled, self.text, self.plainText, self.value = "tip", True, "", "", 0
+        self.slots: list[Callable[..., None]] = []
+
+    def connect(self, _signal: str, slot: Callable[..., None]) -> None:
+        self.slots.append(slot)
+
+    def click(self) -> None:
+        assert self.enabled
+        self.slots[0](False)
+
+
+class Timer:
+    def __init__(self) -> None:
+        self.running, self.slot = False, None
+
+    def setInterval(self, _ms: int) -> None: ...
+
+    def connect(self, _signal: str, slot: Callable[[], None]) -> None:
+        self.slot = slot
+
+    def start(self) -> None:
+        self.running = True
+
+    def stop(self) -> None:
+        self.running = False
+
+
+class Controls(dict):
+    def __getattr__(self, name: str) -> Control:
+        return self.setdefault(name, Control())
+
+
+class Loaded:
+    """The widget of the .ui file, and the layout that it is added to."""
+
+    def setMRMLScene(self, _scene: Any) -> None: ...
+
+    def addWidget(self, _widget: Any) -> None: ...
+
+
+class Base:
+    def __init__(self, parent: Any = None) -> None:
+        self.parent, self.layout = parent, Loaded()
+
+    def setup(self) -> None: ...
+
+    def resourcePath(self, name: str) -> str:
+        return str(MODULE / "Resources" / name)
+
+    def getParameterNode(self) -> dict[str, Any]:
+        return {}
+
+
+class Parameters:
+    def __init__(self, _node: Any) -> None:
+        self.restFolder = self.deformedFolder = self.caseFolder = self.program = Path()
+        self.clicks, self.method, self.tetrahedra = None, "swarm", 7000
+
+    def connectGui(self, _ui: Any) -> int:
+        return 0
+
+    def disconnectGui(self, _tag: int) -> None: ...
+
+
+class Observing:
+    def addObserver(self, *_: Any) -> None: ...
+
+    def removeObservers(self) -> None: ...
+
+
+@pytest.fixture
+def panel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    """The panel, set up."""
+
+    def stand_in(name: str, **members: Any) -> types.ModuleType:
+        module = types.ModuleType(name)
+        module.__dict__.update(members)
+        monkeypatch.setitem(sys.modules, name, module)
+        return module
+
+    stand_in("qt", QTimer=Timer, QDesktopServices=None, QUrl=None)
+    stand_in("slicer.i18n", tr=lambda text: text, translate=lambda _context, text: text)
+    stand_in(
+        "slicer.parameterNodeWrapper",
+        Choice=list,
+        WithinRange=lambda *_: None,
+        parameterNodeWrapper=lambda c: Parameters,
+    )
+    names = ("", "Logic", "Test", "Widget")
+    stand_in("slicer.ScriptedLoadableModule", **{f"ScriptedLoadableModule{n}": type(n, (Base,), {}) for n in names})
+    monkeypatch.setattr(slicer, "mrmlScene", slicer.vtkMRMLScene(), raising=False)
+    shown: dict[str, Any] = {}
+    for name, made in (
+        ("VTKObservationMixin", Observing), ("loadUI", lambda _path: Loaded()), ("childWidgetVariables", lambda _w: Controls()),
+        ("setSliceViewerLayers", lambda **layers: shown.update(layers)), ("resetSliceViews", lambda: None),
+    ):  # fmt: skip
+        monkeypatch.setattr(slicer.util, name, made, raising=False)
+    monkeypatch.setenv("PALPATE", str(Path(sys.executable).with_name("palpate")))
+    spec = importlib.util.spec_from_file_location("PalpateStiffness", MODULE / "PalpateStiffness.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    widget = module.PalpateStiffnessWidget()
+    widget.setup()
+    widget.shown = shown
+    yield widget
+    widget.cleanup()
+
+
+def run_to_the_end(panel: Any) -> None:
+    while panel.timer.running:
+        panel.timer.slot()
+
+
+def test_buttons_are_off_while_something_runs_and_say_why(panel: Any, tmp_path: Path) -> None:
+    case = pair(tmp_path / "case", affine(), deformed=False)
+    panel._parameters.caseFolder = case.path
+    assert not panel.ui.cancelButton.enabled and panel.ui.cancelButton.toolTip == "Nothing is running"
+    panel.ui.showButton.click()
+    assert not panel.ui.showButton.enabled and "wait or cancel" in panel.ui.showButton.toolTip
+    assert panel.ui.cancelButton.enabled
+    run_to_the_end(panel)
+    assert panel.ui.showButton.enabled and panel.ui.showButton.toolTip == "tip" and panel.ui.progressBar.value == 100
+    assert panel.shown["background"].GetName() == "CT rest" and panel.shown["foregroundOpacity"] == 0.5
+    # A second time: the earlier nodes go, the new ones stay.
+    panel.ui.showButton.click()
+    run_to_the_end(panel)
+    assert slicer.mrmlScene.GetNodesByClass("vtkMRMLSegmentationNode").GetNumberOfItems() == 1
+
+
+def test_what_is_missing_is_said_in_red_without_a_pop_up(panel: Any, tmp_path: Path) -> None:
+    panel.ui.segmentButton.click()
+    assert (
+        panel.ui.statusLabel.text == "Choose a folder for the case first."
+        and "b00020" in panel.ui.statusLabel.styleSheet
+    )
+    panel._parameters.caseFolder = tmp_path
+    panel.ui.identifyButton.click()
+    assert "is no case" in panel.ui.statusLabel.text
+    panel.ui.loadButton.click()
+    assert "Choose the folder of the scan at rest" in panel.ui.statusLabel.text
+    panel._parameters.restFolder = panel._parameters.deformedFolder = tmp_path
+    panel._parameters.program = tmp_path / "nothing"
+    panel.ui.loadButton.click()
+    assert "no program that can be run" in panel.ui.statusLabel.text
+
+
+def test_a_failure_is_one_line_and_the_panel_goes_on(panel: Any, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    panel._parameters.restFolder = panel._parameters.deformedFolder = tmp_path / "empty"
+    panel._parameters.caseFolder = tmp_path / "case"
+    panel.ui.loadButton.click()
+    run_to_the_end(panel)
+    assert "is empty" in panel.ui.statusLabel.text and "\n" not in panel.ui.statusLabel.text
+    assert panel.ui.loadButton.enabled
+
+
+def test_cancel_stops(panel: Any, tmp_path: Path) -> None:
+    case = pair(tmp_path / "case", affine(), deformed=False)
+    panel._parameters.caseFolder = case.path
+    panel.ui.reportButton.click()
+    panel.timer.slot()
+    panel.ui.cancelButton.click()
+    assert not panel.timer.running and "cancelled" in panel.ui.statusLabel.text and panel.ui.reportButton.enabled
+
+
+def test_the_sample_pair_fills_in_the_folders(panel: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(slicer.util, "selectModule", lambda _name: None, raising=False)
+    panel.on_sample()
+    assert panel._parameters.restFolder == ROOT / "sample_dicom" / "rest"
+    assert "simulated" in panel.ui.statusLabel.text
