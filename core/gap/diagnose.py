@@ -125,7 +125,7 @@ def _judged(
         g = gains[f.trial.effect.id]
         p = 1.0
         if rank < 3:
-            placebos = placebo_gains(split, plain, before, forces, f.trial.n, seed)
+            placebos = placebo_gains(split, plain, before, forces, _size(fit, f), seed)
             p = float(np.mean([q.mean_mm2 >= g.mean_mm2 for q in placebos]))
             placebo = float(np.median([q.share for q in placebos])) if rank == 0 else placebo
         share = g.mean_mm2 / ceiling.mean_mm2 if ceiling.mean_mm2 > 0.0 else 1.0
@@ -135,6 +135,13 @@ def _judged(
         judged.append(Judged(f.trial.effect.id, f.log_evidence, g, p, share, p_left))
     verdict = decide(test.detected, judged, unknown)
     return Diagnosis(fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, placebo)
+
+
+def _size(fit: PlainFit, found: Refit) -> float:
+    """rms change of the data vector, mm, that the effect makes where it fits best."""
+    k = fit.bench.sight.n_modes
+    change = (found.point.residual - fit.point.residual)[:k]
+    return float(np.sqrt((change**2).sum() / len(found.point.residual)))
 
 
 def plain_model(fit: PlainFit) -> Linear:

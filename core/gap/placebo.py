@@ -1,4 +1,4 @@
-"""Effects that are none: random smooth fields of forces, as strong as the one under test, with as many free amplitudes."""
+"""Effects that are none: random smooth loads as strong as the effect under test."""
 
 from __future__ import annotations
 
@@ -14,22 +14,18 @@ PLACEBOS = 40
 
 
 def placebo_gains(
-    split: Split, plain: Linear, before: FloatArray, forces: ForceFields, n_parameters: int, seed: int = 1
+    split: Split, plain: Linear, before: FloatArray, forces: ForceFields, size: float, seed: int = 1
 ) -> list[Gain]:
-    """Gain on data left out of each placebo; their amplitudes are as free as the data leave them."""
+    """Gain on data left out of each placebo: a random smooth load whose amplitude is fitted, of the given prior size.
+
+    size : rms of the residual's change, mm per entry of the data vector, that the effect under test makes.
+    """
     rng = np.random.default_rng(seed)
-    k = forces.response.shape[1]
+    p = plain.J.shape[1]
     models = []
     for _ in range(PLACEBOS):
-        mix = rng.standard_normal((k, n_parameters)) / np.sqrt(n_parameters)
-        S = forces.response @ mix
-        p = plain.J.shape[1]
-        models.append(
-            Linear(
-                plain.r,
-                np.hstack([plain.J, S]),
-                np.zeros(p + n_parameters),
-                np.concatenate([plain.precision, np.full(n_parameters, 0.25)]),
-            )
-        )
+        S = forces.response @ rng.standard_normal(forces.response.shape[1])
+        S *= size / max(float(np.sqrt((S**2).mean())), 1e-30)
+        precision = np.concatenate([plain.precision, [1.0]])
+        models.append(Linear(plain.r, np.column_stack([plain.J, S]), np.zeros(p + 1), precision))
     return [gain(split, before, after) for after in split.left_out(models)]
