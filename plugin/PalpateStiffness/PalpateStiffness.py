@@ -54,8 +54,15 @@ def register_sample_data():
         sampleName="PalpatePair",
         thumbnailFileName=str(Path(__file__).parent / "Resources" / "Icons" / "PalpateStiffness.png"),
         loadFileType=None,
-        customDownloader=lambda source: slicer.modules.PalpateStiffnessWidget.on_sample(),
+        customDownloader=open_with_sample,
     )
+
+
+def open_with_sample(_source):
+    """Opens the module, which makes its panel where there is none yet, and fills in the folders."""
+    slicer.util.selectModule("PalpateStiffness")
+    slicer.modules.PalpateStiffnessWidget.on_sample()
+    return []
 
 
 @parameterNodeWrapper
@@ -143,7 +150,6 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
 
     def on_sample(self):
         """Fills in the folders of the sample pair."""
-        slicer.util.selectModule("PalpateStiffness")
         self._guarded(self._fill_in_sample)
 
     def _fill_in_sample(self):

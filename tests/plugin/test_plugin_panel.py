@@ -189,8 +189,7 @@ def test_cancel_stops(panel: Any, tmp_path: Path) -> None:
     assert not panel.timer.running and "cancelled" in panel.ui.statusLabel.text and panel.ui.reportButton.enabled
 
 
-def test_the_sample_pair_fills_in_the_folders(panel: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(slicer.util, "selectModule", lambda _name: None, raising=False)
+def test_the_sample_pair_fills_in_the_folders(panel: Any) -> None:
     panel.on_sample()
     assert panel._parameters.restFolder == ROOT / "sample_dicom" / "rest"
     assert "simulated" in panel.ui.statusLabel.text

@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+from datetime import datetime
 from pathlib import Path
 
 import highdicom as hd
@@ -183,10 +184,14 @@ def test_a_scan_with_missing_and_malformed_headers(tmp_path: Path) -> None:
         dataset = pydicom.dcmread(path)
         del dataset.StudyTime, dataset.AccessionNumber, dataset.StudyID, dataset.ReferringPhysicianName
         del dataset.SliceThickness, dataset.BodyPartExamined, dataset.PatientBirthDate, dataset.Manufacturer
-        dataset.PatientSex = "U"
+        dataset.PatientSex, dataset.TimezoneOffsetFromUTC = "U", "+0530"
         dataset.save_as(path)
     files = [p for form in FORMS for p in exporter(form).export(case, tmp_path / "out")]
     assert all(pydicom.dcmread(path).PatientSex == "O" for path in files if not path.name.startswith("deformed"))
+    found = pydicom.dcmread(tmp_path / "out" / "measurements_sr.dcm")
+    made = datetime.strptime(f"{found.ContentDate}{found.ContentTime}+0530", "%Y%m%d%H%M%S%z").timestamp()
+    assert found.TimezoneOffsetFromUTC == "+0530"
+    assert made == max(int(case.file(name).stat().st_mtime) for name in ("result.json", "rest.nii.gz", "labels.txt"))
     for name in ("rest_seg.dcm", "stiffness_pm.dcm"):
         shared = pydicom.dcmread(tmp_path / "out" / name).SharedFunctionalGroupsSequence[0]
         assert shared.PixelMeasuresSequence[0].SliceThickness == case.labels("rest").spacing[2] == 3.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
@@ -17,6 +18,7 @@ from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.ui.dicom.source import SourceScan
 from palpate.ui.report.record import simulated
 
+_OFFSET = re.compile(r"[+-](0[0-9]|1[0-4])[0-5][0-9]")
 MANUFACTURER, MODEL = "Palpate", "palpate"
 # A LO may have 64 characters.
 MARK = "RESEARCH USE ONLY"
@@ -37,7 +39,8 @@ SERIES_NUMBERS = {
 class Making:
     """The identity of one exported object. The same case gives the same, so that exporting twice is no second object.
 
-    series_uid, sop_uid : new UIDs. series_number : of the object's own series. made : when the content was made.
+    series_uid, sop_uid : new UIDs. series_number : of the object's own series. made : when the content was made, in the
+    scan's time zone where it states one, else in local time. timezone : what the scan states, as every time in an object counts by it.
     note : research use, and what of the pair was computed.
     """
 
@@ -46,6 +49,7 @@ class Making:
     series_number: int
     made: datetime
     note: str
+    timezone: str = ""
 
     def series_description(self, what: str) -> str:
         """At most 64 characters, the mark first."""
@@ -66,26 +70,36 @@ class Making:
         organization = generate_uid(entropy_srcs=[self.sop_uid, "dimensions"])
         for item in dataset.get("ContributingEquipmentSequence") or []:
             if "ContributionDateTime" in item:
-                item.ContributionDateTime = DT(self.made.replace(tzinfo=None))
+                item.ContributionDateTime = DT(self.made)
         for keyword in ("DimensionOrganizationSequence", "DimensionIndexSequence"):
             for item in dataset.get(keyword) or []:
                 item.DimensionOrganizationUID = organization
         dataset.InstanceCreationDate, dataset.InstanceCreationTime = DA(self.made.date()), TM(self.made.time())
-        dataset.TimezoneOffsetFromUTC = "+0000"
+        if self.timezone:
+            dataset.TimezoneOffsetFromUTC = self.timezone
 
 
 def making(case: CaseFolder, kind: str, source: SourceScan, inputs: list[str]) -> Making:
     """The identity of an object of one kind (a key of SERIES_NUMBERS) made from files of the case."""
     present = [case.file(name) for name in inputs if case.has(name)]
-    made = datetime.fromtimestamp(max(int(path.stat().st_mtime) for path in present), UTC)
+    stated = str(source.header.get("TimezoneOffsetFromUTC") or "").strip()
+    timezone = stated if _OFFSET.fullmatch(stated) else ""
+    made = _clock(max(int(path.stat().st_mtime) for path in present), timezone)
     entropy = [kind, str(source.header.SeriesInstanceUID), made.isoformat(), version()]
     entropy += [file_sha256(path) for path in present]
     computed = simulated(case, {})
     note = NOT_FOR_DIAGNOSIS + (f" Simulated data: {computed}." if computed else "")
     return Making(
         generate_uid(entropy_srcs=[*entropy, "series"]), generate_uid(entropy_srcs=[*entropy, "object"]),
-        SERIES_NUMBERS[kind], made, note,
+        SERIES_NUMBERS[kind], made, note, timezone,
     )  # fmt: skip
+
+
+def _clock(seconds: int, offset: str) -> datetime:
+    """The time of an instant, without its zone: at an offset as DICOM writes it (+0130), or local."""
+    moment = datetime.fromtimestamp(seconds, UTC)
+    zone = datetime.strptime(offset, "%z").tzinfo if offset else None
+    return moment.astimezone(zone).replace(tzinfo=None)
 
 
 def version() -> str:

@@ -42,7 +42,7 @@ def _encapsulated(pdf: bytes, source: SourceScan, made: Making) -> FileDataset:
     data.Manufacturer, data.ManufacturerModelName, data.SoftwareVersions = MANUFACTURER, MODEL, version()
     data.ConversionType, data.InstanceNumber = "WSD", 1
     data.ContentDate, data.ContentTime = DA(made.made.date()), TM(made.made.time())
-    data.AcquisitionDateTime = DT(made.made.replace(tzinfo=None))
+    data.AcquisitionDateTime = DT(made.made)
     # The pages carry no identity of their own, but a case's name that a person chose: whoever removes identities must look.
     data.BurnedInAnnotation = "YES"
     data.DocumentTitle = f"Stiffness from two CT scans. {MARK}, not for diagnosis"
