@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pydicom
 from numpy.typing import NDArray
+from pydicom.uid import UID
 
 from palpate.core.errors import InputError
 from palpate.segmentation.dicom_files import DAMAGE, quiet, read_file
@@ -65,12 +66,17 @@ def _decode(path: Path) -> NDArray[Any]:
 
 
 def _syntax(dataset: pydicom.Dataset) -> str:
-    uid = dataset.file_meta.get("TransferSyntaxUID")
+    uid = _transfer_syntax(dataset)
     return str(uid.name) if uid else "transfer syntax not stated"
 
 
 def _remedy(dataset: pydicom.Dataset) -> str:
-    uid = dataset.file_meta.get("TransferSyntaxUID")
-    if uid is not None and uid.is_transfer_syntax and uid.is_compressed:
+    uid = _transfer_syntax(dataset)
+    if uid and uid.is_transfer_syntax and uid.is_compressed:
         return "it is damaged or needs another decoder: export the series uncompressed"
     return "it is damaged: copy or export it again"
+
+
+def _transfer_syntax(dataset: pydicom.Dataset) -> UID:
+    """What the file says, which a damaged one may say as anything; blank where it does not."""
+    return UID("".join(c for c in str(dataset.file_meta.get("TransferSyntaxUID") or "") if c.isprintable())[:64])
