@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.grid import in_lps_order
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.segmentation.nifti_labels import read_labels
 from palpate.segmentation.organs.working_grid import mask_on
+from palpate.segmentation.user_labels import UserLabels
 from palpate.segmentation.volume import Volume
 
 
@@ -40,11 +43,23 @@ def drawn_labels(case: CaseFolder, state: str) -> Drawn | None:
         return None
     volume = in_lps_order(read_labels(case.file(name)))
     facts = case.read_json("user_labels.json") if case.has("user_labels.json") else {}
+    is_split = facts.get(state, {}).get("prostate_is_split", len(np.unique(volume.array[volume.array > 0])) > 1)
+    return _drawn(volume, bool(is_split))
+
+
+def drawn_of(labels: UserLabels, path: Path) -> Drawn:
+    """What a file of contours holds. path : for the message. Raises InputError when there is no prostate."""
+    drawn = _drawn(in_lps_order(labels.volume), labels.prostate_is_split)
+    if "prostate" not in drawn.organs:
+        raise InputError(f"{path} holds no prostate; draw it, or say which structure it is")
+    return drawn
+
+
+def _drawn(volume: Volume, is_split: bool) -> Drawn:
     values = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,)}
     organs = {organ: volume.with_array(np.isin(volume.array, labels)) for organ, labels in values.items()}
     organs = {organ: mask for organ, mask in organs.items() if mask.array.any()}
     bone = volume.with_array(volume.array == BONE)
-    is_split = bool(facts.get(state, {}).get("prostate_is_split", len(np.unique(volume.array[volume.array > 0])) > 1))
     halves = np.where(np.isin(volume.array, ORGAN_LABELS), volume.array, 0).astype(np.uint8)
     return Drawn(
         volume, organs, bone if bone.array.any() else None, halves if is_split and "prostate" in organs else None

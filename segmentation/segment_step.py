@@ -109,7 +109,7 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
         box = roi if state == "rest" else roi + DEFORMED_ROOM_MM * np.array([[-1.0], [1.0]])
         prompts = options.prompts if state == "rest" else options.prompts_deformed.moved(case.deformed_to_rest())
         plane = split_plane(part.prostate, normal, source, prompts.seeds.get("urethra"))
-        volumes[state] = _labels(part, plane, box)
+        volumes[state] = labels_of(part, plane, box)
         report["states"][state] = state_report(part, volumes[state], plane, box)
     report["notes"] = notes_on(report["states"])
     # The report first: labels without one are taken as a person's own, and a killed run's are not.
@@ -119,7 +119,8 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
     return case.read_json("segmentation.json")
 
 
-def _labels(part: SegmentedState, plane: Plane, box: NDArray[np.float64]) -> Volume:
+def labels_of(part: SegmentedState, plane: Plane, box: NDArray[np.float64]) -> Volume:
+    """The labels of a segmented scan within a box (2, 3) mm; left and right as drawn, or divided by the plane."""
     kept = part.drawn.prostate_labels if part.drawn is not None else None
     sides = halves(part.prostate, plane) if kept is None else kept
     masks = {name: part.mask(name) for name in (*part.segmentation.organs, "bone") if name != "prostate"}

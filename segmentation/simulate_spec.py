@@ -3,7 +3,7 @@
 Every key may be left out but ``stiffness_kpa`` and ``walls``; the example shows the defaults where there are any:
 
     {"name": "made-up",                       the case's name; the folder's by default
-     "source": "phantom",                     or {"case": FOLDER}
+     "source": "phantom",                     or {"case": FOLDER}, or {"ct": FOLDER, "labels": RTSTRUCT or label volume}
      "stiffness_kpa": {"prostate_left": 15, "prostate_right": 42},           true shear moduli G, every organ label present
      "tissue_kpa": 20, "tissue_poisson_ratio": 0.49, "mu1_share": 0.5,
      "walls": {"contact": "gliding",          or "tied": every point of a wall goes where the motion says
@@ -28,6 +28,7 @@ from typing import Any
 
 from palpate.core.errors import InputError
 from palpate.segmentation.labels import LABEL_VALUES, LABELS, ORGAN_LABELS
+from palpate.segmentation.simulate_ct import CtSource
 from palpate.segmentation.simulate_solve import Stiffness
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 from palpate.segmentation.spec_reader import Reader
@@ -54,7 +55,7 @@ class ScanSpec:
 class SimulationSpec:
     """See the module. source : "phantom", the path of a case, or a CT with contours. raw : as it was written."""
 
-    source: str | Path
+    source: str | Path | CtSource
     stiffness: Stiffness
     rectum: RectumSpec | None
     bladder: BladderSpec | None
@@ -161,14 +162,15 @@ def _scan(scan: Reader) -> ScanSpec:
     )
 
 
-def _source(top: Reader, base: Path) -> str | Path:
+def _source(top: Reader, base: Path) -> str | Path | CtSource:
     value = top.data.get("source", "phantom")
     if value == "phantom":
         return "phantom"
-    if not isinstance(value, Mapping) or "case" not in value:
-        raise top.refuse(
-            "source", '"phantom" or {"case": FOLDER}; make the case of a CT and its contours by `palpate import`'
-        )
+    if not isinstance(value, Mapping) or ("case" not in value and not {"ct", "labels"} <= set(value)):
+        raise top.refuse("source", '"phantom", {"case": FOLDER} or {"ct": FOLDER, "labels": FILE}')
     part = top.part("source")
-    part.only("case")
-    return base / str(part.text("case", ""))
+    if "case" in value:
+        part.only("case")
+        return base / str(part.text("case", ""))
+    part.only("ct labels")
+    return CtSource(base / str(part.text("ct", "")), base / str(part.text("labels", "")))

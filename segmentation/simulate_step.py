@@ -21,6 +21,7 @@ from palpate.segmentation.meshing import MeshOptions, mesh_labels
 from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.scanner import Scanner
 from palpate.segmentation.simulate_contours import drawn_labels
+from palpate.segmentation.simulate_ct import CtSource, ct_source
 from palpate.segmentation.simulate_solve import DeformedState, solve_deformed
 from palpate.segmentation.simulate_source import PhantomSource, Source, case_source, labels_on
 from palpate.segmentation.simulate_spec import ScanSpec, SimulationSpec, parse_spec
@@ -88,6 +89,8 @@ def run_simulate(
 def _source(spec: SimulationSpec) -> Source:
     if isinstance(spec.source, Path):
         return case_source(spec.source)
+    if isinstance(spec.source, CtSource):
+        return ct_source(spec.source)
     scan = spec.scan
     return PhantomSource(voxel_mm=scan.voxel_mm, scanner=Scanner(scan.blur_mm, scan.noise_hu))
 

@@ -37,7 +37,7 @@ def label_array(prostate: NDArray[np.uint8], masks: Mapping[str, Mask], body: Ma
     """Labels of CASE_FORMAT.md of one grid: organs first, then bladder, rectum, bone, and tissue in what is left of the body.
 
     prostate : labels 1 and 2. masks : "bladder", "rectum", "bone" where known. Tissue that does not hang together with
-    the prostate's surroundings is left outside: nothing that drives the organ reaches it.
+    the prostate's surroundings is left outside: nothing that drives the organ reaches it; between organs it joins the nearest.
     """
     result = np.where(body, SURROUNDING_TISSUE, OUTSIDE).astype(np.uint8)
     for name, value in (("bone", BONE), ("rectum", RECTUM), ("bladder", BLADDER)):
@@ -55,5 +55,10 @@ def _without_islands(labels: NDArray[np.uint8], prostate: Mask) -> NDArray[np.ui
     sizes = np.bincount(parts.ravel())
     beside[0] = sizes[0] = 0
     keep = int(beside.argmax() if beside.any() else sizes.argmax())
-    labels[(parts > 0) & (parts != keep)] = OUTSIDE
+    island = (parts > 0) & (parts != keep)
+    # A few voxels left between prostate and bladder or rectum belong to one of them: the model has no room for a hole there.
+    squeezed = island & np.isin(parts, np.unique(parts[ndimage.binary_dilation(prostate)]))
+    nearest = ndimage.distance_transform_edt(parts > 0, return_distances=False, return_indices=True)
+    labels[island] = OUTSIDE
+    labels[squeezed] = labels[tuple(nearest)][squeezed]
     return labels
