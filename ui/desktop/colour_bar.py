@@ -40,11 +40,8 @@ class ColourBar(QWidget):
         case, display = self._controller.case, self._controller.display
         if case is None:
             return False
-        return (
-            bool(case.regions)
-            if display.overlay == "stiffness"
-            else display.overlay == "misfit" and case.gap is not None
-        )
+        there = {"stiffness": bool(case.regions), "misfit": case.gap is not None, "labels": bool(case.volumes)}
+        return there.get(display.overlay, False)
 
     def paintEvent(self, event: QPaintEvent) -> None:
         if not self._shows():

@@ -164,6 +164,7 @@ class Controller:
             self.case.keep_corrected()
         folder, align = self.case.folder, self.case.deformed_to_rest
         self._running = names
+        self.say("")
         asked = [commands.step_command(name, folder.path, self.case.seeds, align) for name in names]
         self.jobs.start(commands.steps_job(asked, folder.file("desktop/job")), steps.BY_COMMAND[names[0]].title)
         self.notify("job")
@@ -256,24 +257,36 @@ class Controller:
         self.notify("job")
 
     def _job_ended(self, outcome: str, error: str) -> None:
-        if self.case is None and self._pair is not None and outcome == "done":
+        said = error if outcome == "failed" else ""
+        if outcome == "cancelled":
+            said = "cancelled; run the step again to go on from where it stopped"
+        try:
+            said = self._take_in(outcome) or said
+        except InputError as damaged:
+            said = said or str(damaged)
+        if said:
+            self.say(said)
+
+    def _take_in(self, outcome: str) -> str:
+        """What a job has written; in words, where there is something to say."""
+        if self.case is None and self._pair is not None:
+            if outcome != "done":
+                self._pair = None
+                return ""
             kept = self.display.crosshair
             self._take(OpenCase(self._pair[2]))
             self.display.crosshair = kept
             self._read({})
-            self.say("the case is made; both scans lie in one frame, aligned on bone")
-        elif self.case is not None:
+            return "the case is made; both scans lie in one frame, aligned on bone"
+        if self.case is not None:
             had_result = bool(self.case.regions)
+            if "segment" in self._running:
+                self._read({})
             self.case.read_results()
             if self.case.regions and not had_result:
                 self._show_stiffness()
-            if "segment" in self._running:
-                self._read({})
             self.notify("case")
-        if outcome == "failed":
-            self.say(error)
-        elif outcome == "cancelled":
-            self.say("cancelled; run the step again to go on from where it stopped")
+        return ""
 
     def _show_stiffness(self) -> None:
         # Opaque enough for the colours to be those of the bar.

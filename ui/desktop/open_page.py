@@ -84,6 +84,7 @@ class OpenPage(QWidget):
         self.swap.clicked.connect(self._swap)
         self.go = QPushButton("Open the two scans")
         self.go.setObjectName("main")
+        self.go.setMinimumHeight(32)
         self.go.clicked.connect(self.open_pair)
         grid.addWidget(self.swap, 3, 0)
         grid.addWidget(self.go, 3, 1, 1, 2)

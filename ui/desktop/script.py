@@ -9,6 +9,9 @@
 | `seed NAME X Y Z [STATE]` | points at an organ, in the scan at rest unless STATE says `deformed` |
 | `brush LABEL RADIUS X Y Z [X Y Z ...] [STATE]` | paints a ball, or along a line, as one stroke |
 | `eraser LABEL RADIUS X Y Z [X Y Z ...] [STATE]` | takes the label away |
+| `click PLANE X Y Z [STATE]` | a real click of the mouse into the view of a plane, at that place in the slice it shows |
+| `drag PLANE X Y Z X Y Z [STATE]` | presses there, moves, and lets go |
+| `press WORDS` | a real click on the button with these words |
 | `undo`, `redo`, `save` | as the buttons |
 | `run STEP [STEP ...]` | starts steps in the worker and does not wait for them |
 | `cancel` | stops what runs |
@@ -36,6 +39,7 @@ from typing import Any
 from palpate.core.errors import InputError
 from palpate.segmentation.case import STATES
 from palpate.segmentation.labels import LABEL_VALUES
+from palpate.ui.desktop import hands
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.grey import PRESETS
@@ -128,9 +132,11 @@ class Driver:
         before = getattr(Display(), name, ...)
         if before is ... or name == "crosshair":
             raise ValueError(f"nothing is called {name!r}")
-        new: Any = value if isinstance(before, str) else float(value)
+        new: Any = value
         if isinstance(before, bool):
             new = value in ("1", "on", "true", "yes")
+        elif not isinstance(before, str):
+            new = float(value)
         self.controller.show(**{name: int(new) if name == "label" else new})
 
     def do_preset(self, *words: str) -> None:
@@ -151,6 +157,20 @@ class Driver:
     def do_eraser(self, label: str, radius: str, *rest: str) -> None:
         """One stroke with the eraser."""
         self._stroke("eraser", label, radius, rest)
+
+    def do_click(self, plane: str, x: str, y: str, z: str, state: str = "rest") -> None:
+        """A click into a view."""
+        hands.click(self._view(plane, state), (float(x), float(y), float(z)))
+
+    def do_drag(self, plane: str, *words: str) -> None:
+        """From one place to another with the button held."""
+        numbers = [float(word) for word in words[:6]]
+        view = self._view(plane, words[6] if len(words) > 6 else "rest")
+        hands.drag(view, (numbers[0], numbers[1], numbers[2]), (numbers[3], numbers[4], numbers[5]))
+
+    def do_press(self, *words: str) -> None:
+        """A click on a button."""
+        hands.press(self.window, " ".join(words))
 
     def do_undo(self) -> None:
         """Takes the last stroke back."""
@@ -223,6 +243,16 @@ class Driver:
     def do_quit(self) -> None:
         """Ends the script."""
         self.over = True
+
+    def _view(self, plane: str, state: str) -> Any:
+        found = [
+            v
+            for v in self.window.views.visible_slices()
+            if v.plane.name == plane and state in (v.state, v.editing_state)
+        ]
+        if not found:
+            raise InputError(f"no {plane} view of the {state} scan is shown")
+        return found[0]
 
     def _stroke(self, tool: str, label: str, radius: str, rest: Sequence[str]) -> None:
         state = rest[-1] if rest and rest[-1] in STATES else "rest"

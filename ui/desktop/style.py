@@ -20,7 +20,7 @@ QPushButton, QToolButton {{ background: {RAISED}; border: 1px solid {LINE}; bord
 QPushButton:hover, QToolButton:hover {{ border-color: {ACCENT}; }}
 QPushButton:disabled, QToolButton:disabled {{ color: #646e7a; background: {PANEL}; }}
 QToolButton:checked, QPushButton:checked {{ background: {ACCENT}; border-color: {ACCENT}; color: white; }}
-QPushButton#main {{ background: {ACCENT}; border-color: {ACCENT}; color: white; font-weight: bold; padding: 7px 16px; }}
+QPushButton#main {{ background: {ACCENT}; border-color: {ACCENT}; color: white; font-weight: bold; }}
 QPushButton#main:disabled {{ background: {RAISED}; border-color: {LINE}; color: #646e7a; }}
 QPushButton#stop {{ background: {BAD}; border-color: {BAD}; color: white; font-weight: bold; }}
 QPushButton#stop:disabled {{ background: {PANEL}; border-color: {LINE}; color: #646e7a; }}
