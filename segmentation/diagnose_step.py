@@ -51,10 +51,11 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
     case.write_npz(f"{_FOLDER}/data.npz", **arrays(data_of(case)))
     found = run_job(_job(case, options), lambda m: _tell(m, part(progress, 0.2, 1.0)), options.cancel)
+    found["where"]["map"] = f"{_FOLDER}/{found['where']['map']}"
     if case.facts.other.get("simulated"):
         found["simulated"] = True
     case.write_json(DIAGNOSIS, found)
-    case.mark_done("diagnose", inputs, (DIAGNOSIS, f"{_FOLDER}/{found['where']['map']}"))
+    case.mark_done("diagnose", inputs, (DIAGNOSIS, found["where"]["map"]))
     return found
 
 

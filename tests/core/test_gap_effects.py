@@ -28,7 +28,7 @@ IDS = {
     "tissue_heterogeneity", "bone_motion", "gravity_change", "prestress", "unmodelled_load", "contour_bias",
 }  # fmt: skip
 THETA = np.log([30.0, 70.0])
-THIRTEENTH = '''
+THIRTEENTH = """
 from palpate.core.gap.effects import Effect, Parameter, Variant
 from palpate.core.gap.material_changes import scaled
 
@@ -38,7 +38,7 @@ EFFECT = Effect(
     lambda around: [Variant(lambda c, phi: c.with_law(scaled((2,), __import__("numpy").exp(phi[0]) * (c.problem.mesh.regions > 0))))],
     "nothing",
 )
-'''
+"""
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,9 @@ def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: Bench, p
     S = bench.directions(trial, at)[:, 0]
     h = np.zeros(trial.n)
     h[0] = 0.02 * effect.parameters[0].scale
-    high, low = (bench.solve(trial, THETA, sign * h, plain) for sign in (1.0, 0.0 if effect.parameters[0].low == 0 else -1.0))
+    high, low = (
+        bench.solve(trial, THETA, sign * h, plain) for sign in (1.0, 0.0 if effect.parameters[0].low == 0 else -1.0)
+    )
     assert high is not None and low is not None
     slope = (high.residual - low.residual) / (high.phi[0] - low.phi[0])
     assert np.linalg.norm(S) > 1e-6
@@ -122,7 +124,9 @@ def test_sliding_moves_the_organ_along_its_surroundings(bench: Bench, plain: Poi
     assert across.mean() < 0.15 * np.linalg.norm(jump, axis=1).mean()
 
 
-@pytest.mark.parametrize("law", [grown(MOONEY_RIVLIN, 1.2), grown(LINEAR, 0.9), with_fibres(MOONEY_RIVLIN, np.array([0.6, 0.0, 0.8]))])
+@pytest.mark.parametrize(
+    "law", [grown(MOONEY_RIVLIN, 1.2), grown(LINEAR, 0.9), with_fibres(MOONEY_RIVLIN, np.array([0.6, 0.0, 0.8]))]
+)
 def test_laws_made_of_laws_have_the_right_derivatives(law) -> None:  # type: ignore[no-untyped-def]
     p = np.random.default_rng(0).uniform(5.0, 500.0, len(law.parameters))
     errors = derivative_errors(law, p, random_deformation_gradients(200, seed=1))

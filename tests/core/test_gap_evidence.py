@@ -51,7 +51,9 @@ def test_the_score_statistic_is_chi_squared_without_an_effect() -> None:
 def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
     """200 cases: each of the three looks by itself; together (Bonferroni) they are never too small."""
     named = [(S[:, :1], SCALES[:1]), (S[:, 1:], SCALES[1:])]
-    found = [gap_test(np.random.default_rng([7, k]).standard_normal(N), J, FIELDS, named, seed=1000 + k) for k in range(200)]
+    found = [
+        gap_test(np.random.default_rng([7, k]).standard_normal(N), J, FIELDS, named, seed=1000 + k) for k in range(200)
+    ]
     for name in ("p_whole", "p_smooth", "p_named"):
         assert stats.kstest([getattr(t, name) for t in found], "uniform").pvalue > 0.05 / 3, name  # three looks
     assert np.mean([t.detected for t in found]) <= 0.08

@@ -18,6 +18,7 @@ from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.offscreen import OffscreenError, polydata
 from palpate.ui.report.document import Picture
+from palpate.ui.report.gap_section import gap_pictures
 from palpate.ui.report.record import CaseRecord
 
 _PLANES_CAPTION = (
@@ -46,6 +47,7 @@ def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], fol
     drawn = Drawn()
     progress(0.1, "slices")
     _slices(drawn, images, folder)
+    drawn.pictures.update(gap_pictures(case, images, folder))
     best = record.result.get("convergence")
     if best:
         drawn.add("convergence", folder, convergence(best), "Search for the stiffness: the best objective after each "

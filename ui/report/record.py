@@ -28,6 +28,7 @@ class CaseRecord:
 
     simulated : None, or in words what of this pair was computed rather than scanned. volumes_cc : of labels, by state.
     ln_covariance : (t, t) of ln G, regions in the order of their labels; None where unknown.
+    diagnosis : diagnosis.json.
     """
 
     facts: CaseFacts
@@ -40,6 +41,7 @@ class CaseRecord:
     simulated: str | None = None
     volumes_cc: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     ln_covariance: NDArray[np.float64] | None = None
+    diagnosis: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
@@ -91,6 +93,7 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
         simulated(case, result),
         {state: _volumes(volume) for state, volume in labels.items()},
         case.read_npz("identify/fields.npz").get("covariance") if case.has("identify/fields.npz") else None,
+        _optional(case, "diagnosis.json"),
     )
 
 

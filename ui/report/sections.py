@@ -7,6 +7,7 @@ from typing import Any
 
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Drawn
+from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness
@@ -28,6 +29,7 @@ def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Docum
         Section("Summary", _summary(record, pictures)),
         _stiffness(record, pictures),
         _fit(record, pictures),
+        *([gap_section(record.diagnosis, pictures)] if record.diagnosis else []),
         quality(record, drawn.missing),
         _provenance(record, date, version),
     )

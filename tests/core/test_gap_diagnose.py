@@ -1,0 +1,101 @@
+"""Diagnoses of a small case whose truth is known: nothing left out, and a contour drawn too wide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from palpate.core.gap.diagnose import CaseData, Diagnosis, diagnose
+from palpate.core.gap.effects import library
+from palpate.core.gap.job import arrays, load
+from palpate.core.gap.record import maps, record
+from palpate.core.problem import Surface, SurfacePair
+from tests.core.synthetic_case import problem
+
+KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}
+EFFECTS = {
+    k: v
+    for k, v in library().items()
+    if k in ("contour_bias", "volume_change", "tissue_stiffening", "compressible_organ")
+}
+
+
+@pytest.fixture(scope="module")
+def posed():  # type: ignore[no-untyped-def]
+    found = problem(depth=5.0)
+    return replace(found, facts=replace(found.facts, noise_sd_mm=0.08))
+
+
+def diagnosed(posed, widened_mm: float) -> Diagnosis:  # type: ignore[no-untyped-def]
+    seen = posed.organ.deformed
+    normals = np.zeros_like(seen.points)
+    corners = seen.points[seen.faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    for k in range(3):
+        np.add.at(normals, seen.faces[:, k], cross)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    wide = replace(seen, points=seen.points + widened_mm * normals)
+    return diagnose(CaseData(replace(posed, organ=replace(posed.organ, deformed=wide))), EFFECTS)
+
+
+@pytest.fixture(scope="module")
+def none(posed) -> Diagnosis:  # type: ignore[no-untyped-def]
+    return diagnosed(posed, 0.0)
+
+
+@pytest.fixture(scope="module")
+def wide(posed) -> Diagnosis:  # type: ignore[no-untyped-def]
+    return diagnosed(posed, 0.5)
+
+
+def test_a_perfect_prediction_has_no_gap(none: Diagnosis) -> None:
+    assert none.verdict.verdict == "none"
+    assert none.test.p_value > 0.05
+    assert none.verdict.candidates == ()
+    G = np.exp(none.fit.point.theta)
+    np.testing.assert_allclose(G, [30.0, 70.0], rtol=0.3)
+
+
+def test_a_contour_drawn_too_wide_is_found_with_its_width(wide: Diagnosis) -> None:
+    assert wide.test.detected
+    assert "contour_bias" in wide.verdict.candidates
+    assert len(wide.verdict.candidates) <= 3
+    best = next(r for r in wide.refits if r.trial.effect is not None and r.trial.effect.id == "contour_bias")
+    assert best.phi[0] == pytest.approx(0.5, abs=0.1)
+    assert wide.gains["contour_bias"].after_mm < 0.5 * wide.gains["contour_bias"].before_mm
+
+
+@pytest.mark.parametrize("which", ["none", "wide"])
+def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.FixtureRequest) -> None:
+    found: Diagnosis = request.getfixturevalue(which)
+    written = record(found, "a case")
+    assert set(written) >= KEYS
+    assert (written["shrinkage"] is None) == (which == "none")
+    assert (written["stiffness"]["with_effect"] is None) == (which == "none")
+    assert set(written["stiffness"]["without_effect"]) == {"prostate_left", "prostate_right"}
+    assert len(written["ranking"]) == len(EFFECTS)
+    for row in written["ranking"]:
+        assert 0.0 <= row["probability"] <= 1.0
+        assert all({"value", "sd", "unit"} <= set(p) for p in row["parameters"].values())
+    drawn = maps(found)
+    assert len(drawn["points"]) == len(drawn["standardised"]) == len(drawn["normals"])
+    assert np.isfinite(drawn["force_kpa_per_mm"]).all()
+
+
+def test_case_data_survive_their_file(posed, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    bones = SurfacePair(*(Surface(np.eye(3) + k, np.array([[0, 1, 2]]), np.array([4])) for k in (0.0, 1.5)))
+    np.savez(tmp_path / "data.npz", **arrays(CaseData(posed, bones, ((0.0, 9.81, 0.0), None))))
+    back = load(tmp_path / "data.npz")
+    assert back.gravity == ((0.0, 9.81, 0.0), None)
+    assert back.bones is not None
+    np.testing.assert_array_equal(back.bones.deformed.points, bones.deformed.points)
+    np.testing.assert_array_equal(back.problem.mesh.cells, posed.mesh.cells)
+
+
+def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:
+    assert len(wide.refits) <= len(wide.screened)
+    evidence = [r.log_evidence for r in wide.refits]
+    assert evidence == sorted(evidence, reverse=True)

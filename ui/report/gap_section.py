@@ -1,0 +1,115 @@
+"""The report's page on the sim-to-real gap, from diagnosis.json and its maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.pictures.gap_pictures import force_planes, residual_views
+from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.slices import save
+from palpate.ui.report.document import Block, Bullets, Notice, Paragraph, Picture, Section, Table
+
+DIAGNOSIS = "diagnosis.json"
+_SHOWN = 6
+_VERDICTS = {"none": "no gap found", "ambiguous": "a gap, its cause not settled", "unknown": "a gap of unknown cause"}
+
+
+def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str, Picture]:
+    """The maps of a diagnosed case as PNG files in ``folder``; none for a case that has no diagnosis."""
+    if not case.has(DIAGNOSIS):
+        return {}
+    found = case.read_json(DIAGNOSIS)
+    if not case.has(found["where"]["map"]):
+        return {}
+    maps = case.read_npz(found["where"]["map"])
+    out = {
+        "gap_residual": Picture(
+            save(residual_views(maps), folder / "gap_residual.png"),
+            "Where the plain model's organ lies outside (red) or inside (blue) of what the deformed scan shows, drawn on the "
+            "organ at rest, in standard deviations of contours, walls and mesh together. R, L, A, P, S, I as on the slices. "
+            "Blank where the two halves meet: no distance is read there.",
+            "The organ from four sides, coloured by the residual in standard deviations.",
+        )
+    }
+    if found["verdict"] != "none":
+        out["gap_force"] = Picture(
+            save(force_planes(images, maps), folder / "gap_force.png"),
+            "The smallest smooth field of forces that would close the gap, within 7 mm of each slice. It shows where the "
+            f"model is wrong, not why; a force at one point would appear spread over about {found['where']['blur_mm']:.0f} mm.",
+            "Slices in three planes with arrows where forces are missing.",
+        )
+    return out
+
+
+def gap_section(found: Mapping[str, Any], pictures: Mapping[str, Picture]) -> Section:
+    """What the model leaves out, in words, figures and maps. found : diagnosis.json."""
+    gap, verdict = found["gap"], found["verdict"]
+    floor, p = gap["noise_floor_mm"], gap["p_value"]
+    blocks: list[Block] = [Paragraph(str(found["in_words"]), "lead")]
+    rows = [
+        ("verdict", _VERDICTS.get(verdict, verdict.replace("_", " "))),
+        ("gap on the organ's surface, smoothed over the noise", f"{gap['rms_mm']:.2f} mm rms, 95 % below {gap['p95_mm']:.2f} mm"),
+        ("noise alone would leave", f"{floor:.2f} mm rms"),
+        ("chance of such a gap without any effect", "below 0.001" if p < 0.001 else f"{p:.3f}"),
+    ]  # fmt: skip
+    blocks += [
+        Table(("", ""), rows, numbers=False),
+        *(pictures[n] for n in ("gap_residual", "gap_force") if n in pictures),
+    ]
+    if verdict != "none":
+        blocks += [_ranking(found), *_told(found, _shrinkage), *_told(found, _stiffness)]
+    if found["next_measurement"]:
+        blocks.append(Notice(f"To settle it, measure next: {found['next_measurement']}."))
+    if found.get("flags"):
+        blocks.append(Bullets([str(flag) for flag in found["flags"]]))
+    return Section("What the model leaves out", blocks)
+
+
+def _ranking(found: Mapping[str, Any]) -> Table:
+    header = ("effect", "probability", "gain on left-out data, mm", "parameters")
+    rows = []
+    for row in found["ranking"][:_SHOWN]:
+        parameters = ", ".join(
+            f"{name.replace('_', ' ')} {p['value']:.3g} \N{PLUS-MINUS SIGN} {p['sd']:.2g} {p['unit'] if p['unit'] != '1' else ''}".strip()
+            for name, p in row["parameters"].items()
+        )
+        gain = f"{row['cv_gain_mm']:.2f}"
+        rows.append((row["effect"].replace("_", " "), f"{row['probability']:.2f}", gain, parameters))
+    return Table(header, rows, "Effects by their probability, given that there is a gap", numbers=False)
+
+
+def _told(found: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Table | None]) -> list[Block]:
+    table = make(found)
+    return [] if table is None else [table]
+
+
+def _shrinkage(found: Mapping[str, Any]) -> Table | None:
+    s = found["shrinkage"]
+    if s is None:
+        return None
+    low, high = (100.0 * v for v in s["ci95"])
+    before, after = s["held_out_rms_before_mm"], s["held_out_rms_after_mm"]
+    rows = [
+        ("rms on patches left out, without and with the effect", f"{before:.2f} and {after:.2f} mm"),
+        ("share of the gap above the noise that is gone", f"{100 * s['noise_corrected_fraction']:.0f} % ({low:.0f} to {high:.0f} %)"),
+        ("the same for a free smooth field of forces", f"{100 * s['ceiling_fraction']:.0f} %"),
+    ]  # fmt: skip
+    name = str(s.get("effect", "")).replace("_", " ")
+    return Table(("", ""), rows, f"How far the gap shrinks with {name}", numbers=False)
+
+
+def _stiffness(found: Mapping[str, Any]) -> Table | None:
+    plain, fuller = found["stiffness"]["without_effect"], found["stiffness"]["with_effect"]
+    if fuller is None:
+        return None
+    rows = [
+        (
+            name.replace("_", " "),
+            *(f"{x['G_kpa']:.3g} \N{PLUS-MINUS SIGN} {x['sd_kpa']:.2g}" for x in (p, fuller[name])),
+        )
+        for name, p in plain.items()
+    ]
+    return Table(("region", "G without the effect, kPa", "G with it, kPa"), rows)
