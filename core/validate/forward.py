@@ -142,8 +142,11 @@ def reference_rms(errors_of_coarser: list[float]) -> float:
 
 
 def seconds_to(error: float, rows: list[Row]) -> float | None:
-    """Processor seconds at which the rms error passes `error`, by a line through the last two sizes in logarithms; None without two."""
-    if len(rows) < 2:
+    """Processor seconds at which the rms error passes `error`, by a line through the last two sizes in logarithms.
+
+    None without two sizes, and where the line would have to be followed to less than a fifth of the smallest error.
+    """
+    if len(rows) < 2 or error < 0.2 * min(float(r["rms"]) for r in rows[-2:]):
         return None
     rms, seconds = (np.log([float(r[key]) for r in rows[-2:]]) for key in ("rms", "cpu_seconds"))
     slope = (seconds[1] - seconds[0]) / (rms[1] - rms[0])

@@ -52,7 +52,7 @@ def test_the_picture_shows_every_element() -> None:
     row = {"ratio": 50.0, "drive": "traction", "cells": 80, "rms": 0.02, "cpu_seconds": 0.1}
     rows = [{**row, "element": e, "ratio": r} for e in ("p1", "p2p1") for r in (50.0, 1000.0)]
     figure = element_errors({"rows": rows, "sizes": rows})
-    assert [t.get_text() for t in figure.axes[0].get_legend().get_texts()] == ["p1", "p2p1"]  # type: ignore[union-attr]
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == ["p1", "p2p1"]
     assert len(figure.axes) == 2
 
 
@@ -60,6 +60,7 @@ def test_time_to_an_error_is_read_off_in_logarithms() -> None:
     rows = [{"rms": 0.08, "cpu_seconds": 1.0}, {"rms": 0.02, "cpu_seconds": 10.0}]
     assert seconds_to(0.01, rows) == pytest.approx(10.0**1.5)
     assert seconds_to(0.01, rows[:1]) is None
+    assert seconds_to(0.003, rows) is None  # too far from what was measured
 
 
 def test_the_load_on_the_sphere_has_no_net_force_and_does_not_depend_on_refinement() -> None:

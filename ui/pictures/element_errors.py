@@ -24,7 +24,9 @@ def element_errors(study: Mapping[str, Any]) -> Figure:
         axes.set_title(f"{rows[0]['cells']:,} cells, by {drive}", fontsize=8)
     if sizes:
         _by_seconds(panels[-1], sizes)
-    panels[0].legend(fontsize=7, frameon=False)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=7, frameon=False
+    )
     return figure
 
 
