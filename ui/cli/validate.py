@@ -1,6 +1,7 @@
 """Studies that put figures on what is claimed.
 
 forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
+gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
 """
 
@@ -46,6 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="robustness: keep every scene's outcome in this file; the same command then goes on from it")  # fmt: skip
     parser.add_argument("--cells", type=whole_number(80, 20_000), default=4000, metavar="N",
                         help="forward: about how many tetrahedra (default %(default)s)")  # fmt: skip
+    parser.add_argument("--cases", type=whole_number(1, 10_000), default=60, metavar="N",
+                        help="gap: how many cases (default %(default)s; each takes minutes)")  # fmt: skip
+    parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
+                        help="gap: for cases, answers and ledger; the same command goes on from it (default %(default)s)")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -105,7 +110,15 @@ def _forward_picture(found: dict[str, Any]) -> Figure:
     return element_errors(found)
 
 
+def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.segmentation.gap_study import StudyOptions
+    from palpate.segmentation.gap_study import run as gap_study
+
+    return gap_study(args.folder, StudyOptions(cases=args.cases, seed=random_seed(args)), progress)
+
+
 STUDIES: dict[str, Study] = {
+    "gap": Study(_gap),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "robustness": Study(_robustness),
 }

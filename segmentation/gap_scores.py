@@ -1,0 +1,96 @@
+"""Figures of the blind check from pairs of truth and diagnosis."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Truth: TypeAlias = Mapping[str, Any]
+Found: TypeAlias = Mapping[str, Any] | None
+_MOST = 3
+
+
+def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+    """Accuracy, refusals, false alarms, Brier score, stiffness, two baselines, the confusion and one row a case.
+
+    A case whose diagnosis failed counts as wrong everywhere.
+    """
+    single = [p for p in pairs if _kind(p[0]) == "single"]
+    none = [p for p in pairs if _kind(p[0]) == "none"]
+    outside = [p for p in pairs if _kind(p[0]) == "outside"]
+    double = [p for p in pairs if _kind(p[0]) == "double"]
+    commonest = Counter(t["effects"][0] for t, _ in single).most_common(1)
+    return {
+        "cases": len(pairs),
+        "failed": sum(found is None for _, found in pairs),
+        "top1": _rate(single, lambda t, d: d["verdict"] == t["effects"][0]),
+        "in_candidates": _rate(single, lambda t, d: t["effects"][0] in d["candidates"][:_MOST]),
+        "missed": _rate(single, lambda t, d: d["verdict"] == "none"),
+        "false_alarms": None if not none else 1.0 - (_rate(none, lambda t, d: d["verdict"] == "none") or 0.0),
+        "refused_outside": _rate(outside, lambda t, d: d["verdict"] in ("unknown", "ambiguous")),
+        "one_of_two": _rate(double, lambda t, d: bool(set(t["effects"]) & set(d["candidates"]))),
+        "brier": _brier(single),
+        "baseline_commonest": commonest[0][1] / len(single) if single else None,
+        "baseline_best_evidence": _rate(single, lambda t, d: d["ranking"][0]["effect"] == t["effects"][0]),
+        "stiffness_95_without": _coverage(single, "without_effect"),
+        "stiffness_95_with": _coverage(single, "with_effect"),
+        "confusion": _confusion(pairs),
+        "rows": [_row(t, d) for t, d in pairs],
+    }
+
+
+def _kind(truth: Truth) -> str:
+    if truth["effects"] == ["none"]:
+        return "none"
+    if not truth["in_library"]:
+        return "outside"
+    return "single" if len(truth["effects"]) == 1 else "double"
+
+
+def _rate(pairs: Sequence[tuple[Truth, Found]], right: Callable[[Truth, Mapping[str, Any]], bool]) -> float | None:
+    if not pairs:
+        return None
+    return float(np.mean([d is not None and bool(right(t, d)) for t, d in pairs]))
+
+
+def _brier(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
+    """Mean squared error of the probabilities of all effects; 0 best, 2 worst."""
+    values = []
+    for truth, found in pairs:
+        if found is None:
+            continue
+        p = {row["effect"]: row["probability"] for row in found["ranking"]}
+        names = set(p) | set(truth["effects"])
+        values.append(sum((p.get(n, 0.0) - (n in truth["effects"])) ** 2 for n in names))
+    return float(np.mean(values)) if values else None
+
+
+def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
+    """Share of true stiffnesses within 1.96 standard deviations of ln G."""
+    inside = []
+    for truth, found in pairs:
+        stiffness: Mapping[str, Any] | None = None if found is None else found["stiffness"][which]
+        for name, s in (stiffness or {}).items():
+            G = truth["true_G_kpa"][name]
+            inside.append(abs(np.log(s["G_kpa"] / G)) < 1.96 * s["sd_ln_G"])
+    return float(np.mean(inside)) if inside else None
+
+
+def _confusion(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, dict[str, int]]:
+    """True effects (joined by +) -> verdict -> how often."""
+    out: dict[str, dict[str, int]] = {}
+    for truth, found in pairs:
+        row = out.setdefault("+".join(truth["effects"]), {})
+        verdict = "failed" if found is None else str(found["verdict"])
+        row[verdict] = row.get(verdict, 0) + 1
+    return out
+
+
+def _row(truth: Truth, found: Found) -> dict[str, Any]:
+    row = {"case": truth["name"], "truth": truth["effects"], "sizes": truth["sizes"], "verdict": None, "candidates": []}
+    if found is not None:
+        row |= {"verdict": found["verdict"], "candidates": found["candidates"], "p_value": found["gap"]["p_value"]}
+    return row

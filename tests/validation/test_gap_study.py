@@ -1,0 +1,105 @@
+"""The blind check's own rules: what is sealed stays sealed, and the scores say what happened."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from palpate.core.errors import InputError
+from palpate.segmentation import gap_study
+from palpate.segmentation.case import CaseFolder, file_sha256
+from palpate.segmentation.gap_cases import CHANGES, IN_LIBRARY, Recipe
+from palpate.segmentation.gap_scores import scores
+from palpate.segmentation.gap_study import StudyOptions, recipes_of
+from tests.ui.phantoms import write_case
+
+STIFFNESS = {"prostate_left": {"G_kpa": 21.0, "sd_ln_G": 0.2}, "prostate_right": {"G_kpa": 90.0, "sd_ln_G": 0.1}}
+
+
+def truth(*effects: str, library: bool = True) -> dict[str, Any]:
+    true_G = {"prostate_left": 20.0, "prostate_right": 50.0}
+    return {"name": "x", "effects": list(effects) or ["none"], "sizes": {}, "in_library": library, "true_G_kpa": true_G}
+
+
+def found(verdict: str, *candidates: str) -> dict[str, Any]:
+    ranking = [{"effect": "inclusion", "probability": 0.7}, {"effect": "prestress", "probability": 0.3}]
+    return {"verdict": verdict, "candidates": list(candidates), "ranking": ranking, "gap": {"p_value": 0.01},
+            "stiffness": {"without_effect": STIFFNESS, "with_effect": None}}  # fmt: skip
+
+
+def test_scores_count_what_they_say() -> None:
+    pairs = [
+        (truth("inclusion"), found("inclusion", "inclusion")),
+        (truth("prestress"), found("ambiguous", "inclusion", "prestress")),
+        (truth("prestress"), None),
+        (truth(), found("none")),
+        (truth(), found("inclusion", "inclusion")),
+        (truth("uneven_growth", library=False), found("unknown")),
+        (truth("inclusion", "prestress"), found("ambiguous", "prestress")),
+    ]
+    s = scores(pairs)
+    assert s["top1"] == pytest.approx(1 / 3)
+    assert s["in_candidates"] == pytest.approx(2 / 3)
+    assert (s["failed"], s["false_alarms"], s["refused_outside"], s["one_of_two"]) == (1, 0.5, 1.0, 1.0)
+    assert s["brier"] == pytest.approx((2 * 0.3**2 + 2 * 0.7**2) / 2)
+    assert s["baseline_commonest"] == pytest.approx(2 / 3)
+    assert s["stiffness_95_without"] == 0.5
+    assert s["stiffness_95_with"] is None
+    assert s["confusion"]["prestress"] == {"ambiguous": 1, "failed": 1}
+
+
+def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> None:
+    recipes = recipes_of(StudyOptions(60, 3))
+    assert recipes == recipes_of(StudyOptions(60, 3))
+    assert sum(not r.effects for r in recipes) == 12
+    assert sum(any(e not in IN_LIBRARY for e in r.effects) for r in recipes) == 12
+    assert sum(len(r.effects) == 2 for r in recipes) == 6
+    assert {e for r in recipes for e in r.effects} <= {*CHANGES, "contour_bias"}
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study whose cases and diagnoses take no time: the child sees a folder and writes what a diagnosis would."""
+
+    def made(recipe: Recipe, case: Path, answers: Path, meshes: Path | None = None) -> None:
+        write_case(case)
+        answers.mkdir(parents=True, exist_ok=True)
+        (answers / f"{recipe.name}.json").write_text(json.dumps(truth(*recipe.effects) | {"name": recipe.name}))
+
+    def diagnosed(case: Path, timeout_s: float) -> None:
+        ledger = json.loads((tmp_path / "ledger.json").read_text())
+        assert case.name in ledger["answers"], "diagnosed before the answers were sealed"
+        CaseFolder(case).write_json("diagnosis.json", found("none"))
+
+    monkeypatch.setattr(gap_study, "make_case", made)
+    monkeypatch.setattr(gap_study, "_diagnosed", diagnosed)
+    return tmp_path
+
+
+def test_answers_are_sealed_before_and_unchanged_after(study: Path) -> None:
+    result = gap_study.run(study, StudyOptions(3, 1))
+    ledger = json.loads((study / "ledger.json").read_text())
+    for k in range(3):
+        name = f"gap_{k:03d}"
+        assert ledger["answers"][name] == file_sha256(study / "answers" / f"{name}.json")
+        assert ledger["diagnoses"][name] == file_sha256(study / "cases" / name / "diagnosis.json")
+    assert result["cases"] == 3
+    assert np.isfinite(result["false_alarms"])
+
+
+def test_an_answer_that_was_touched_ends_the_study(study: Path) -> None:
+    gap_study.run(study, StudyOptions(2, 1))
+    (study / "answers" / "gap_001.json").write_text(json.dumps(truth("prestress")))
+    with pytest.raises(InputError, match="seals other answers"):
+        gap_study.run(study, StudyOptions(2, 1))
+
+
+def test_a_case_folder_never_holds_its_answer(study: Path) -> None:
+    gap_study.run(study, StudyOptions(2, 1))
+    for path in (study / "cases").rglob("*"):
+        if path.is_file() and path.suffix == ".json" and path.name != "diagnosis.json":
+            assert "effects" not in path.read_text()
