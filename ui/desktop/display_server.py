@@ -33,6 +33,8 @@ def check(headless: bool) -> None:
     if done.returncode != 0:
         lines = [line for line in done.stderr.decode(errors="replace").splitlines() if line.strip()]
         why = lines[0].strip() if lines else f"status {done.returncode}"
+        if "connect to display" in why:
+            raise InputError(f"no window can be opened ({why}); start it from a desktop, or correct DISPLAY")
         raise InputError(f"no window can be opened ({why}); on Debian try: apt-get install {LIBRARIES}")
 
 

@@ -26,6 +26,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
+from palpate.core.worker.lifeline import die_with_parent
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.segmentation.volume import Volume
 from palpate.ui.desktop.grey import WindowLevel, to_grey
@@ -203,6 +204,7 @@ def _quad(sheet: Sheet, plane: Plane, position: float) -> pv.PolyData:
 
 def main() -> int:
     """Answers till standard input ends."""
+    die_with_parent()
     out = os.dup(1)
     os.dup2(2, 1)  # what libraries print must not come between pictures
     scene = SolidScene()

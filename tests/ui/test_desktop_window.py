@@ -1,0 +1,164 @@
+"""The window itself without a screen, driven by a script: pictures that are not blank, sides that are right, stalls that are short."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from phantoms import CENTRE, MARKER, write_case
+from PIL import Image
+
+from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
+from palpate.ui.cli import main as cli
+
+REFERENCES = """
+import sys
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QImage, QPainter
+image = QImage(20, 20, QImage.Format.Format_RGB32)
+painter = QPainter(image)
+before = sys.getrefcount(None)
+for _ in range(1000):
+    painter.drawPoint(QPointF(1.0, 1.0))
+lost = before - sys.getrefcount(None)
+painter.end()
+sys.exit(lost > 100)
+"""
+
+
+def play(folder: Path, script: str, monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """Events of a script, run in a process of its own: Qt allows one application in a process."""
+    monkeypatch.setenv("PALPATE_SETTINGS", str(folder / "settings"))
+    path = folder / "script.txt"
+    path.write_text(script)
+    command = [sys.executable, "-m", "palpate.ui.cli", "open", "--headless", "--script", str(path), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
+    assert done.returncode == 0, done.stdout[-800:] + done.stderr[-2000:]
+    events: list[dict[str, Any]] = json.loads(done.stdout)["events"]
+    return events
+
+
+def picture(path: str) -> NDArray[np.uint8]:
+    return np.asarray(Image.open(path).convert("RGB"))
+
+
+def part(whole: NDArray[np.uint8], top: bool, left: bool) -> NDArray[np.uint8]:
+    """One of the four views, of a window of 1300 x 900 with its step bar above and panels at the right."""
+    rows = slice(60, 460) if top else slice(480, 860)
+    return whole[rows, slice(10, 420) if left else slice(440, 840)]
+
+
+def test_qt_does_not_eat_the_references_to_none() -> None:
+    """PySide6 6.12.0 does on Python 3.11, and the program dies after a minute."""
+    done = subprocess.run(
+        [sys.executable, "-c", REFERENCES], env=os.environ | {"QT_QPA_PLATFORM": "offscreen"}, check=False
+    )
+    assert done.returncode == 0
+
+
+def test_the_window_shows_the_case_with_the_patients_left_on_the_right(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = write_case(tmp_path / "case", ct=True)
+    x, y, z = (float(c) for c in MARKER)
+    ox, oy, oz = (float(c) for c in CENTRE)
+    script = f"""
+    open {case.path}
+    resize 1300 900
+    show outlines off
+    show overlay none
+    crosshair {x} {y} {z}
+    crosshair {x + 30} {y + 30} {z}
+    stalls
+    screenshot marker.png
+    show overlay stiffness
+    show outlines on
+    crosshair {ox + 6} {oy} {oz}
+    screenshot stiffness.png
+    show surest_factor 1.1
+    screenshot masked.png
+    show overlay labels
+    seed prostate {ox + 6} {oy} {oz}
+    brush bladder 5 {ox + 6} {oy} {oz}
+    expect unsaved true
+    screenshot painted.png
+    undo
+    expect unsaved false
+    show mode "side by side"
+    screenshot both.png
+    show mode blend
+    screenshot blend.png
+    stalls
+    expect seeds 1
+    """
+    events = play(tmp_path, script, monkeypatch)
+    shots = {Path(e["file"]).stem: picture(e["file"]) for e in events if "file" in e}
+    assert all(shot.std() > 20 for shot in shots.values())
+
+    marker = part(shots["marker"], top=True, left=True)
+    bright = np.argwhere(marker.min(axis=2) > 250)
+    # The bright ball lies to the patient's left and in front: right of the middle and above it.
+    ball = np.median(bright[(bright[:, 0] > 40) & (bright[:, 0] < 360)], axis=0)
+    assert ball[1] > marker.shape[1] / 2 and ball[0] < marker.shape[0] / 2
+
+    solid = part(shots["stiffness"], top=True, left=False)
+    assert solid.std() > 15, "the 3D view is blank"
+    axial = part(shots["stiffness"], top=True, left=True).astype(int)
+    green = np.argwhere((axial[..., 1] > 150) & (axial[..., 1] - axial[..., 2] > 60))
+    blue = np.argwhere((axial[..., 2] > 110) & (axial[..., 2] - axial[..., 0] > 40) & (axial[..., 1] < 120))
+    # 120 kPa in the left half against 40 in the right: on the colour bar green above blue, on the screen right of it.
+    assert len(green) > 3000 and len(blue) > 3000 and green[:, 1].mean() > blue[:, 1].mean() + 40
+    assert np.abs(shots["masked"].astype(int) - shots["stiffness"]).sum() > 1e5
+    changed = np.abs(shots["painted"].astype(int) - shots["stiffness"]).sum(axis=2) > 60
+    assert part(changed, top=True, left=True).any()
+
+
+def test_two_scans_are_shown_in_one_frame_and_a_script_that_fails_names_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    case = write_case(tmp_path / "case", ct=True)
+    moved = np.eye(4)
+    moved[:3, 3] = (4.0, -6.0, 3.0)
+    scan = case.ct("rest")
+    who = SeriesIdentity("4711-XYZ", "Doe^Jane", "s", "d", "g", 2, "study", "CT pelvis", "drawn by a test")
+    write_ct_series(case.file("deformed_ct"), scan.moved(np.linalg.inv(moved)), who, compress=False)
+    case.write_json("alignment.json", {"deformed_to_rest": moved, "residual_mm": 0.1})
+    script = f"""
+    open {case.path}
+    resize 1300 900
+    show overlay none
+    show outlines off
+    crosshair 20 50 {MARKER[2]}
+    screenshot rest.png
+    show mode deformed
+    screenshot deformed.png
+    """
+    events = play(tmp_path, script, monkeypatch)
+    rest, deformed = (part(picture(e["file"]), True, True)[40:].astype(int) for e in events if "file" in e)
+    assert np.abs(rest - deformed).mean() < 4.0, "the deformed scan is not shown in the rest frame"
+
+    bad = tmp_path / "bad.txt"
+    bad.write_text(f"open {case.path}\nexpect unsaved true\n")
+    monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
+    done = subprocess.run([sys.executable, "-m", "palpate.ui.cli", "open", "--headless", "--script", str(bad)],
+                          capture_output=True, text=True, timeout=120, check=False)  # fmt: skip
+    assert done.returncode == 3 and f"palpate: {bad}, line 2: unsaved is false, not true" in done.stderr
+
+
+def test_usage(tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert cli.main(["open", "--headless"]) == 2
+    assert "--headless needs --script FILE" in capfd.readouterr().err
+    assert cli.main(["open", "--headless", "--script", str(tmp_path / "none.txt")]) == 3
+    assert "not a readable script" in capfd.readouterr().err
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    if sys.platform.startswith("linux"):
+        assert cli.main(["open"]) == 3
+        assert "there is no display" in capfd.readouterr().err

@@ -1,0 +1,169 @@
+"""The real window on a real X display: a person's afternoon with it, kill included. Screenshots stay in pytest's folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from desktop_pair import write_pair
+from PIL import Image
+
+from palpate.segmentation import phantom
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.cli.signals import descendants
+
+X, Y, Z = (float(c) for c in phantom.prostate_centroid())
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("Xvfb") is None, reason="Xvfb is not on this machine: apt-get install xvfb"
+)
+
+
+@pytest.fixture
+def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    read, write = os.pipe()
+    with (tmp_path / "xvfb.log").open("wb") as log:
+        command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1500x960x24", "-nolisten", "tcp"]
+        server = subprocess.Popen(command, pass_fds=[write], stderr=log)
+    os.close(write)
+    with os.fdopen(read) as told:
+        number = told.readline().strip()
+    monkeypatch.setenv("DISPLAY", f":{number}")
+    monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
+    for name in ("QT_QPA_PLATFORM", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    yield
+    server.terminate()
+    server.wait()
+
+
+def window(folder: Path, script: str, name: str) -> subprocess.Popen[str]:
+    path = folder / name
+    path.write_text(script)
+    return subprocess.Popen([sys.executable, "-m", "palpate.ui.cli", "open", "--script", str(path), "--json"],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+
+
+def events_of(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
+    out, err = process.communicate(timeout=240)
+    if "no window can be opened" in out:
+        pytest.skip("Qt's X11 libraries are not on this machine: " + json.loads(out)["error"])
+    assert process.returncode == 0, out[-800:] + err[-2000:]
+    events: list[dict[str, Any]] = json.loads(out)["events"]
+    return events
+
+
+def _runs(process: int) -> bool:
+    """Whether a process is there and not only its remains, which wait for their parent."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
+    rest, deformed = write_pair(tmp_path)
+    case = tmp_path / "case"
+    first = f"""
+    open {rest} {deformed} {case}
+    resize 1400 900
+    pause 0.2
+    show tool seed
+    crosshair {X} {Y} {Z}
+    click axial {X} {Y} {Z}
+    click coronal {X + 1} {Y} {Z}
+    expect seeds 1
+    screenshot shots/1_seed.png
+    press Segment
+    until 0.02 60
+    pause 0.3
+    stalls
+    press Cancel
+    wait 5
+    expect job cancelled
+    screenshot shots/2_cancelled.png
+    press Segment
+    wait 200
+    expect job done
+    stalls
+    screenshot shots/3_segmented.png
+    show tool brush
+    show radius_mm 5
+    drag axial {X + 18} {Y} {Z} {X + 24} {Y + 6} {Z}
+    expect unsaved true
+    screenshot shots/4_brush.png
+    undo
+    expect unsaved false
+    drag axial {X} {Y + 20} {Z} {X + 8} {Y + 20} {Z}
+    save
+    expect unsaved false
+    drag axial {X - 18} {Y} {Z} {X - 24} {Y} {Z}
+    expect unsaved true
+    """
+    events = events_of(window(tmp_path, first, "first.txt"))
+    cancelled = next(e for e in events if e["command"] == "press" and e["job"] == "running" and e["line"] > 14)
+    assert cancelled
+    seconds = next(e["cancel_seconds"] for e in events if e["job"] == "cancelled")
+    assert seconds <= 1.0
+
+    # The window of the first script was closed with unsaved corrections; this one is killed with a step at work.
+    labels = CaseFolder(case).labels("rest")
+    second = f"""
+    open {case}
+    expect unsaved true
+    undo
+    expect unsaved false
+    redo
+    show tool brush
+    show label 5
+    drag axial {X} {Y - 25} {Z} {X + 5} {Y - 25} {Z}
+    screenshot shots/5_before_kill.png
+    pause 300
+    """
+    killed = window(tmp_path, second, "second.txt")
+    shot = tmp_path / "shots" / "5_before_kill.png"
+    end = time.monotonic() + 120
+    while not shot.exists() and killed.poll() is None:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    time.sleep(0.3)
+    children = descendants(killed.pid)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    killed.communicate()
+    time.sleep(1.0)
+    assert children and not [child for child in children if _runs(child)], "a process outlived the window"
+    assert np.array_equal(CaseFolder(case).labels("rest").array, labels.array)
+
+    third = f"""
+    open {case}
+    expect unsaved true
+    crosshair {X} {Y} {Z}
+    screenshot shots/6_reopened.png
+    save
+    expect unsaved false
+    press Both
+    press Blend
+    screenshot shots/7_blend.png
+    undo
+    undo
+    undo
+    expect unsaved true
+    """
+    last = events_of(window(tmp_path, third, "third.txt"))
+    saved = CaseFolder(case).labels("rest")
+    new = (saved.array != labels.array).sum()
+    assert new > 50 and last[-1]["unsaved"]
+    for path in sorted((tmp_path / "shots").iterdir()):
+        assert np.asarray(Image.open(path).convert("L")).std() > 20, f"{path} is blank"
+    print("longest stalls, ms:", [e["longest_stall_ms"] for e in events if "longest_stall_ms" in e], "cancel:", seconds)
