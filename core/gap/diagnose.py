@@ -21,7 +21,7 @@ from palpate.core.gap.placebo import placebo_gains
 from palpate.core.gap.plain import PlainFit, fit_plain
 from palpate.core.gap.pressure_fields import pressure_fields
 from palpate.core.gap.screen import Screened, screen
-from palpate.core.gap.verdict import Judged, Verdict, decide
+from palpate.core.gap.verdict import Judged, Verdict, decide, probabilities
 from palpate.core.gap.where import Where, look
 from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.worker.progress import Progress, part, silent
@@ -134,6 +134,8 @@ def _judged(
         p_left = gap_test(remainder, J, fit.weighting.whiten(forces.response), seed=seed).p_value
         judged.append(Judged(f.trial.effect.id, f.log_evidence, g, p, share, p_left))
     verdict = decide(test.detected, judged, unknown)
+    if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
+        verdict = replace(verdict, probability=probabilities({s.effect.id: s.log_evidence for s in screened}, unknown))
     return Diagnosis(fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, placebo)
 
 

@@ -27,8 +27,9 @@ class Score:
 
 def projected(J: FloatArray, x: FloatArray) -> FloatArray:
     """x (n,) or (n, k) without what changes of stiffness J (n, t) can explain."""
-    Q, _ = np.linalg.qr(J)
-    return x - Q @ (Q.T @ x)
+    U, s, _ = np.linalg.svd(J, full_matrices=False)
+    U = U[:, s > 1e-9 * max(float(s[0]), 1e-30)] if len(s) and s[0] > 1e-9 else U[:, :0]
+    return x - U @ (U.T @ x)
 
 
 def score(r: FloatArray, J: FloatArray, S: FloatArray, scales: FloatArray) -> Score:

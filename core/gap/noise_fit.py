@@ -20,6 +20,8 @@ _FACTORS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
 _OWN = (0.1, 0.2, 0.3)
 # Standard deviation of ln (true contour noise / what the case states).
 _PRIOR = 0.35
+# Precision of ln G's prior: none to speak of.
+_FLAT = 1e-3
 
 
 def fit_noise(
@@ -43,7 +45,7 @@ def _restricted(C: FloatArray, r: FloatArray, J: FloatArray) -> float:
     L = np.linalg.cholesky(C)
     both = np.linalg.solve(L, np.column_stack([r, J]))
     rw, Jw = both[:, 0], both[:, 1:]
-    A = Jw.T @ Jw
+    A = Jw.T @ Jw + _FLAT * np.eye(J.shape[1])  # a pair that tells nothing of the stiffness must not divide by zero
     b = Jw.T @ rw
     Q = float(rw @ rw - b @ np.linalg.solve(A, b))
     return -0.5 * Q - float(np.log(np.diag(L)).sum()) - 0.5 * float(np.linalg.slogdet(A)[1])

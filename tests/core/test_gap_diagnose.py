@@ -59,6 +59,21 @@ def test_a_perfect_prediction_has_no_gap(none: Diagnosis) -> None:
     np.testing.assert_allclose(G, [30.0, 70.0], rtol=0.3)
 
 
+def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-untyped-def]
+    """Nothing moves, so nothing tells the stiffness either: its standard deviation is that of not knowing."""
+    rectum = posed.walls["rectum"].rest
+    still = replace(
+        posed,
+        walls={"rectum": SurfacePair(rectum, rectum)},
+        organ=SurfacePair(posed.organ.rest, posed.organ.rest),
+    )
+    found = diagnose(CaseData(still), EFFECTS)
+    assert found.verdict.verdict == "none"
+    written = record(found, "still")
+    assert written["gap"]["rms_mm"] < 0.05
+    assert min(s["sd_ln_G"] for s in written["stiffness"]["without_effect"].values()) > 1.0
+
+
 def test_a_contour_drawn_too_wide_is_found_with_its_width(wide: Diagnosis) -> None:
     assert wide.test.detected
     assert "contour_bias" in wide.verdict.candidates
