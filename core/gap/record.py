@@ -32,7 +32,7 @@ def record(found: Diagnosis, case: str) -> dict[str, Any]:
         "where": {
             "map": MAP_FILE,
             "regions": regions(found.where, names),
-            "peak_lps_mm": None if found.where.peak is None else found.where.peak.tolist(),
+            "peak_lps_mm": _peak(found),
             "blur_mm": found.where.blur_mm,
         },
         "verdict": found.verdict.verdict,
@@ -49,6 +49,18 @@ def record(found: Diagnosis, case: str) -> dict[str, Any]:
         "probability_unknown": found.verdict.probability.get(UNKNOWN, 0.0),
         "flags": _flags(found, shown),
     }
+
+
+def _peak(found: Diagnosis) -> list[float] | None:
+    """Where the gap comes from: the place of the likeliest effect if it has one, else where the missing force is largest."""
+    for fitted in found.refits:
+        effect, variant = fitted.trial.effect, fitted.trial.variant
+        if effect is None or variant is None or effect.id not in found.verdict.candidates or variant.where is None:
+            continue
+        names = [p.name for p in effect.parameters]
+        shift = [fitted.phi[names.index(f"shift_{axis}")] if f"shift_{axis}" in names else 0.0 for axis in "xyz"]
+        return [float(x + dx) for x, dx in zip(variant.where, shift, strict=True)]
+    return None if found.where.peak is None else [float(x) for x in found.where.peak]
 
 
 def maps(found: Diagnosis) -> dict[str, FloatArray]:
