@@ -13,6 +13,7 @@ from palpate.core.fem.meshes import ORGAN, TISSUE, refined, sphere_in_cube
 from palpate.core.fem.scenes import DRIVES, sphere_scene, standard_sphere_mesh
 from palpate.core.validate.forward import ForwardOptions, forward, reference_rms, seconds_to
 from palpate.core.validate.forward import element_errors as errors_of
+from palpate.ui.cli.validate import STUDIES
 from palpate.ui.pictures.element_errors import element_errors
 
 
@@ -38,6 +39,8 @@ def test_the_study_gives_a_row_for_every_case() -> None:
     assert found["reduced_model"]["largest_error_percent"] <= 0.1  # type: ignore[index]
     rows = found["rows"]
     assert isinstance(rows, list) and len(rows) == 4
+    told = STUDIES["forward"].text(found).splitlines()
+    assert sum(line.startswith(DRIVES) for line in told) == 4 and any("reduced model" in line for line in told)
     assert {(r["drive"], r["element"]) for r in rows} == {(d, e) for d in DRIVES for e in ("p1", "p1p1")}
     assert all(0.0 < r["rms"] < r["largest"] < 1.0 and r["seconds"] > 0.0 for r in rows)
 
