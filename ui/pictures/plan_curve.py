@@ -1,0 +1,35 @@
+"""The curve of a plan: how well each region's stiffness would be known over the size of the deformation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.figure import Figure
+
+_LOOKS = {"prostate_left": ("#31688e", "o", "-"), "prostate_right": ("#b5651d", "s", "--")}
+
+
+def plan_curve(plan: Mapping[str, Any]) -> Figure:
+    """plan : what plan.json says. The line at 0.2 is where a stiffness is known to about a fifth."""
+    figure = Figure(figsize=(5.2, 3.4), layout="constrained")
+    axes = figure.subplots()
+    rows = [row for row in plan["rows"] if row["sd_ln_G"] is not None]
+    amounts = [row["amount"] for row in rows]
+    for name in rows[0]["sd_ln_G"]:
+        colour, marker, line = _LOOKS.get(name, ("#555555", "^", ":"))
+        assumed = plan["assumed_G_kpa"][name]
+        axes.plot(amounts, [row["sd_ln_G"][name] for row in rows], color=colour, marker=marker, linestyle=line,
+                  label=f"{name.replace('_', ' ')} (G = {assumed:.3g} kPa assumed)")  # fmt: skip
+    axes.axhline(0.2, color="0.6", linewidth=0.8)
+    axes.annotate("known to a fifth", (amounts[-1], 0.2), ha="right", va="bottom", fontsize=7, color="0.4")
+    axes.set_yscale("log")
+    axes.set_ylim(0.03, 2.0)
+    axes.set_yticks([0.05, 0.1, 0.2, 0.5, 1.0], ["0.05", "0.1", "0.2", "0.5", "1"])
+    axes.set_xlabel(f"{plan['what']} [{plan['unit']}]", fontsize=8)
+    axes.set_ylabel("predicted standard deviation of ln G", fontsize=8)
+    axes.set_title(f"contour noise {plan['noise_sd_mm']:g} mm; research use only", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize=7)
+    return figure
