@@ -37,10 +37,10 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     from palpate.core.bench.run import BenchOptions, run_bench
 
     no_points(args)
-    chosen = {"peers": args.peer, "parts": args.part, "sizes": args.cells, "scaling_sizes": args.cells,
+    chosen: dict[str, Any] = {"peers": args.peer, "parts": args.part, "sizes": args.cells, "scaling_sizes": args.cells,
               "elements": args.element, "scaling_elements": args.element}  # fmt: skip
-    options = replace(BenchOptions(quick=args.quick, peers_dir=args.peers_dir),
-                      **{k: tuple(v) for k, v in chosen.items() if v})  # fmt: skip
+    given: dict[str, Any] = {name: tuple(values) for name, values in chosen.items() if values}
+    options = replace(BenchOptions(quick=args.quick, peers_dir=args.peers_dir), **given)
     if args.repeats:
         options = replace(options, repeats=args.repeats)
     with console.progress(NAME) as progress:
