@@ -31,7 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Opens; see `application.show` and `application.play`."""
     from palpate.ui.desktop import application  # here, because Qt takes a second to load
-    from palpate.ui.desktop.script import Command, parse
 
     no_points(args)
     if args.headless and args.script is None:
@@ -39,6 +38,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     if args.script is None:
         found = application.show(args.case)
         return found, ""
+    from palpate.ui.desktop.script import Command, parse
+
     try:
         text = args.script.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -51,5 +52,5 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
 
 def _line(event: dict[str, Any]) -> str:
-    extra = [f"{key} {event[key]}" for key in ("file", "longest_stall_ms") if key in event]
+    extra = [f"{key} {event[key]}" for key in ("file", "longest_stall_ms", "longest_own_ms") if key in event]
     return f"{event['line']:4} {event['command']:10} {event['seconds']:8.2f} s  {' '.join(extra)}".rstrip()

@@ -20,7 +20,7 @@
 | `pause SECONDS` | lets time pass |
 | `resize WIDTH HEIGHT` | of the window, pixels |
 | `screenshot FILE` | the window as it is, PNG; relative to the script's folder |
-| `stalls` | tells the longest stall since the last time, ms |
+| `stalls` | tells the longest stall since the last time, ms, and the most processor time the window took at a stretch |
 | `expect NAME VALUE` | ends with exit 3 unless a fact (`state`) has this value |
 | `quit` | closes the window; unsaved corrections stay in the journal |
 
@@ -230,9 +230,10 @@ class Driver:
 
     def do_stalls(self) -> dict[str, Any]:
         """The longest stall since the last time."""
-        longest = round(self.window.stalls.longest_ms, 1)
-        self.window.stalls.reset()
-        return {"longest_stall_ms": longest}
+        meter = self.window.stalls
+        told = {"longest_stall_ms": round(meter.longest_ms, 1), "longest_own_ms": round(meter.longest_own_ms, 1)}
+        meter.reset()
+        return told
 
     def do_expect(self, name: str, value: str) -> None:
         """A fact must have a value."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,20 +104,43 @@ def _sampled(
     columns, rows = int(np.ceil((high[a] - low[a]) / step[a])), int(np.ceil((high[d] - low[d]) / step[d]))
     if columns < 1 or rows < 1:
         return None
-    points = np.zeros((3, rows, columns))
-    points[n] = position
-    points[a] = low[a] + (np.arange(columns) + 0.5)[None, :] * step[a]
+    across = low[a] + (np.arange(columns) + 0.5) * step[a]
     down = low[d] + (np.arange(rows) + 0.5) * step[d]
-    points[d] = (down if plane.down_sign > 0 else down[::-1])[:, None]
-    order = 0 if nearest or rows * columns > _MOST_INTERPOLATED else 1
-    inverse = np.linalg.inv(volume.affine)
-    index = np.tensordot(inverse[:3, :3], points, axes=1) + inverse[:3, 3, None, None]
-    values = ndimage.map_coordinates(
-        volume.array, index, volume.array.dtype, order=order, mode="constant", cval=fill, prefilter=False
-    )
+    index = _indices(volume, plane, position, across, down if plane.down_sign > 0 else down[::-1])
+    if nearest or rows * columns > _MOST_INTERPOLATED:
+        values = _nearest(volume.array, index, fill)
+    else:
+        values = ndimage.map_coordinates(
+            volume.array, index, volume.array.dtype, order=1, mode="constant", cval=fill, prefilter=False
+        )
     first, last = float(low[d]), float(low[d] + rows * step[d])
     top, bottom = (first, last) if plane.down_sign > 0 else (last, first)
     return Sheet(values, (float(low[a]), float(low[a] + columns * step[a]), bottom, top))
+
+
+def _indices(
+    volume: Volume, plane: Plane, position: float, across: NDArray[np.float64], down: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Fractional indices (3, rows, columns) of the pixels of a slice; they are sums of a row's and a column's part."""
+    inverse = np.linalg.inv(volume.affine)
+    by_row = inverse[:3, plane.down, None] * down + inverse[:3, plane.normal, None] * position + inverse[:3, 3, None]
+    by_column = inverse[:3, plane.across, None] * across
+    return np.add(by_row[:, :, None], by_column[:, None, :], dtype=np.float32)
+
+
+def _nearest(array: NDArray[Any], index: NDArray[np.float32], fill: float) -> NDArray[Any]:
+    """The voxels nearest to fractional indices (3, rows, columns), ``fill`` outside."""
+    array = array if array.flags.forc else np.ascontiguousarray(array)
+    order: Literal["F", "C"] = "F" if array.flags.f_contiguous else "C"
+    steps = np.array(array.strides) // array.itemsize
+    nearest = np.rint(index).astype(np.int32)
+    inside = np.ones(nearest.shape[1:], dtype=bool)
+    for axis, count in enumerate(array.shape):
+        inside &= nearest[axis].view(np.uint32) < np.uint32(count)  # negative ones are large there
+    flat = nearest[0] * steps[0] + nearest[1] * steps[1] + nearest[2] * steps[2]
+    values = np.full(flat.shape, fill, dtype=array.dtype)
+    values[inside] = array.reshape(-1, order=order)[flat[inside]]
+    return values
 
 
 def _corners(volume: Volume) -> NDArray[np.float64]:
