@@ -41,11 +41,11 @@ def iterate_mixed(assembler: Assembler, state: State, goal: FloatArray, load: fl
     options, held = work.options, ~assembler.free
     state = _with_point_pressures(assembler, state)
     stable: bool | None = None
-    arrived = _balanced(assembler, state, load, work)
-    for _ in range(options.max_per_step):
+    arrived = False
+    for k in range(options.max_per_step):
         move = np.where(held, load * goal - state.u.reshape(-1), 0.0)
         in_place = not move.any()
-        if in_place and arrived:
+        if in_place and (arrived or (k == 0 and _balanced(assembler, state, load, work))):
             state = State(state.u, state.p)
             return Outcome(state, True, certify(assembler, state, load, work, stable), True)
         if work.exhausted:
