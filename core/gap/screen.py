@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.gap.effects.base import Effect, Surroundings, Variant
 from palpate.core.gap.evidence import Score, mean_of_exponentials, score
-from palpate.core.gap.fit import Trial
+from palpate.core.gap.fit import Point, Trial
 from palpate.core.gap.plain import PlainFit
 
 FloatArray = NDArray[np.float64]
@@ -57,7 +57,6 @@ def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -
     return out
 
 
-def _at_zero(fit: PlainFit, effect: Effect):  # type: ignore[no-untyped-def]
-    from dataclasses import replace
-
+def _at_zero(fit: PlainFit, effect: Effect) -> Point:
+    """The plain point as a point of the effect's model."""
     return replace(fit.point, phi=np.zeros(len(effect.parameters)))
