@@ -84,7 +84,7 @@ def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path |
     warp = BackwardMap(state.space, state.u, state.boundary, {name: wall.motion for name, wall in walls.items()})
     deformed: Callable[[FloatArray], LabelArray] = lambda points: source.labels(warp.rest_points(points))  # noqa: E731
     if "contour_bias" in recipe.effects:
-        deformed = _widened(deformed, source.label_grid, recipe.effects["contour_bias"])
+        deformed = widened(deformed, source.label_grid, recipe.effects["contour_bias"])
     rng = np.random.default_rng([recipe.seed, 9])
     case = CaseFolder.create(
         case_path, CaseFacts(recipe.name, boundary_noise_sd_mm=NOISE_MM, other={"simulated": True})
@@ -175,7 +175,7 @@ OUTSIDE_LIBRARY = ("uneven_growth", "tissue_fibres")
 IN_LIBRARY = (*(name for name in CHANGES if name not in OUTSIDE_LIBRARY), "contour_bias")
 
 
-def _widened(
+def widened(
     labels: Callable[[FloatArray], LabelArray], grid: Volume, offset_mm: float
 ) -> Callable[[FloatArray], LabelArray]:
     """Labels whose organ is drawn offset_mm too wide (negative: too tight)."""
