@@ -42,6 +42,8 @@ class Partition:
         values = np.stack([field.at(points) for field in self.bodies.values()])
         best = values.max(axis=0)
         label = np.array(list(self.bodies))[values.argmax(axis=0)]
+        # Far from every body all fields are cut off alike, and the first would win: nothing that is known is there.
+        label = np.where(best > -0.99 * CLIP_MM, label, OUTSIDE)
         label = np.where(self._tissue_score(points, best) > best, SURROUNDING_TISSUE, label)
         inside = np.stack([field.at(points) for field in self.regions.values()])
         label = np.where(label == ORGAN, np.array(list(self.regions))[inside.argmax(axis=0)], label)

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from made_up_body import body
+from voxel_shapes import ball, paint
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.partition import make_partition
 from palpate.segmentation.simulate_spec import load_spec, parse_spec
 from palpate.segmentation.simulate_step import run_simulate
 
@@ -107,3 +109,11 @@ def test_a_specification_that_is_no_json_is_refused_by_name(tmp_path: Path) -> N
 def test_answers_inside_the_case_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="never holds its answers"):
         run_simulate(SPEC, tmp_path / "pair", tmp_path / "pair" / "answers")
+
+
+def test_a_speck_far_from_everything_is_no_organ() -> None:
+    """A piece of bone that is too small to count, where no organ is near: once it was called prostate."""
+    labels = body()
+    labels = paint(labels, lambda points: points[..., 2] + 32.0, 4)  # a plate of bone below
+    labels = paint(labels, ball(5.0, (-26.0, -26.0, 10.0)), 4)
+    assert make_partition(labels).classify(np.array([[-26.0, -26.0, 10.0]])).tolist() == [0]
