@@ -55,7 +55,7 @@ def window(folder: Path, script: str, name: str) -> subprocess.Popen[str]:
 
 
 def events_of(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
-    out, err = process.communicate(timeout=240)
+    out, err = process.communicate(timeout=580)
     if "no window can be opened" in out:
         pytest.skip("Qt's X11 libraries are not on this machine: " + json.loads(out)["error"])
     assert process.returncode == 0, out[-800:] + err[-2000:]
@@ -85,7 +85,7 @@ def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
     expect seeds 1
     screenshot shots/1_seed.png
     press Segment
-    until 0.02 60
+    until 0.02 180
     pause 0.3
     stalls
     press Cancel
@@ -93,7 +93,7 @@ def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
     expect job cancelled
     screenshot shots/2_cancelled.png
     press Segment
-    wait 200
+    wait 400
     expect job done
     stalls
     screenshot shots/3_segmented.png

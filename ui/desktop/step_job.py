@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -38,7 +37,6 @@ class _Telling(Console):
 
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     """Options: commands, a list of argument lists such as ["mesh", "CASE"]. Returns what each command returned, by its name."""
-    _give_way()
     commands = [list(command) for command in job.options["commands"]]
     results = {}
     for number, given in enumerate(commands):
@@ -47,12 +45,6 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
         console.tell(0.0, "starting")
         results[given[0]] = _identify(args, console) if given[0] == "identify" else args._module.run(args, console)[0]
     return results
-
-
-def _give_way() -> None:
-    """Lets the window go first where both want the processor. Processes started from here do the same."""
-    if hasattr(os, "nice"):
-        os.nice(5)
 
 
 def _identify(args: argparse.Namespace, console: _Telling) -> dict[str, Any]:
