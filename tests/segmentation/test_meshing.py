@@ -174,8 +174,10 @@ def test_one_region_without_bladder_and_rectum(capfd: pytest.CaptureFixture[str]
     assert capfd.readouterr() == ("", "")
     assert set(found.mesh.regions) == {1, 3}
     assert set(found.boundary) == {"outer"}
-    # The labels run to the end of the grid: the mesh ends there too.
-    assert np.abs(found.mesh.points).max() < 27.0
+    # The labels run to the end of the grid, 25 mm: the mesh ends there too, within half an edge; the outer surface is not fitted.
+    reach = np.abs(found.mesh.points).max(axis=1)
+    assert reach.max() < 25.0 + 3.5
+    assert np.percentile(reach, 95.0) < 27.0
     assert found.quality["regions"]["3"]["volume_error"] == pytest.approx(0.0, abs=0.03)
 
 
