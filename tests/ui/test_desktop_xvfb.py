@@ -89,7 +89,7 @@ def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
     pause 0.3
     stalls
     press Cancel
-    wait 5
+    wait 60
     expect job cancelled
     screenshot shots/2_cancelled.png
     press Segment

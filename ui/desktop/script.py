@@ -45,6 +45,8 @@ from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.grey import PRESETS
 
 _SECONDS = 600.0
+# A picture is taken without the 3D view's last state where that takes longer.
+_SOLID_SECONDS = 60.0
 
 
 @dataclass(frozen=True)
@@ -220,13 +222,15 @@ class Driver:
         """The window as a picture, once the 3D view has settled."""
         solid = self.window.views.solid
         self.process(0.1)
-        self._until(lambda: solid.settled or not solid.isVisible(), 60.0, "the 3D view")
+        end = time.monotonic() + _SOLID_SECONDS
+        while solid.isVisible() and not solid.settled and time.monotonic() < end:
+            self.process(0.02)
         self.process(0.1)
         path = self._folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
         if not self.window.grab().save(str(path)):
             raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
-        return {"file": str(path)}
+        return {"file": str(path), "solid_settled": solid.settled}
 
     def do_stalls(self) -> dict[str, Any]:
         """The longest stall since the last time."""
@@ -268,9 +272,9 @@ class Driver:
             self.controller.editing.go_on(None, point)
         self.controller.editing.end()
 
-    def _until(self, done: Callable[[], bool], seconds: float, what: str = "it") -> None:
+    def _until(self, done: Callable[[], bool], seconds: float) -> None:
         end = time.monotonic() + seconds
         while not done():
             if time.monotonic() > end:
-                raise InputError(f"{what} was not done after {seconds:g} s; give a longer time")
+                raise InputError(f"it was not done after {seconds:g} s; give a longer time")
             self.process(0.02)
