@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from palpate.core.worker.executors import ONE_THREAD
 from palpate.segmentation.volume import Volume
+from palpate.ui.cli.arguments import cores
 from palpate.ui.pictures.offscreen import REMEDY
 
 
@@ -123,5 +124,6 @@ class SolidClient:
 
 
 def _environment() -> dict[str, str]:
-
-    return {**os.environ, **ONE_THREAD}
+    # Without a graphics card Mesa draws with threads that wait for each other, which takes for ever while a step uses all cores.
+    threads = cores() // 2 if cores() > 2 else 0
+    return {"LP_NUM_THREADS": str(threads), **os.environ, **ONE_THREAD}
