@@ -96,7 +96,7 @@ def _weighed(
     t = len(point.theta)
     prior = np.diag(np.concatenate([np.full(t, 1e-4), 1.0 / scales**2]))
     H = J.T @ J + prior
-    covariance = np.linalg.inv(H)
+    covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
     # ln of the ratio of posterior to prior volume: stiffness has the same flat prior in both models.
     J0 = fit.weighting.whiten(fit.point.in_theta)
     H0 = J0.T @ J0 + 1e-4 * np.eye(t)

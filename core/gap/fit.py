@@ -75,10 +75,11 @@ class Bench:
             scene = self.stage.scene(composition)
         except InputError:
             return None  # a stress-free mesh that is turned inside out
-        start = None if near is None else carried(near, scene)
-        if start is not None:
+        u = None if near is None else carried(near, scene)
+        start = None
+        if u is not None:
             scene.assembler.set_materials(scene.materials(theta))
-            start = State(start, scene.assembler.balanced_pressure(start))
+            start = State(u, scene.assembler.balanced_pressure(u))
         settled = scene.settle(theta, start, rounds=8 if near is None else 2)
         found = settled.equilibrium
         if not found.converged:
