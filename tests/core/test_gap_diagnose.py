@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from synthetic_case import problem
 
 from palpate.core.gap.diagnose import CaseData, Diagnosis, diagnose
 from palpate.core.gap.effects import library
 from palpate.core.gap.job import arrays, load
 from palpate.core.gap.record import maps, record
 from palpate.core.problem import Surface, SurfacePair
-from tests.core.synthetic_case import problem
 
 KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}
 EFFECTS = {

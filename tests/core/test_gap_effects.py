@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from synthetic_case import problem
 
 from palpate.core.errors import InputError
 from palpate.core.gap.composition import Composition
@@ -21,7 +22,6 @@ from palpate.core.laws import LINEAR, MOONEY_RIVLIN
 from palpate.core.laws.check import derivative_errors, random_deformation_gradients
 from palpate.core.laws.fibre import with_fibres
 from palpate.core.laws.grown import grown
-from tests.core.synthetic_case import problem
 
 IDS = {
     "interface_sliding", "inclusion", "fibre_anisotropy", "volume_change", "compressible_organ", "tissue_stiffening",

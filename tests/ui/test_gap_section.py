@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from phantoms import result, write_case
 
 from palpate.segmentation.case import CaseFolder
 from palpate.ui.pictures.gap_pictures import VIEWS
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.report_step import ReportOptions, run
-from tests.ui.phantoms import result, write_case
 
 
 def diagnosis(verdict: str) -> dict[str, Any]:

@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "segmentation"))
 from made_up_body import body
 
 from palpate.segmentation.case import CaseFolder

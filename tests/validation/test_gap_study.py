@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from phantoms import write_case
 
 from palpate.core.errors import InputError
 from palpate.segmentation import gap_study
@@ -15,7 +16,6 @@ from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_cases import CHANGES, IN_LIBRARY, Recipe
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_study import StudyOptions, recipes_of
-from tests.ui.phantoms import write_case
 
 STIFFNESS = {"prostate_left": {"G_kpa": 21.0, "sd_ln_G": 0.2}, "prostate_right": {"G_kpa": 90.0, "sd_ln_G": 0.1}}
 
