@@ -29,6 +29,7 @@ Empty lines and lines that begin with # are passed over. Every command gives one
 
 from __future__ import annotations
 
+import os
 import shlex
 import time
 from collections.abc import Callable, Sequence
@@ -228,8 +229,10 @@ class Driver:
         self.process(0.1)
         path = self._folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
-        if not self.window.grab().save(str(path)):
+        temporary = path.with_name(f".part-{path.name}")
+        if not self.window.grab().save(str(temporary)):
             raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
+        os.replace(temporary, path)  # whoever waits for the file finds it whole
         return {"file": str(path), "solid_settled": solid.settled}
 
     def do_stalls(self) -> dict[str, Any]:
