@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shutil
 import sys
 import tempfile
@@ -57,7 +58,7 @@ def missing_packages() -> tuple[dict[str, str], list[str]]:
         requirement, _, marker = line.partition(";")
         if "extra" in marker or ("x86_64" in marker and platform.machine() != "x86_64"):
             continue
-        name = requirement.split(">")[0].split("=")[0].strip()
+        name = re.split(r"[^A-Za-z0-9._-]", requirement.strip(), maxsplit=1)[0]
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

@@ -1,5 +1,6 @@
 """The worker process: its messages, its end, and what it leaves."""
 
+import importlib
 import json
 import os
 import signal
@@ -303,7 +304,7 @@ def test_one_worker_is_this_process_and_computes_when_asked():
 
 
 def test_pool_keeps_order_and_every_process_one_thread():
-    with make_executor(2, __import__, ("numpy",)) as executor:
+    with make_executor(2, importlib.import_module, ("numpy",)) as executor:
         assert list(executor.map(abs, range(-20, 0))) == list(range(20, 0, -1))
         pools = executor.submit(threadpool_info).result()
         assert executor.submit(os.getpid).result() != os.getpid()

