@@ -34,11 +34,19 @@ class Posterior:
         return np.sqrt(np.diag(self.covariance))
 
     def interval(self, level: float = 0.95) -> FloatArray:
-        """(t, 2) central interval of G, kPa, of the normal cut at the bounds."""
+        """(t, 2) interval of G, kPa, of the normal cut at the bounds: central, but from the bound on where the optimum lies
+        at it, so that the value found is always within its own interval.
+        """
         tail = 0.5 * (1.0 - level)
         low, high = ((self.bounds[:, k] - self.mean) / self.sd for k in (0, 1))
         cut = stats.truncnorm(low, high, loc=self.mean, scale=self.sd)
-        return np.exp(np.stack([cut.ppf(tail), cut.ppf(1.0 - tail)], axis=1))
+        below, above = cut.ppf(tail), cut.ppf(1.0 - tail)
+        at_low, at_high = self.mean < below, self.mean > above
+        below, above = np.where(at_high, cut.ppf(1.0 - level), below), np.where(at_low, cut.ppf(level), above)
+        ends = np.stack(
+            [np.where(at_low, self.bounds[:, 0], below), np.where(at_high, self.bounds[:, 1], above)], axis=1
+        )
+        return np.asarray(np.exp(ends), dtype=np.float64)
 
     def sd_kpa(self) -> FloatArray:
         """(t,) kPa, half the central 68 % interval of G."""

@@ -60,3 +60,15 @@ def test_an_error_where_the_sensitivity_is_sharp_moves_the_estimate_little() -> 
     ours = shift(weighting_covariance(points, SD, LENGTH))
     trusting = shift(2.0 * smooth_covariance(points, SD, LENGTH) + 0.15**2 * np.eye(len(points)))
     assert ours < 0.5 * trusting
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_value_at_its_bound_lies_within_its_interval(side: int) -> None:
+    bounds = np.log([[5.0, 500.0]])
+    J = np.full((50, 1), 0.5)
+    found = laplace(bounds[:, side], np.zeros(50), J, bounds)
+    low, high = found.interval()[0]
+    assert (low, high)[side] == pytest.approx((5.0, 500.0)[side])
+    # One-sided: 95 % of a half normal lie within 1.96 standard deviations of its bound.
+    width = abs(np.log((low, high)[1 - side]) - bounds[0, side])
+    assert width == pytest.approx(1.96 * found.sd[0], rel=0.01)
