@@ -113,7 +113,7 @@ def test_organ_surface_lies_on_the_organ_without_bias(meshed: MeshedCase) -> Non
     assert abs(found.mean()) < 0.15
     vertices = distance(small_prostate, points[np.unique(faces[keep])])
     # Vertices stand out a little, because the flat faces between them cut in: by a sixth of edge^2 / radius at most.
-    assert np.percentile(np.abs(vertices), 95) < 1.2
+    assert np.percentile(np.abs(vertices), 95) < 1.7
     assert vertices.mean() > 0.0
 
 
