@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.laws.linear import LINEAR, bulk_modulus
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_parameters
 from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE

@@ -7,7 +7,6 @@ energy E(u) that a stable equilibrium minimises; the matrix [[K, B], [B', -C]] o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,10 @@ from palpate.core.fem import kernels
 from palpate.core.fem.linear_solvers import SymmetricSolver, make_solver
 from palpate.core.fem.materials import Material, MaterialGroup, group_by_law
 from palpate.core.fem.pattern import Pattern, scatter
+from palpate.core.fem.pressure_block import PressureBlock
+from palpate.core.fem.projection import nearest_positive_semidefinite
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import Residual, State
 from palpate.core.fem.terms.base import Particular, Term
 from palpate.core.laws.base import Law
 
@@ -27,37 +29,6 @@ BoolArray = NDArray[np.bool_]
 
 _CHUNK = 1024  # quadrature points whose moduli are held at once: they stay in the cache
 _REST_STRAIN = 1e-4  # forces are never compared with less than this strain's over the body's section
-# alpha of p1p1. Dohrmann & Bochev take 1; on the sphere in a cube 4 errs a third less at every size, drive and bulk modulus (5.3 to
-# 3.7 % at 3,840 cells by traction), because it gives back some of what linear displacements lock in shear; 20 is too soft.
-STABILISATION = 4.0
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Displacements u (n, 3) mm and pressures p (n_p,) kPa.
-
-    q : (m, points) kPa, elements without pressure unknowns only: pressures at the points that an iteration moves with u, on
-    their way to kappa g; None where they stand there.
-    """
-
-    u: FloatArray
-    p: FloatArray
-    q: FloatArray | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Residual:
-    """Out-of-balance: r_u (3 n,) mN, r_p (n_p,) mm3, the forces' magnitude (mN), smallest det F of guarded cells.
-
-    lag : (m, points) kappa g - q of a state with q; then r_u is that of q + lag G0 / G, the right-hand side of the system from
-    which the points' pressures were eliminated with the slopes G0 of the present factor.
-    """
-
-    r_u: FloatArray
-    r_p: FloatArray
-    scale: float
-    min_jacobian: float
-    lag: FloatArray | None = None
 
 
 class Assembler:
@@ -89,10 +60,7 @@ class Assembler:
         self._solver_name = solver
         self.solver: SymmetricSolver = make_solver(self.pattern, solver)
         self.weight = np.ascontiguousarray(space.mesh.volumes[:, None] * e.weights)
-        self._pressure_pattern = (
-            Pattern.of([space.cell_pressures], np.arange(space.n_pressures)) if space.n_pressures else None
-        )
-        self._pressure_solver = make_solver(self._pressure_pattern, solver) if self._pressure_pattern else None
+        self.pressures = PressureBlock(space, self.weight, solver)
         self.groups: list[MaterialGroup] = []
 
     def set_materials(self, materials: Mapping[int, Material]) -> None:
@@ -107,16 +75,7 @@ class Assembler:
             self._guarded[g.cells] = g.law.needs_positive_jacobian
         # A body at rest has no forces to compare with; rounding in terms must not count as out-of-balance there.
         self._least_force = _REST_STRAIN * float(shear.mean()) * self.total_volume ** (2.0 / 3.0)
-        self._compliance = np.zeros((m, 0, 0))
-        if self._pressure_pattern is None or self._pressure_solver is None:
-            return
-        e = self.space.element
-        volumes = self.space.mesh.volumes
-        self._compliance = (volumes / self._kappa)[:, None, None] * e.mass
-        self._compliance = self._compliance + (STABILISATION * volumes / shear)[:, None, None] * e.stabilisation
-        values = np.zeros(len(self._pressure_pattern.indices))
-        scatter(self._compliance, self._pressure_pattern.slots[0], values)
-        self._pressure_solver.factorise(values)
+        self.pressures.set_moduli(self._kappa, shear)
 
     @property
     def cell_size(self) -> float:
@@ -135,9 +94,11 @@ class Assembler:
 
     def balanced_pressure(self, u: FloatArray) -> FloatArray:
         """p(u) that makes the functional stationary in p, (n_p,) kPa."""
-        if self._pressure_solver is None:
-            return np.zeros(0)
-        return self._pressure_solver.solve(self._volumetric_force(self.deformation_gradients(u)))
+        F = self.deformation_gradients(u)
+        b = np.zeros(self.space.n_pressures)
+        for g in self.groups if self.pressures.exists else ():
+            self.pressures.add_volume_change(g.law.evaluate(F[g.cells], g.values, 0).g, g.cells, b)
+        return self.pressures.solve(b)
 
     def energy(self, u: FloatArray, load: float) -> float:
         """E(u) mN mm, pressure eliminated; +inf where a law is not defined."""
@@ -149,12 +110,12 @@ class Assembler:
         for g in self.groups:
             v = g.law.evaluate(F[g.cells], g.values, 0)
             total += float((self.weight[g.cells] * v.W).sum())
-            if self._pressure_solver is None:
-                total += 0.5 * float((self.weight[g.cells] * self._kappa[g.cells, None] * v.g**2).sum())
+            if self.pressures.exists:
+                self.pressures.add_volume_change(v.g, g.cells, b)
             else:
-                self._add_volumetric_force(v.g, g.cells, b)
-        if self._pressure_solver is not None:
-            total += 0.5 * float(b @ self._pressure_solver.solve(b))
+                total += 0.5 * float((self.weight[g.cells] * self._kappa[g.cells, None] * v.g**2).sum())
+        if self.pressures.exists:
+            total += 0.5 * float(b @ self.pressures.solve(b))
         return float(total)
 
     def point_pressures(self, u: FloatArray) -> FloatArray:
@@ -196,13 +157,13 @@ class Assembler:
                 kernels.add_pressure(q, v.G, v.P)
                 kernels.add_pressure(lag[g.cells], slopes[g.cells], v.P)
             self._add_internal_force(v.P, g.cells, r_u, scale)
-            self._add_volumetric_force(v.g, g.cells, b)
+            self.pressures.add_volume_change(v.g, g.cells, b)
         r = r_u.reshape(-1)
         for term, unknowns in zip(self.terms, self._terms_unknowns, strict=True):
             np.add.at(r, unknowns, term.evaluate(state.u, load, 1)[1])
         low = float(kernels.smallest_determinant(F, self._guarded))
         size = max(float(np.sqrt((scale**2).sum())), self._least_force)
-        return Residual(r, b - self._apply_compliance(state.p), size, low, lag)
+        return Residual(r, b - self.pressures.apply(state.p), size, low, lag)
 
     def tangent(
         self, state: State, load: float, along: FloatArray | None = None, project: bool = False
@@ -251,36 +212,20 @@ class Assembler:
                 continue
             v = g.law.evaluate(F[cells], rate, 1)
             stress, kappa_rate = v.P, g.law.kappa_of(rate)
-            if self._pressure_solver is None:
-                stress = stress + (kappa_rate[:, None] * v.g)[..., None, None] * v.G
+            if self.pressures.exists:
+                kappa = (self._kappa[cells], kappa_rate)
+                shear = (g.law.shear_modulus_of(held), g.law.shear_modulus_of(rate))
+                self.pressures.add_rate(cells, kappa, shear, state.p, r_p)
             else:
-                shear, shear_rate = g.law.shear_modulus_of(held), g.law.shear_modulus_of(rate)
-                self._add_compliance_rate(cells, kappa_rate, shear, shear_rate, state.p, r_p)
+                stress = stress + (kappa_rate[:, None] * v.g)[..., None, None] * v.G
             self._add_internal_force(stress, cells, r_u, scale)
         return np.concatenate([r_u.reshape(-1), r_p])[self.kept]
 
-    def _add_compliance_rate(
-        self,
-        cells: IntArray,
-        kappa_rate: FloatArray,
-        shear: FloatArray,
-        shear_rate: FloatArray,
-        p: FloatArray,
-        out: FloatArray,
-    ) -> None:
-        e, volumes = self.space.element, self.space.mesh.volumes[cells]
-        rate = (volumes * kappa_rate / self._kappa[cells] ** 2)[:, None, None] * e.mass
-        rate = rate + (STABILISATION * volumes * shear_rate / shear**2)[:, None, None] * e.stabilisation
-        dofs = self.space.cell_pressures[cells]
-        np.add.at(out, dofs, np.einsum("eij,ej->ei", rate, p[dofs]))
-
     def _pressures(self, p: FloatArray, g: FloatArray, cells: IntArray) -> FloatArray:
         """Pressure (m, q) at the points: interpolated, or kappa g without pressure unknowns."""
-        if self._pressure_solver is None:
-            return self._kappa[cells, None] * g
-        out = np.empty_like(g)
-        kernels.pressure_at_points(p, cells, self.space.element.Np, self.space.cell_pressures, out)
-        return out
+        if self.pressures.exists:
+            return self.pressures.at_points(p, cells, np.empty_like(g))
+        return self._kappa[cells, None] * g
 
     def _fill_blocks(
         self,
@@ -293,14 +238,14 @@ class Assembler:
         out: FloatArray,
     ) -> None:
         """Upper triangles of the cells' dense blocks into out (cells, d, d)."""
-        e, mixed = self.space.element, self._pressure_solver is not None
+        e = self.space.element
         v = law.evaluate(F[cells], values, 2)
-        curvature = np.zeros(len(cells)) if mixed else self._kappa[cells]
+        curvature = np.zeros(len(cells)) if self.pressures.exists else self._kappa[cells]
         pressures = self._pressures(state.p, v.g, cells) if state.q is None else state.q[cells]
         kernels.complete_moduli(v.A, v.H, v.G, pressures, curvature)
         A = nearest_positive_semidefinite(v.A) if project else v.A
         inverse = self.space.inverse_jacobians
-        kernels.tangent_blocks(A, v.G, e.Np, e.dN, inverse, self.weight, cells, self._compliance, out)
+        kernels.tangent_blocks(A, v.G, e.Np, e.dN, inverse, self.weight, cells, self.pressures.compliance, out)
 
     def _scatter(
         self,
@@ -327,32 +272,3 @@ class Assembler:
         kernels.add_internal_force(
             stress, cells, space.cell_nodes, space.element.dN, space.inverse_jacobians, self.weight, out, scale
         )
-
-    def _volumetric_force(self, F: FloatArray) -> FloatArray:
-        b = np.zeros(self.space.n_pressures)
-        for g in self.groups:
-            self._add_volumetric_force(g.law.evaluate(F[g.cells], g.values, 0).g, g.cells, b)
-        return b
-
-    def _add_volumetric_force(self, g: FloatArray, cells: IntArray, out: FloatArray) -> None:
-        if self._pressure_solver is not None:
-            kernels.add_volumetric_force(g, cells, self.space.element.Np, self.space.cell_pressures, self.weight, out)
-
-    def _apply_compliance(self, p: FloatArray) -> FloatArray:
-        out = np.zeros(self.space.n_pressures)
-        if self._pressure_solver is not None:
-            dofs = self.space.cell_pressures
-            np.add.at(out, dofs, np.einsum("eij,ej->ei", self._compliance, p[dofs]))
-        return out
-
-
-def nearest_positive_semidefinite(A: FloatArray) -> FloatArray:
-    """Symmetric matrices (..., k, k) with their negative eigenvalues set to zero; the others are returned unchanged."""
-    out = np.array(A)
-    flat = out.reshape(-1, *A.shape[-2:])
-    lowest = np.linalg.eigvalsh(flat)[:, 0] if len(flat) else np.zeros(0)
-    bad = np.flatnonzero(lowest < 0.0)
-    if len(bad):
-        w, V = np.linalg.eigh(flat[bad])
-        flat[bad] = np.einsum("nik,nk,njk->nij", V, np.maximum(w, 0.0), V)
-    return out

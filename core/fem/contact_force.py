@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton import solve_equilibrium
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import nodal_force
 from palpate.core.fem.terms.wall import SlidingWall

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.core.fem.assembly import Assembler, Residual, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton_mixed import Outcome, iterate_mixed
 from palpate.core.fem.newton_work import FloatArray, Work, is_minimum, moved, relative
+from palpate.core.fem.state import Residual, State
 
 _NEAR = 1e-3  # relative residual below which the mixed iteration is given another try
 _SMALLEST_SHARE = 0.05  # of the projection, once the plain matrix has failed

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.core.fem.assembly import Assembler, Residual, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton_work import FloatArray, Work, certify, is_minimum, moved, relative, size
+from palpate.core.fem.state import Residual, State
 
 _HISTORY = 5  # corrections that the accelerated chord mixes
 # How long a factor is used: steps, and the mean contraction worth going on with. A factorisation costs as much as 6 steps at

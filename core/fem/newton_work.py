@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import Assembler, Residual, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear_solvers import FactorisationError
+from palpate.core.fem.state import Residual, State
 
 FloatArray = NDArray[np.float64]
 

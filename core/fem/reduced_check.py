@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear_solvers import FactorisationError
 from palpate.core.fem.materials import Material
+from palpate.core.fem.state import State
 
 FloatArray = NDArray[np.float64]
 

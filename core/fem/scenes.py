@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term, face_points
 from palpate.core.fem.terms.loads import PointForce
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.state import State
 
 FloatArray = NDArray[np.float64]
 # Region id -> rate of change of that region's law parameters, (k,) or (cells, k), per unit of the parameter theta.

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import State
 from palpate.core.fem.sensitivity import factorise_at
+from palpate.core.fem.state import State
 from palpate.core.gap.confirm import Refit, refit
 from palpate.core.gap.detect import GapTest, gap_test
 from palpate.core.gap.effects import Effect, Surroundings

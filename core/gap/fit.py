@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.state import State
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.effects.base import Effect, Variant
 from palpate.core.gap.scene import GapScene, Stage
 from palpate.core.gap.sight import Sight
+from palpate.core.identify.coupled import prolonged
 
 FloatArray = NDArray[np.float64]
 
+# Rounds in which walls find their place: from rest, and from a neighbour's equilibrium.
+_FROM_AFAR, _FROM_NEARBY = 8, 2
 # Step of phi's finite differences, in prior standard deviations.
 _STEP = 1e-3
 # Share of such a step at which an opened interface still counts as tied.
@@ -80,7 +84,7 @@ class Bench:
         if u is not None:
             scene.assembler.set_materials(scene.materials(theta))
             start = State(u, scene.assembler.balanced_pressure(u))
-        settled = scene.settle(theta, start, rounds=8 if near is None else 2)
+        settled = scene.settle(theta, start, rounds=_FROM_AFAR if near is None else _FROM_NEARBY)
         found = settled.equilibrium
         if not found.converged:
             return None
@@ -129,8 +133,10 @@ def carried(at: Point, scene: GapScene) -> FloatArray:
 
 
 def carried_nodes(at: Point, scene: GapScene, u: FloatArray) -> FloatArray:
-    """The same for any displacement u of the point's scene."""
+    """The same for any displacement u of the point's scene; mid-edge nodes of a better element take the mean of their ends."""
     place = u + at.scene.shift
+    if scene.space.element.degree != at.scene.space.element.degree:
+        place = prolonged(place, scene.space)
     if len(place) != scene.space.n_nodes:
         opened = scene.stage.opened
         if len(place) < scene.space.n_nodes:

@@ -71,7 +71,7 @@ def fit_plain(
     point = _best(bench, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
     progress(0.4, "plain model: the better element")
     better = Bench(Stage.of(problem, good, stage), sight, composition, np.zeros(sight.n))
-    exact = _solved(better, point.theta, None)
+    exact = _solved(better, point.theta, point)
     mesh = exact.residual - point.residual
     bench.correction = mesh
     progress(0.8, "plain model: noise of this case's contours")

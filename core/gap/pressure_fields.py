@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.sensitivity import factorise_at, response_to_forces
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import face_points
 from palpate.core.gap.scene import GapScene, Stage
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.elements import EDGES
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.sensitivity import Direction, direct
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
+from palpate.core.fem.terms.loads import PointForce, nodal_force
 from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.opened import OpenedProblem, open_problem, sliding_springs
@@ -91,7 +95,7 @@ class GapScene(CoupledScene):
         self.shift = _at_nodes(shift, self.space)
         scanned_nodes = self.space.nodes - self.shift
         self.walls = [_wall(self, name, scanned_nodes) for name in stage.fields]
-        self.loads: tuple[Term, ...] = tuple(make(self.space) for make in composition.load)
+        self.loads: tuple[Term, ...] = (dead_load(self.space, [make(self.space) for make in composition.load]),)
         if opened is not None:
             G = self.problem.facts.tissue_shear_modulus_kpa
             across = ACROSS * G
@@ -102,7 +106,7 @@ class GapScene(CoupledScene):
         free[held] = False
         self.prescribed = self._prescribed(scanned_nodes)
         self.observation = stage.observation if opened is None else _moved(stage.observation, self.space, self.problem)
-        self.assembler = self._assembler(free.ravel(), bool(shift.any()))
+        self.assembler = self._assembler(free.ravel())
         self.linearised_at = np.zeros((self.space.n_nodes, 3))
 
     def solve(
@@ -150,14 +154,30 @@ class GapScene(CoupledScene):
             out[bone] += self.composition.bone_motion(scanned_nodes[bone])
         return out.ravel()
 
-    def _assembler(self, free: NDArray[np.bool_], other_mesh: bool) -> Assembler:
-        terms = (*self.walls, *self.loads)
-        if other_mesh or self.composition.load:
-            return Assembler(self.space, free, terms)
+    def _assembler(self, free: NDArray[np.bool_]) -> Assembler:
+        """All compositions with the same unknowns share one matrix structure and one solver, whatever their loads and rest shape."""
         key = self.composition.interface > 0.0
         if key not in self.stage.assemblers:
-            self.stage.assemblers[key] = Assembler(self.space, free, terms)
-        return self.stage.assemblers[key]
+            self.stage.assemblers[key] = Assembler(self.space, free, (*self.walls, *self.loads))
+        shared = self.stage.assemblers[key]
+        return shared if shared.space.mesh is self.space.mesh else _on_other_shape(shared, self.space)
+
+
+def _on_other_shape(assembler: Assembler, space: Space) -> Assembler:
+    """The same structure and solver on a mesh of the same cells whose points lie elsewhere."""
+    out = copy.copy(assembler)
+    out.space = space
+    out.total_volume = float(space.mesh.volumes.sum())
+    out.weight = np.ascontiguousarray(space.mesh.volumes[:, None] * space.element.weights)
+    return out
+
+
+def dead_load(space: Space, loads: Sequence[Term]) -> PointForce:
+    """All dead loads as forces on nodes; there even when it is zero, so that a load changes no matrix structure."""
+    force = np.zeros((space.n_nodes, 3))
+    for load in loads:
+        np.add.at(force.reshape(-1), load.unknowns, -load.evaluate(np.zeros_like(force), 1.0, 1)[1])
+    return nodal_force(np.arange(space.n_nodes), force)
 
 
 def _wall(scene: GapScene, name: str, scanned_nodes: FloatArray) -> SlidingWall:

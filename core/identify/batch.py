@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import Equilibrium, NewtonOptions
+from palpate.core.fem.state import State
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.contact_force import InterfaceMotion, organ_terms, tissue_reaction
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import SlidingWall, wall_points

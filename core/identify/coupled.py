@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.elements import EDGES
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.identify.parameters import StiffnessParameters
 from palpate.core.observe.distance_field import SignedDistanceField

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import Equilibrium, NewtonOptions
+from palpate.core.fem.state import State
 from palpate.core.identify.scene import make_scene
 from palpate.core.problem import IdentificationProblem
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.state import State
 from palpate.core.identify.coupled import CoupledScene, SceneOptions
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.identify.posterior import NoiseFacts, Posterior, laplace

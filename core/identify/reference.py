@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.state import State
 from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.identify.scene import Scene

@@ -7,8 +7,8 @@ import pytest
 
 from palpate.core.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.core.errors import InputError
-from palpate.core.fem.assembly import State
 from palpate.core.fem.newton import NewtonOptions
+from palpate.core.fem.state import State
 from palpate.core.identify.batch import solve_many, tour
 from palpate.core.worker.executors import make_executor
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.elements import ELEMENTS, quadrature, shape_functions, shape_gradients
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box, with_regions
 from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, ST_VENANT_KIRCHHOFF, mooney_rivlin_parameters
 
 NAMES = sorted(ELEMENTS)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box, sphere_in_cube
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, quicker, solve_equilibrium
 from palpate.core.fem.newton_work import is_minimum
 from palpate.core.fem.scenes import sphere_scene
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.loads import traction
 from palpate.core.laws import MOONEY_RIVLIN, mooney_rivlin_parameters
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import synthetic_case
 
-from palpate.core.fem.assembly import State
+from palpate.core.fem.state import State
 from palpate.core.identify.coupled import CoupledScene, SceneOptions
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.identify.predict import predict

@@ -8,11 +8,11 @@ import pytest
 from palpate.core.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem import reduced_kernel
-from palpate.core.fem.assembly import State
 from palpate.core.fem.reduced import ReducedModel, scene_hash
 from palpate.core.fem.reduced_check import newton_correction
 from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
 from palpate.core.fem.reduced_kernel import Features, best_fit, fit
+from palpate.core.fem.state import State
 
 UNSEEN = 200
 

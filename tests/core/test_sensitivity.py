@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.core.fem.assembly import Assembler, State
+from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box, with_regions
 from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
@@ -17,6 +17,7 @@ from palpate.core.fem.sensitivity import (
     response_to_moves,
 )
 from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
 from palpate.core.fem.terms.loads import nodal_force, traction
 from palpate.core.laws import LAWS
 

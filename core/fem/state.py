@@ -1,0 +1,38 @@
+"""Where a body is, and how far from equilibrium."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Displacements u (n, 3) mm and pressures p (n_p,) kPa.
+
+    q : (m, points) kPa, elements without pressure unknowns only: pressures at the points that an iteration moves with u, on
+    their way to kappa g; None where they stand there.
+    """
+
+    u: FloatArray
+    p: FloatArray
+    q: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Out-of-balance: r_u (3 n,) mN, r_p (n_p,) mm3, the forces' magnitude (mN), smallest det F of guarded cells.
+
+    lag : (m, points) kappa g - q of a state with q; then r_u is that of q + lag G0 / G, the right-hand side of the system from
+    which the points' pressures were eliminated with the slopes G0 of the present factor.
+    """
+
+    r_u: FloatArray
+    r_p: FloatArray
+    scale: float
+    min_jacobian: float
+    lag: FloatArray | None = None
