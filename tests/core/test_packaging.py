@@ -1,0 +1,26 @@
+"""A wheel holds what an editable install finds by itself."""
+
+import tomllib
+from pathlib import Path
+
+TOP = Path(__file__).parents[2]
+
+
+def test_every_package_is_listed() -> None:
+    listed = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    there = [
+        ".".join(["palpate", *init.parent.relative_to(TOP).parts])
+        for room in ("core", "segmentation", "ui")
+        for init in (TOP / room).rglob("__init__.py")
+    ]
+    assert sorted(listed) == sorted(there)
+
+
+def test_files_that_are_no_python_go_with_their_package() -> None:
+    data = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    for room in ("core", "segmentation", "ui"):
+        for path in (TOP / room).rglob("*.*"):
+            if path.suffix in {".py", ".pyc"}:
+                continue
+            package = ".".join(["palpate", *path.parent.relative_to(TOP).parts])
+            assert any(path.match(pattern) for pattern in data.get(package, [])), path
