@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.identify.identify import Identification, identify
+from palpate.core.identify.nothing import nothing_found
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.posterior import verdict
+from palpate.core.identify.rigid_pair import rigid_pair
 from palpate.core.observe.surface_distance import surface_misfit
 from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.job import Job
@@ -35,6 +39,13 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     one_thread()  # the order of sums, and with it the last bits, must not depend on the machine's cores
     options = IdentifyOptions(**{**job.options, "seed": job.seed, "workers": job.workers})
     fingerprint = job.fingerprint()
+    began = time.perf_counter()
+    problem = IdentificationProblem.load(Path(job.folder) / "problem.npz")
+    pair = rigid_pair(problem)
+    if pair.nothing_deformed:
+        result, fields = nothing_found(problem, pair, options, time.perf_counter() - began)
+        save_checkpoint(Path(job.folder) / "fields.npz", fields, fingerprint)
+        return result
     found = identify(Path(job.folder), options, fingerprint, reporter)
     save_checkpoint(Path(job.folder) / "fields.npz", _fields(found), fingerprint)
     return _result(found, options)

@@ -14,6 +14,10 @@ FloatArray = NDArray[np.float64]
 _BLIND = 0.7
 
 
+# Keeps the precision of what the data alone say invertible, in units of the prior's.
+_LEAST = 1e-4
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """Normal in theta = ln G, cut at the bounds.
@@ -35,11 +39,12 @@ class Posterior:
 
     def interval(self, level: float = 0.95) -> FloatArray:
         """(t, 2) interval of G, kPa, of the normal cut at the bounds: central, but from the bound on where the optimum lies
-        at it, so that the value found is always within its own interval.
+        at it, so that the value found is always within its own interval. Of data that say nothing it is that of the bounds.
         """
         tail = 0.5 * (1.0 - level)
-        low, high = ((self.bounds[:, k] - self.mean) / self.sd for k in (0, 1))
-        cut = stats.truncnorm(low, high, loc=self.mean, scale=self.sd)
+        sd = self._data_sd
+        low, high = ((self.bounds[:, k] - self.mean) / sd for k in (0, 1))
+        cut = stats.truncnorm(low, high, loc=self.mean, scale=sd)
         below, above = cut.ppf(tail), cut.ppf(1.0 - tail)
         at_low, at_high = self.mean < below, self.mean > above
         below, above = np.where(at_high, cut.ppf(1.0 - level), below), np.where(at_low, cut.ppf(level), above)
@@ -47,6 +52,12 @@ class Posterior:
             [np.where(at_low, self.bounds[:, 0], below), np.where(at_high, self.bounds[:, 1], above)], axis=1
         )
         return np.asarray(np.exp(ends), dtype=np.float64)
+
+    @property
+    def _data_sd(self) -> FloatArray:
+        """(t,) standard deviation of ln G that the data alone leave: the cut at the bounds is the flat prior already."""
+        prior = _flat_prior(self.bounds)
+        return np.sqrt(np.diag(np.linalg.inv(np.linalg.inv(self.covariance) - (1.0 - _LEAST) * prior)))
 
     def sd_kpa(self) -> FloatArray:
         """(t,) kPa, half the central 68 % interval of G."""
@@ -82,14 +93,28 @@ def laplace(
     information = H @ np.linalg.solve(noise.score_covariance + ridge, H)
     singular = np.sqrt(np.maximum(np.linalg.eigvalsh(0.5 * (information + information.T))[::-1], 0.0))
     # A direction the data do not see at all keeps the width of a flat prior over the bounds.
-    prior = np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
-    covariance = np.asarray(np.linalg.inv(information / scale + prior), dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(information / scale + _flat_prior(bounds)), dtype=np.float64)
     return Posterior(theta, covariance, singular, float(np.sqrt(scale)), bounds)
+
+
+def _flat_prior(bounds: FloatArray) -> FloatArray:
+    """(t, t) precision of a normal as wide as a flat prior over the bounds."""
+    return np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
+
+
+def nothing_known(posterior: Posterior) -> bool:
+    """Whether every region's stiffness is about as uncertain as it was before the scans."""
+    prior_sd = (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
+    return bool((posterior.sd > _BLIND * prior_sd).all())
 
 
 def verdict(names: tuple[str, ...], posterior: Posterior) -> str:
     """In words: which regions' stiffness this pair of scans tells, and how well."""
     parts = []
+    if nothing_known(posterior):
+        parts.append(
+            "nothing can be identified: the deformation this pair shows is too small against the contours' error"
+        )
     prior_sd = (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
     for name, sd, unknown in zip(names, posterior.sd, _BLIND * prior_sd, strict=True):
         label = name.replace("_", " ")

@@ -65,10 +65,20 @@ def test_an_error_where_the_sensitivity_is_sharp_moves_the_estimate_little() -> 
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_value_at_its_bound_lies_within_its_interval(side: int) -> None:
     bounds = np.log([[5.0, 500.0]])
-    J = np.full((50, 1), 0.5)
+    J = np.full((50, 1), 2.0)
     found = laplace(bounds[:, side], np.zeros(50), J, bounds)
     low, high = found.interval()[0]
     assert (low, high)[side] == pytest.approx((5.0, 500.0)[side])
     # One-sided: 95 % of a half normal lie within 1.96 standard deviations of its bound.
     width = abs(np.log((low, high)[1 - side]) - bounds[0, side])
     assert width == pytest.approx(1.96 * found.sd[0], rel=0.01)
+
+
+def test_the_interval_of_data_that_say_nothing_spans_what_was_allowed() -> None:
+    """Also where the optimum ended anywhere, and one of two regions was seen."""
+    bounds = np.log([[5.0, 500.0], [5.0, 500.0]])
+    J = np.column_stack([np.zeros(50), np.full(50, 2.0)])
+    found = laplace(np.log([11.0, 40.0]), np.zeros(50), J, bounds)
+    share = (np.log(found.interval()[0]) - bounds[0, 0]) / (bounds[0, 1] - bounds[0, 0])
+    np.testing.assert_allclose(share, [0.025, 0.975], atol=0.002)
+    np.testing.assert_allclose(np.log(found.interval()[1] / 40.0), np.array([-1.96, 1.96]) / np.sqrt(200.0), atol=1e-3)
