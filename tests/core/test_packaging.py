@@ -20,7 +20,7 @@ def test_files_that_are_no_python_go_with_their_package() -> None:
     data = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
     for room in ("core", "segmentation", "ui"):
         for path in (TOP / room).rglob("*.*"):
-            if path.suffix in {".py", ".pyc"}:
+            if path.suffix == ".py" or "__pycache__" in path.parts:
                 continue
             package = ".".join(["palpate", *path.parent.relative_to(TOP).parts])
             assert any(path.match(pattern) for pattern in data.get(package, [])), path

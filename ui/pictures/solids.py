@@ -21,12 +21,12 @@ from palpate.ui.pictures.slice_axes import LETTER_FONT
 from palpate.ui.pictures.slices import stiffness_bar
 
 # Red, green, blue and opacity of what stands around the organ.
-_AROUND = {
+AROUND = {
     "bone": (0.93, 0.89, 0.78, 0.25),
     "bladder": (1.0, 0.82, 0.2, 0.4),
     "rectum": (0.8, 0.45, 0.25, 0.4),
 }
-_UNTOLD = (0.6, 0.6, 0.6)
+UNTOLD = (0.6, 0.6, 0.6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +49,9 @@ def anatomy(surfaces: Mapping[str, TriSurface], stiffness: Mapping[int, float], 
     """
     organ = surfaces["organ"]
     colour = {label: scale.rgb(G) for label, G in stiffness.items()}
-    rgb = np.array([colour.get(int(region), _UNTOLD) for region in organ.region])
+    rgb = np.array([colour.get(int(region), UNTOLD) for region in organ.region])
     bodies = {"organ": Body(organ.points, organ.faces, rgb)}
-    for name, (r, g, b, opacity) in _AROUND.items():
+    for name, (r, g, b, opacity) in AROUND.items():
         if name in surfaces:
             wall = surfaces[name]
             bodies[name] = Body(wall.points, wall.faces, np.tile([r, g, b], (len(wall.faces), 1)), opacity)

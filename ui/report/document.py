@@ -51,7 +51,15 @@ class Picture:
     width: float = 1.0
 
 
-Block = Paragraph | Notice | Bullets | Table | Picture
+@dataclass(frozen=True)
+class Interactive:
+    """An HTML fragment that a reader can turn and play, made by us and not from a case's texts. Only the HTML page shows it."""
+
+    html: str
+    caption: str
+
+
+Block = Paragraph | Notice | Bullets | Table | Picture | Interactive
 
 
 @dataclass(frozen=True)

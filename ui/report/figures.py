@@ -17,8 +17,9 @@ from palpate.ui.pictures import slices, solids
 from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.offscreen import OffscreenError, polydata
-from palpate.ui.report.document import Picture
+from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.gap_section import gap_pictures
+from palpate.ui.report.moving import moving_view
 from palpate.ui.report.record import CaseRecord
 
 _PLANES_CAPTION = (
@@ -30,10 +31,14 @@ _PLANES_CAPTION = (
 
 @dataclass(frozen=True)
 class Drawn:
-    """pictures : by name. missing : what could not be drawn and why, one line each."""
+    """pictures : by name. missing : what could not be drawn and why, one line each.
+
+    interactive : the view that turns and plays the deformation; empty before identification.
+    """
 
     pictures: dict[str, Picture] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
+    interactive: list[Interactive] = field(default_factory=list)
 
     def add(self, name: str, folder: Path, figure: Figure, caption: str, says: str, width: float = 1.0) -> None:
         """Saves a figure as folder/name.png."""
@@ -58,6 +63,8 @@ def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], fol
     if case.has("surfaces.npz") and case.has("identify/fields.npz"):
         progress(0.7, "misfit on the organ")
         _or_missing(drawn, "the misfit on the organ", lambda: _misfit(drawn, case, record, folder))
+    if case.has("mesh.npz") and case.has("identify/fields.npz"):
+        drawn.interactive.append(moving_view(case, images))
     return drawn
 
 

@@ -56,7 +56,8 @@ def _story(document: doc.Document) -> list[Flowable]:
     story += [_notice(doc.Notice(document.footer)), *(_notice(notice) for notice in document.notices)]
     for section in document.sections:
         heading = Paragraph(escape(section.title), _style(13, bold=True, before=4, after=1.5))
-        first, *others = [_flowable(block) for block in section.blocks]
+        on_paper = [block for block in section.blocks if not isinstance(block, doc.Interactive)]
+        first, *others = [_flowable(block) for block in on_paper]
         story += [KeepTogether([heading, first]), *others]
     return story
 

@@ -27,7 +27,7 @@ def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Docum
     notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
     sections = (
         Section("Summary", _summary(record, pictures)),
-        _stiffness(record, pictures),
+        _stiffness(record, drawn),
         _fit(record, pictures),
         *([gap_section(record.diagnosis, pictures)] if record.diagnosis else []),
         quality(record, drawn.missing),
@@ -41,7 +41,7 @@ def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]
     return [*(Paragraph(text, "lead") for text in summary(record)), *_shown(pictures, "stiffness_planes")]
 
 
-def _stiffness(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
+def _stiffness(record: CaseRecord, drawn: Drawn) -> Section:
     header = (
         "region",
         "G, kPa",
@@ -60,7 +60,8 @@ def _stiffness(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
         Paragraph(MU_NOTE, "small"),
         Paragraph(f"What this pair can tell: {_sentence(str(identifiability['verdict']))}"),
         Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
-        *_shown(pictures, "stiffness_series", "anatomy"),
+        *_shown(drawn.pictures, "stiffness_series", "anatomy"),
+        *drawn.interactive,
     ]
     return Section("Stiffness", blocks)
 

@@ -1,0 +1,56 @@
+"""The deformation of a case as a view that turns and plays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.labels import LABELS
+from palpate.segmentation.mesh_step import load_meshed
+from palpate.segmentation.meshing import MeshedCase
+from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.interactive import MovingBody, deformation_page
+from palpate.ui.pictures.solids import AROUND, UNTOLD
+from palpate.ui.report.document import Interactive
+
+_CAPTION = (
+    "The organ coloured by shear modulus (grey where this pair does not tell it), with the walls that push it; drag to turn, wheel "
+    "to zoom, a click in the legend hides a body. Play moves everything along straight lines from rest to the identified "
+    "model's deformed state, in true size; what happened between the two scans is not known. R right, L left, A anterior, P "
+    "posterior, S superior, I inferior of the patient."
+)
+
+
+def moving_view(case: CaseFolder, images: CaseImages) -> Interactive:
+    """The mesh of an identified case, from rest to the model's deformed state."""
+    meshed = load_meshed(case)
+    move = case.read_npz("identify/fields.npz")["mesh_displacement"]
+    bodies = _organ(meshed, move, images) + _walls(meshed, move)
+    return Interactive(deformation_page(bodies, images.scale if images.stiffness_kpa else None), _CAPTION)
+
+
+def _organ(meshed: MeshedCase, move: NDArray[np.float64], images: CaseImages) -> list[MovingBody]:
+    """One body for each region, so that a reader can hide one."""
+    mesh = meshed.mesh
+    regions = tuple(sorted(set(np.unique(mesh.regions).tolist()) & {1, 2}))
+    faces, owners = mesh.region_boundary(regions)
+    bodies = []
+    for region in regions:
+        here = faces[mesh.regions[owners] == region]
+        told = region in images.stiffness_kpa and region not in images.untold
+        colour = images.scale.rgb(images.stiffness_kpa[region]) if told else UNTOLD
+        name = LABELS[region].replace("_", " ")
+        bodies.append(MovingBody.of(name, mesh.points, move, here, np.tile(colour, (len(here), 1)), 1.0))
+    return bodies
+
+
+def _walls(meshed: MeshedCase, move: NDArray[np.float64]) -> list[MovingBody]:
+    bodies = []
+    for name, (r, g, b, opacity) in AROUND.items():
+        # The mesh's normals point into the hollow: turned round, they point out of the organ that fills it.
+        faces = meshed.boundary.get(name, np.zeros((0, 3), dtype=np.int64))[:, ::-1]
+        if len(faces):
+            rgb = np.tile([r, g, b], (len(faces), 1))
+            bodies.append(MovingBody.of(name, meshed.mesh.points, move, faces, rgb, opacity))
+    return bodies
