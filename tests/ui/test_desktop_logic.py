@@ -19,6 +19,7 @@ from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.dropping import Pair, case_beside
 from palpate.ui.desktop.jobs import JobControl
+from palpate.ui.desktop.open_case import GapMap, OpenCase
 from palpate.ui.desktop.recent import recent_cases, remember
 from palpate.ui.desktop.script import parse
 from palpate.ui.pictures.planes import AXIAL
@@ -266,3 +267,28 @@ def test_a_display_of_another_version_is_taken_as_far_as_it_goes() -> None:
 def test_a_script_that_cannot_be_understood_is_refused_before_it_starts(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         parse(text, "s.txt")
+
+
+def test_the_map_of_a_diagnosis_is_shown_before_the_plain_misfit(tmp_path: Path) -> None:
+    folder = tmp_path / "case"
+    case = write_case(folder)
+    spots, plain, found = np.arange(12.0).reshape(4, 3), np.full(4, 0.5), np.array([1.0, -2.0, 0.25, 0.0])
+    case.write_npz("identify/fields.npz", surface_points=spots, surface_residual=plain)
+    assert (gap := _gap_of(folder)) is not None
+    assert not gap.diagnosed
+    np.testing.assert_array_equal(gap.residual, plain)
+    # The names that palpate.core.gap.record.maps gives.
+    case.write_npz("diagnose/gap_maps.npz", points=spots + 1.0, residual_mm=found, standardised=found / 0.4)
+    case.write_json("diagnosis.json", {"where": {"map": "diagnose/gap_maps.npz"}})
+    assert (gap := _gap_of(folder)) is not None
+    assert gap.diagnosed
+    np.testing.assert_array_equal(gap.points, spots + 1.0)
+    np.testing.assert_array_equal(gap.residual, found)
+
+
+def _gap_of(folder: Path) -> GapMap | None:
+    opened = OpenCase(folder)
+    try:
+        return opened.gap
+    finally:
+        opened.close()

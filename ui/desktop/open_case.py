@@ -153,7 +153,7 @@ class OpenCase:
                 continue
             arrays = self.folder.read_npz(name)
             points = arrays.get("points", arrays.get("surface_points"))
-            residual = arrays.get("residual", arrays.get("surface_residual"))
+            residual = arrays.get("residual_mm", arrays.get("surface_residual"))
             if points is not None and residual is not None and len(points) == len(residual) > 0:
                 return GapMap(points, residual.astype(np.float64), diagnosed)
         return None
