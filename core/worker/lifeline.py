@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
+_BELOW_A_WINDOW = 10
 _PR_SET_PDEATHSIG = 1
 
 
@@ -35,6 +36,12 @@ def die_with_parent() -> None:
     """Linux: the kernel kills this process when the thread that started it ends, even while Python code cannot run."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+def give_way() -> None:
+    """Below what a person waits for at the screen: this process and its children take processor time that a window leaves."""
+    if hasattr(os, "nice"):
+        os.nice(_BELOW_A_WINDOW)
 
 
 def _wait_for_signal(woken: int, stop: Callable[[bool], None]) -> None:

@@ -26,7 +26,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
-from palpate.core.worker.lifeline import die_with_parent
+from palpate.core.worker.lifeline import die_with_parent, give_way
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.segmentation.volume import Volume
 from palpate.ui.desktop.grey import WindowLevel, to_grey
@@ -205,6 +205,7 @@ def _quad(sheet: Sheet, plane: Plane, position: float) -> pv.PolyData:
 def main() -> int:
     """Answers till standard input ends."""
     die_with_parent()
+    give_way()
     out = os.dup(1)
     os.dup2(2, 1)  # what libraries print must not come between pictures
     scene = SolidScene()

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from palpate.core.worker.job import Job
+from palpate.core.worker.lifeline import give_way
 from palpate.core.worker.messages import Message, Reporter
 from palpate.core.worker.progress import Progress
 from palpate.segmentation.case import CaseFolder
@@ -37,6 +38,7 @@ class _Telling(Console):
 
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     """Options: commands, a list of argument lists such as ["mesh", "CASE"]. Returns what each command returned, by its name."""
+    give_way()
     commands = [list(command) for command in job.options["commands"]]
     results = {}
     for number, given in enumerate(commands):
