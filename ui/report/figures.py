@@ -54,7 +54,7 @@ def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], fol
     _slices(drawn, images, folder)
     drawn.pictures.update(gap_pictures(case, images, folder))
     best = record.result.get("convergence")
-    if best:
+    if best and len(best) > 1:
         drawn.add("convergence", folder, convergence(best), "Search for the stiffness: the best objective after each "
                   "iteration.", "A falling curve of the objective against the iteration.", 0.6)  # fmt: skip
     if case.has("surfaces.npz"):

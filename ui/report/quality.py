@@ -12,12 +12,18 @@ from palpate.ui.report.record import CaseRecord
 
 # From its first separator to the word after its last one, spaces included.
 _ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")
+_REGION_NOTE = (
+    "Volumes of tissue and bone are those inside the region around the prostate that is modelled; in the deformed scan that region is "
+    "wider, so that nothing leaves it."
+)
 _DASH = "\N{EN DASH}"
 
 
 def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
     """The section. missing : what could not be drawn and why, one line each."""
     blocks: list[Block] = [Table(("label", "rest, cc", "deformed, cc", "where from"), _label_rows(record))]
+    if record.segmentation:
+        blocks.append(Paragraph(_REGION_NOTE, "small"))
     blocks += _alignment(record) + _mesh(record)
     notes = [*record.imported.get("notes", ()), *record.segmentation.get("notes", ())]
     notes += [*record.alignment.get("notes", ()), *record.result.get("notes", ())]
