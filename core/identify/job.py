@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.identify.coupled import CoupledScene
 from palpate.core.identify.identify import Identification, identify
 from palpate.core.identify.nothing import nothing_found
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.posterior import verdict
 from palpate.core.identify.rigid_pair import rigid_pair
+from palpate.core.identify.stiffness_map import StiffnessMap, stiffness_map
 from palpate.core.observe.surface_distance import surface_misfit
 from palpate.core.observe.triangle_tree import TriangleTree
 from palpate.core.problem import IdentificationProblem
@@ -25,6 +27,7 @@ from palpate.core.worker.messages import Reporter
 
 FloatArray = NDArray[np.float64]
 
+MAP_FILE = "stiffness_map.npz"
 # Swarm and Gauss-Newton name the same optimum when their ln G differ by less than this share of a standard deviation.
 AGREEMENT_SD = 0.25
 # A stiffness this close to a bound (in ln G) is reported as at the bound.
@@ -48,7 +51,34 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
         return result
     found = identify(Path(job.folder), options, fingerprint, reporter)
     save_checkpoint(Path(job.folder) / "fields.npz", _fields(found), fingerprint)
-    return _result(found, options)
+    mapped = _mapped(found, options, reporter)
+    if mapped is not None:
+        save_checkpoint(Path(job.folder) / MAP_FILE, mapped.arrays(), fingerprint)
+    return {**_result(found, options), "stiffness_map": None if mapped is None else _map_facts(mapped)}
+
+
+def _mapped(found: Identification, options: IdentifyOptions, reporter: Reporter) -> StiffnessMap | None:
+    if not options.stiffness_map or not isinstance(found.scene, CoupledScene):
+        return None
+    told = lambda f, m: reporter.progress(0.94 + 0.05 * f, m)  # noqa: E731
+    return stiffness_map(
+        found.scene, found.misfit, found.theta, found.equilibrium, found.posterior.scale, progress=told
+    )
+
+
+def _map_facts(mapped: StiffnessMap) -> dict[str, Any]:
+    share = float(mapped.patches.volumes[mapped.told].sum() / mapped.patches.volumes.sum())
+    return {
+        "file": f"identify/{MAP_FILE}",
+        "patches": mapped.patches.n,
+        "told_share_of_volume": share,
+        "resolved_values": float(np.trace(mapped.resolution)),
+        "blur_mm": float(np.median(mapped.blur_mm)),
+        "steps": mapped.steps,
+        "settled": mapped.settled,
+        "prior_local_sd_ln_G": mapped.prior.local_sd,
+        "prior_length_mm": mapped.prior.length_mm,
+    }
 
 
 def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:

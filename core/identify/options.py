@@ -17,7 +17,7 @@ class IdentifyOptions:
 
     particles, iterations : of the swarm (the paper's M = 40; it stops earlier when it has collapsed). seed : of the swarm.
     workers : processes that evaluate particles; the answer does not depend on it. starts : of Gauss-Newton. reduced : let the swarm use the
-    reduced model where its own error estimate allows.
+    reduced model where its own error estimate allows. stiffness_map : also map the stiffness within the organ (boundary "coupled" only).
     Raises InputError for values out of range.
     """
 
@@ -30,6 +30,7 @@ class IdentifyOptions:
     workers: int = 1
     starts: int = 3
     reduced: bool = True
+    stiffness_map: bool = True
 
     def __post_init__(self) -> None:
         for name, value, allowed in (

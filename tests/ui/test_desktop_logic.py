@@ -274,13 +274,15 @@ def test_the_map_of_a_diagnosis_is_shown_before_the_plain_misfit(tmp_path: Path)
     case = write_case(folder)
     spots, plain, found = np.arange(12.0).reshape(4, 3), np.full(4, 0.5), np.array([1.0, -2.0, 0.25, 0.0])
     case.write_npz("identify/fields.npz", surface_points=spots, surface_residual=plain)
-    assert (gap := _gap_of(folder)) is not None
+    gap = _gap_of(folder)
+    assert gap is not None
     assert not gap.diagnosed
     np.testing.assert_array_equal(gap.residual, plain)
     # The names that palpate.core.gap.record.maps gives.
     case.write_npz("diagnose/gap_maps.npz", points=spots + 1.0, residual_mm=found, standardised=found / 0.4)
     case.write_json("diagnosis.json", {"where": {"map": "diagnose/gap_maps.npz"}})
-    assert (gap := _gap_of(folder)) is not None
+    gap = _gap_of(folder)
+    assert gap is not None
     assert gap.diagnosed
     np.testing.assert_array_equal(gap.points, spots + 1.0)
     np.testing.assert_array_equal(gap.residual, found)

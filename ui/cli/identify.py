@@ -31,6 +31,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        help="of the swarm (default %(default)s)")  # fmt: skip
     group.add_argument("--iterations", type=whole_number(1, 10000), default=default.iterations, metavar="N",
                        help="of the swarm, at most (default %(default)s)")  # fmt: skip
+    group.add_argument("--no-map", dest="stiffness_map", action="store_false",
+                       help="regional values only, no map of the stiffness within the organ")  # fmt: skip
 
 
 def options_of(args: argparse.Namespace) -> IdentifyOptions:
@@ -42,6 +44,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
         iterations=args.iterations,
         seed=random_seed(args),
         workers=workers(args),
+        stiffness_map=args.stiffness_map,
     )
 
 

@@ -16,6 +16,7 @@ from palpate.segmentation.volume import Volume
 from palpate.ui.pictures import slices, solids
 from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.map_planes import map_planes
 from palpate.ui.pictures.offscreen import OffscreenError, polydata
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.gap_section import gap_pictures
@@ -26,6 +27,14 @@ _PLANES_CAPTION = (
     "Slices through the organ ({ground}). Above, dotted lines show where the other slices lie; below, the shear modulus "
     "in colour; hatched or grey where this pair does not tell it. The sagittal slice goes through the stiffest region. "
     "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS)."
+)
+
+
+_MAP_CAPTION = (
+    "A map of the shear modulus within the organ that does not know its two halves, solved on {patches} patches under the "
+    "assumption that stiffness changes smoothly (a factor of {factor:.1f} about the organ's level, over {length:.0f} mm). Hatched where the scans "
+    "tell no more than that assumption: {told:.0f} % of the organ is not. This pair tells about {values:.0f} independent values; each "
+    "place is an average over some {blur:.0f} mm. Below: the factor within which the true value lies in two cases of three."
 )
 
 
@@ -52,6 +61,8 @@ def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], fol
     drawn = Drawn()
     progress(0.1, "slices")
     _slices(drawn, images, folder)
+    if record.result.get("stiffness_map") and case.has("identify/stiffness_map.npz"):
+        _map(drawn, case, record, images, folder)
     drawn.pictures.update(gap_pictures(case, images, folder))
     best = record.result.get("convergence")
     if best and len(best) > 1:
@@ -101,6 +112,17 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path) -> None:
         caption = "Outlines at rest (solid) and deformed (dashed) on the anatomy at rest, after alignment on bone."
         says = "Slices in three planes with the outlines of organ, bladder and rectum in both states."
         drawn.add("deformation_planes", folder, slices.deformation_planes(images), caption, says)
+
+
+def _map(drawn: Drawn, case: CaseFolder, record: CaseRecord, images: CaseImages, folder: Path) -> None:
+    facts = record.result["stiffness_map"]
+    figure = map_planes(images, case.read_npz("identify/stiffness_map.npz"))
+    caption = _MAP_CAPTION.format(
+        told=100.0 * facts["told_share_of_volume"], patches=facts["patches"], values=facts["resolved_values"],
+        blur=facts["blur_mm"], factor=np.exp(facts["prior_local_sd_ln_G"]), length=facts["prior_length_mm"],
+    )  # fmt: skip
+    says = "Slices in three planes with a smooth map of the shear modulus within the organ, and how well it is known."
+    drawn.add("stiffness_map", folder, figure, caption, says, 0.8)
 
 
 def _anatomy(drawn: Drawn, case: CaseFolder, record: CaseRecord, images: CaseImages, folder: Path) -> None:

@@ -20,7 +20,7 @@ from palpate.ui.report.sections import document
 STEP = "report"
 INPUTS = (
     "case.json", "rest.nii.gz", "deformed.nii.gz", "rest_ct", "alignment.json", "segmentation.json", "mesh.json",
-    "import.json", "result.json", "surfaces.npz", "identify/fields.npz", "diagnosis.json",
+    "import.json", "result.json", "surfaces.npz", "identify/fields.npz", "identify/stiffness_map.npz", "diagnosis.json",
 )  # fmt: skip
 FOLDER = "report"
 

@@ -60,7 +60,7 @@ def _stiffness(record: CaseRecord, drawn: Drawn) -> Section:
         Paragraph(MU_NOTE, "small"),
         Paragraph(f"What this pair can tell: {_sentence(str(identifiability['verdict']))}"),
         Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
-        *_shown(drawn.pictures, "stiffness_series", "anatomy"),
+        *_shown(drawn.pictures, "stiffness_series", "stiffness_map", "anatomy"),
         *drawn.interactive,
     ]
     return Section("Stiffness", blocks)

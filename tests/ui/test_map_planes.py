@@ -1,0 +1,48 @@
+"""The map on slices: colours where they belong, hatching where nothing is told."""
+
+from pathlib import Path
+
+import numpy as np
+from phantoms import CENTRE, affine, labels
+
+from palpate.core.identify.patches import Patches
+from palpate.core.identify.smooth_prior import SmoothPrior
+from palpate.core.identify.stiffness_map import StiffnessMap
+from palpate.ui.pictures import map_planes as module
+from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.planes import AXIAL
+
+
+def arrays(told_left: bool) -> dict[str, np.ndarray]:
+    """Two patches, 20 kPa on the patient's left and 60 on the right."""
+    centres = np.array([CENTRE, CENTRE], dtype=float) + np.array([[9.0, 0.0, 0.0], [-9.0, 0.0, 0.0]])
+    patches = Patches(np.arange(2), np.arange(2), centres, np.ones(2))
+    made = StiffnessMap(
+        patches, SmoothPrior(3.5, 1.3), np.log([20.0, 60.0]), 0.04 * np.eye(2), 0.5 * np.eye(2),
+        np.array([0.9 if told_left else 0.0, 0.9]), np.full(2, 8.0), 2, True,
+    )  # fmt: skip
+    return {name: np.asarray(value) for name, value in made.arrays().items()}
+
+
+def test_left_is_left_and_what_is_not_told_is_marked() -> None:
+    images = CaseImages(labels(affine()), stiffness_kpa={1: 20.0, 2: 60.0})
+    window = images.window(AXIAL)
+    inside, extent = module._inside(images, AXIAL, window)
+    data = arrays(told_left=False)
+    G, told = module._on(inside, extent, AXIAL, window, lambda at: module.painted(data, at))
+    across, _ = module.Slice(G, extent).coordinates
+    left, right = G[:, across > CENTRE[0] + 8.0], G[:, across < CENTRE[0] - 8.0]
+    assert np.nanmedian(left) < 30.0 < 45.0 < np.nanmedian(right)
+    assert not told[:, across > CENTRE[0] + 1.0].any()
+    assert (told == inside)[:, across < CENTRE[0] - 1.0].all()
+    assert np.isnan(G[~inside]).all()
+
+
+def test_figure_has_both_rows_and_both_bars(tmp_path: Path) -> None:
+    images = CaseImages(labels(affine()), stiffness_kpa={1: 20.0, 2: 60.0})
+    figure = module.map_planes(images, arrays(told_left=True))
+    titles = [ax.get_title() for ax in figure.axes[:3]]
+    assert [t.split(",")[0] for t in titles] == ["axial", "sagittal", "coronal"]
+    bars = [ax.get_ylabel() for ax in figure.axes[6:]]
+    assert bars == ["shear modulus G (kPa)", "known to a factor of (1 sd)"]
+    assert module.map_scale(images, arrays(told_left=True)).high >= 60.0
