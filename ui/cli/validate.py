@@ -3,6 +3,7 @@
 forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
 gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
+table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.core.worker.progress import Progress
 from palpate.segmentation.atomic import atomic_path
+from palpate.ui.cli import studies
 from palpate.ui.cli.arguments import no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 
@@ -41,6 +43,7 @@ class Study:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """STUDY, and how large."""
     parser.add_argument("study", choices=tuple(STUDIES), metavar="STUDY", help=", ".join(STUDIES))
+    parser.add_argument("--quick", action="store_true", help="the paper's studies in short, on coarse meshes")
     parser.add_argument("--scenes", type=whole_number(1, 1_000_000), default=1000, metavar="N",
                         help="robustness: how many random scenes (default %(default)s)")  # fmt: skip
     parser.add_argument("--log", type=Path, metavar="FILE",
@@ -118,6 +121,8 @@ def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 STUDIES: dict[str, Study] = {
+    "table1": Study(studies.tables, studies.tables_text, studies.tables_picture),
+    "table2": Study(studies.tables, studies.tables_text, studies.tables_picture),
     "gap": Study(_gap),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "robustness": Study(_robustness),
