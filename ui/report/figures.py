@@ -33,8 +33,9 @@ _PLANES_CAPTION = (
 _MAP_CAPTION = (
     "A map of the shear modulus within the organ that does not know its two halves, solved on {patches} patches under the "
     "assumption that stiffness changes smoothly (a factor of {factor:.1f} about the organ's level, over {length:.0f} mm). "
-    "Hatched where the scans tell no more than that assumption: {told:.0f} % of the organ is not. This pair tells about "
-    "{values:.0f} independent values; each place is an average over some {blur:.0f} mm. Below: the factor within which the true value lies in two cases of three."
+    "Hatched where the scans tell no more than that assumption: {told:.0f} % of the organ is not. "
+    "This pair tells about {values:.0f} independent values; each place is an average over some {blur:.0f} mm. "
+    "Below: the factor within which the true value lies in two cases of three."
 )
 
 
