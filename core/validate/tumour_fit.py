@@ -1,0 +1,106 @@
+"""Identification of the studies' scene: one reduced model of a mesh and element, then a fit of every surface in milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.reduced import ReducedModel
+from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
+from palpate.core.identify.gauss_newton import GaussNewtonResult
+from palpate.core.identify.posterior import Posterior
+from palpate.core.identify.reduced_fit import ReducedFit
+from palpate.core.observe.distance_field import SignedDistanceField
+from palpate.core.observe.noise import Weighting, contour_covariance, smooth_covariance, weighting_covariance
+from palpate.core.observe.surface_observation import sample_surface
+from palpate.core.problem import Surface
+from palpate.core.validate.tumour_data import DATA_DIVISIONS, TumourData
+from palpate.core.validate.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume
+from palpate.core.worker.progress import Progress, silent
+
+FloatArray = NDArray[np.float64]
+
+# Points of the organ's surface, about as far apart as this, mm.
+SPACING_MM = 2.0
+# Of the least displacement in the box, 0.2 mm where the organ is hard: some thousandths of a millimetre.
+_REDUCED = ReducedOptions(tolerance=0.01, max_snapshots=120)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """mu (2,) kPa of the left and the right half, 95 % interval (2, 2), and the fit they come from."""
+
+    mu: FloatArray
+    interval: FloatArray
+    fit: GaussNewtonResult
+    posterior: Posterior
+
+
+class TumourFit:
+    """A mesh and element that identify, ready for any deformed surface of the same organ.
+
+    rest : the organ's surface at rest, as the data show it. Raises ConvergenceError when most stiffnesses have no equilibrium.
+    """
+
+    def __init__(
+        self,
+        rest: Surface,
+        divisions: Divisions | None = None,
+        element: str = "p2p1",
+        data: Divisions = DATA_DIVISIONS,
+        strain: float = 1.0,
+        progress: Progress = silent,
+    ) -> None:
+        volume = organ_volume(halved_ball(data))
+        self.scene = DrivenScene(halved_ball(divisions or Divisions(), volume), element, strain)
+        self.points = sample_surface(rest, SPACING_MM)[0]
+        self._operator = self.scene.space.interpolation(self.points, (1, 2))
+        self.model = ReducedModel.build(self.snapshots, self.scene.parameters.bounds, "", _REDUCED, progress)
+        facts = self.scene.facts
+        self.set_noise(facts.noise_sd_mm)
+
+    def set_noise(self, sd_mm: float) -> None:
+        """What one contour errs by."""
+        length = self.scene.facts.noise_correlation_mm
+        self.sd_mm = sd_mm
+        self.weighting = Weighting(weighting_covariance(self.points, sd_mm, length))
+        self.noise = contour_covariance(self.points, sd_mm, length)
+
+    def snapshots(self, thetas: FloatArray) -> list[Snapshot | None]:
+        """Full solves at thetas (m, 2), with sensitivities, on the organ's surface points."""
+        out: list[Snapshot | None] = []
+        for theta in thetas:
+            found = self.scene.solve(theta)
+            if not found.converged:
+                out.append(None)
+                continue
+            slopes = [self._operator @ s for s in self.scene.displacement_sensitivities(theta, found)]
+            out.append(Snapshot(self._operator @ found.u, np.stack(slopes)))
+        return out
+
+    def of(self, deformed: Surface | SignedDistanceField, error_mm: FloatArray | None = None) -> ReducedFit:
+        """The fit of one deformed surface; error_mm (q,) : of its contours, drawn by `draw`."""
+        target = (
+            deformed
+            if isinstance(deformed, SignedDistanceField)
+            else SignedDistanceField.from_surface(deformed.points, deformed.faces)
+        )
+        error = np.zeros(0) if error_mm is None else error_mm
+        return ReducedFit(self.model, self.points, target, self.weighting, self.noise, error)
+
+    def identify(self, data: TumourData | ReducedFit, error_mm: FloatArray | None = None) -> Found:
+        """The stiffness of both halves."""
+        fit = data if isinstance(data, ReducedFit) else self.of(data.organ.deformed, error_mm)
+        low, high = self.scene.parameters.bounds.T
+        optimum = fit.fit(np.array([low + 0.4 * (high - low), low + 0.7 * (high - low)]))
+        posterior = fit.posterior(optimum)
+        return Found(np.exp(optimum.theta) / 4.0, posterior.interval() / 4.0, optimum, posterior)
+
+    def draw(self, rng: np.random.Generator, extraction: bool = True) -> FloatArray:
+        """(q,) mm error of the residual from both contours; extraction : with that of voxels and surface extraction."""
+        sd, length = self.sd_mm, self.scene.facts.noise_correlation_mm
+        covariance = self.noise if extraction else 2.0 * smooth_covariance(self.points, sd, length)
+        values, vectors = np.linalg.eigh(covariance)
+        return np.asarray(vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(values))))
