@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from phantoms import CENTRE, MARKER, affine, labels, marked_ct
 
+from palpate.core.identify.patches import Patches
+from palpate.core.identify.smooth_prior import SmoothPrior
+from palpate.core.identify.stiffness_map import StiffnessMap
 from palpate.segmentation.grid import in_lps_order
 from palpate.ui.desktop import overlay
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.grey import PRESETS, WindowLevel, to_grey
+from palpate.ui.desktop.map_layer import map_layer
 from palpate.ui.desktop.sheets import Sheet, cut, is_aligned, positions
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import AXIAL, PLANES, SAGITTAL, Plane
@@ -115,3 +119,25 @@ def test_misfit_colours_are_white_where_the_model_meets_the_scan() -> None:
     rgb = overlay.residual_rgb(np.array([-9.0, 0.0, 9.0]), 2.0).astype(int)
     assert rgb[1].min() > 240 and rgb[0, 2] > rgb[0, 0] and rgb[2, 0] > rgb[2, 2]
     assert overlay.residual_limit(np.array([0.1, -1.7])) == 2.0
+
+
+def test_the_map_is_painted_where_the_scans_tell_it_and_left_is_left() -> None:
+    centres = np.array([[-8.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
+    made = StiffnessMap(
+        Patches(np.arange(2), np.arange(2), centres, np.ones(2)), SmoothPrior(3.5, 1.3), np.log([20.0, 80.0]),
+        0.01 * np.eye(2), np.eye(2), np.array([0.9, 0.0]), np.full(2, 5.0), 1, True,
+    )  # fmt: skip
+    arrays = made.arrays()
+    values = np.zeros((20, 20), dtype=np.uint8)
+    values[5:15, 2:18] = 1
+    sheet = Sheet(values, (-10.0, 10.0, 10.0, -10.0))
+    display, scale = Display(opacity=1.0), StiffnessScale(0.0, 100.0)
+    layer = map_layer(arrays, sheet, AXIAL, 0.0, display, scale)
+    left, right = layer.data[10, 3], layer.data[10, 16]
+    np.testing.assert_allclose(left[:3], 255.0 * np.array(scale.rgb(20.0)), atol=12)
+    assert right[3] == 0, "what is not told is not coloured"
+    assert not layer.data[values == 0].any()
+    (path,) = layer.hatched
+    assert path.boundingRect().left() >= 0.0 and path.boundingRect().right() <= 8.5
+    assert not map_layer(arrays, sheet, AXIAL, 0.0, Display(low_kpa=50.0), scale).data.any()
+    assert not map_layer(arrays, sheet, AXIAL, 0.0, Display(surest_factor=1.1), scale).data.any()

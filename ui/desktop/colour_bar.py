@@ -40,7 +40,17 @@ class ColourBar(QWidget):
         case, display = self._controller.case, self._controller.display
         if case is None:
             return False
-        there = {"stiffness": bool(case.regions), "misfit": case.gap is not None, "labels": bool(case.volumes)}
+        there = {
+            "stiffness": bool(case.regions),
+            "map": case.stiffness_map is not None,
+            "misfit": case.gap is not None,
+            "labels": bool(case.volumes),
+        }
+            "stiffness": bool(case.regions),
+            "misfit": case.gap is not None,
+            "map": case.stiffness_map is not None,
+            "labels": bool(case.volumes),
+        }
         return there.get(display.overlay, False)
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -55,8 +65,8 @@ class ColourBar(QWidget):
             self._legend(
                 painter, [label for label in _LISTED if any((v.array == label).any() for v in case.volumes.values())]
             )
-        elif display.overlay == "stiffness":
-            scale = case.scale
+        elif display.overlay in ("stiffness", "map"):
+            scale = case.scale if display.overlay == "stiffness" else case.map_scale
             ticks = LogLocator(subs=(1, 2, 5)) if scale.log else MaxNLocator(6)
             shares = {float(v): float(scale.norm(v)) for v in ticks.tick_values(scale.low, scale.high)}
             self._bar(painter, lambda s: QColor.fromRgbF(*scale.colormap(s)[:3]), shares, STIFFNESS_LABEL)

@@ -8,7 +8,7 @@ from typing import Any
 from palpate.ui.desktop.grey import PRESETS, WindowLevel
 
 MODES = ("rest", "deformed", "side by side", "blend")
-OVERLAYS = ("labels", "stiffness", "misfit", "none")
+OVERLAYS = ("labels", "stiffness", "map", "misfit", "none")
 TOOLS = ("look", "seed", "brush", "eraser")
 
 

@@ -18,6 +18,7 @@ _MODES = (
 _OVERLAYS = (
     ("labels", "Labels", "Organs in colour"),
     ("stiffness", "Stiffness", "Shear modulus of the organ, kPa"),
+    ("map", "Map", "Shear modulus within the organ at rest, kPa, smoothed; hatched where the scans do not tell it"),
     ("misfit", "Gap", "Where the model's organ lies off the scan's, mm"),
     ("none", "None", "The scan alone"),
 )
@@ -120,9 +121,11 @@ class DisplayPanel(QWidget):
         self.blend.setEnabled(display.mode == "blend")
         stiff = case is not None and bool(case.regions)
         self._enable("stiffness", stiff, "Stiffness has not been found yet; run Stiffness")
+        mapped = case is not None and case.stiffness_map is not None
+        self._enable("map", mapped, "No map yet; run Stiffness")
         self._enable("misfit", case is not None and case.gap is not None, "No misfit yet; run Stiffness")
         for control in (self.low, self.high, self.sure):
-            control.setEnabled(stiff and display.overlay == "stiffness")
+            control.setEnabled(stiff and display.overlay in ("stiffness", "map"))
 
     def _enable(self, overlay: str, possible: bool, reason: str) -> None:
         button = self.overlays.buttons[overlay]

@@ -19,7 +19,7 @@ from palpate.segmentation.volume import Volume
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.journal import Journal, content_hash, replay
 from palpate.ui.desktop.strokes import Corrections
-from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.colours import StiffnessScale, map_scale
 from palpate.ui.report.regions import RegionStiffness, region_of
 
 SESSION, EDITS, LOCK = "desktop/session.json", "desktop/edits.jsonl", "desktop/lock"
@@ -79,8 +79,11 @@ class OpenCase:
         found = [region_of(name, p, facts, len(parameters) == 1) for name, p in parameters.items()]
         self.result, self.diagnosis = result, self._json("diagnosis.json")
         self.regions: tuple[RegionStiffness, ...] = tuple(sorted(found, key=lambda region: region.label))
-        self.scale = StiffnessScale.of(region.G for region in self.regions if region.told)
+        told = [region.G for region in self.regions if region.told]
+        self.scale = StiffnessScale.of(told)
         self.gap = self._gap()
+        self.stiffness_map = self._map()
+        self.map_scale = self.scale if self.stiffness_map is None else map_scale(told, self.stiffness_map)
 
     @property
     def volumes(self) -> dict[str, Volume]:
@@ -145,6 +148,10 @@ class OpenCase:
         for state, volume in volumes.items():
             if not np.array_equal(self.folder.labels(state).array, volume.array):  # an unchanged file keeps its date
                 self.folder.write_labels(state, volume)
+
+    def _map(self) -> Mapping[str, NDArray[Any]] | None:
+        there = self.result.get("stiffness_map") and self.folder.has("identify/stiffness_map.npz")
+        return self.folder.read_npz("identify/stiffness_map.npz") if there else None
 
     def _gap(self) -> GapMap | None:
         where = self.diagnosis.get("where", {})

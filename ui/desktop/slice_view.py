@@ -12,6 +12,8 @@ from palpate.core.errors import InputError
 from palpate.ui.desktop import overlay, slice_marks, style
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.field import Field, Screen
+from palpate.ui.desktop.map_layer import map_layer
+from palpate.ui.desktop.sheets import Sheet
 from palpate.ui.desktop.slice_layers import Kept, grey_image, label_image, outline_paths, sheet_of
 from palpate.ui.pictures.planes import Plane
 
@@ -99,6 +101,8 @@ class SliceView(QWidget):
         painted = self._painted()
         in_mm, to_pixels = outline_paths(self._kept, state, sheet, tuple(overlay.OUTLINED)), screen.transform()
         paths = {label: to_pixels.map(path) for label, path in in_mm.items()}
+        if display.overlay == "map" and state == "rest":
+            self._map(painter, screen, sheet)
         if painted is not None and (self.state != BLEND or state == "rest"):
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
             painter.drawImage(screen.rect(sheet.extent), label_image(self._kept, state, sheet, painted.table))
@@ -110,6 +114,17 @@ class SliceView(QWidget):
                 painter.setPen(QPen(QColor(overlay.OUTLINED[label]), 1.3, dashes))
                 painter.setBrush(Qt.BrushStyle.NoBrush)
                 painter.drawPath(path)
+
+    def _map(self, painter: QPainter, screen: Screen, sheet: Sheet) -> None:
+        case, display = self.controller.case, self.controller.display
+        if case is None or case.stiffness_map is None:
+            return
+        arrays, scale = case.stiffness_map, case.map_scale
+        key = (id(sheet), id(arrays), display.opacity, display.low_kpa, display.high_kpa, display.surest_factor)
+        layer = self._kept.get("map", key, lambda: map_layer(arrays, sheet, self.plane, self.position, display, scale))
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        painter.drawImage(screen.rect(sheet.extent), layer.image)
+        slice_marks.hatch(painter, [screen.transform().map(path) for path in layer.hatched])
 
     def _painted(self) -> overlay.Painted | None:
         case, display = self.controller.case, self.controller.display

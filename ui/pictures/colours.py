@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Colormap, LogNorm, Normalize
+from numpy.typing import NDArray
 
 STIFFNESS_LABEL = "shear modulus G (kPa)"
 # Perceptually uniform and rising in lightness, so that it reads the same in grey and by the colour-blind.
@@ -49,6 +51,12 @@ class StiffnessScale:
         """Red, green, blue (0 to 1) of a stiffness."""
         r, g, b, _ = self.colormap(self.norm(value))
         return float(r), float(g), float(b)
+
+
+def map_scale(regional: Iterable[float], arrays: Mapping[str, NDArray[Any]]) -> StiffnessScale:
+    """One scale for regional values, kPa, and for what a map tells. arrays : of `palpate.core.identify.stiffness_map.StiffnessMap`."""
+    told = np.asarray(arrays["told"], dtype=bool)
+    return StiffnessScale.of([*regional, *np.exp(np.asarray(arrays["ln_G"], dtype=float))[told].tolist()])
 
 
 def _round_up(value: float) -> float:

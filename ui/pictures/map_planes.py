@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from palpate.core.identify.stiffness_map import painted
-from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import PLANES, Plane, Slice, Window, share_of_label
 from palpate.ui.pictures.slice_axes import ORGAN, draw_background, draw_outlines
@@ -32,7 +32,7 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
     """
     figure = Figure(figsize=(7.6, 5.3), layout="constrained")
     grid = figure.subplots(2, 3)
-    scale = map_scale(images, arrays)
+    scale = map_scale(images.stiffness_kpa.values(), arrays)
     for column, plane in enumerate(PLANES):
         window = images.window(plane)
         inside, extent = _inside(images, plane, window)
@@ -52,13 +52,6 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
     bar.set_label("known to a factor of (1 sd)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     return figure
-
-
-def map_scale(images: CaseImages, arrays: Arrays) -> StiffnessScale:
-    """One scale for the map and the regional values."""
-    told = np.asarray(arrays["told"], dtype=bool)
-    values = np.exp(np.asarray(arrays["ln_G"], dtype=float))[told]
-    return StiffnessScale.of([*images.stiffness_kpa.values(), *values.tolist()])
 
 
 def _factor(arrays: Arrays, points: FloatArray) -> FloatArray:
