@@ -46,11 +46,6 @@ class ColourBar(QWidget):
             "misfit": case.gap is not None,
             "labels": bool(case.volumes),
         }
-            "stiffness": bool(case.regions),
-            "misfit": case.gap is not None,
-            "map": case.stiffness_map is not None,
-            "labels": bool(case.volumes),
-        }
         return there.get(display.overlay, False)
 
     def paintEvent(self, event: QPaintEvent) -> None:
