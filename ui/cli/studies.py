@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from palpate.core.worker.progress import Progress
 from palpate.ui.cli.arguments import random_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def tables(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -44,12 +41,128 @@ def tables_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def tables_picture(found: dict[str, Any]) -> Figure:
-    """See `ui.pictures.study_tables`."""
-    from palpate.ui.pictures.study_tables import study_table
-
-    return study_table(found)
-
-
 def _pair(values: Any) -> str:
     return f"{values[0]:6.4g} {values[1]:6.4g}"
+
+
+def sensitivity(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Fig 8."""
+    from palpate.core.validate import sensitivity_study
+
+    o = sensitivity_study.SensitivityOptions
+    return sensitivity_study.sensitivity(o.quick() if args.quick else o(), progress)
+
+
+def sensitivity_text(found: dict[str, Any]) -> str:
+    """Both curves and what came out of the paper's claim."""
+    from palpate.core.validate.sensitivity_study import verdict
+
+    lines = ["relative stiffness   axis ratio linear, nonlinear   slope linear, nonlinear"]
+    for k, relative in enumerate(found["relative"]):
+        axis, slope = ([found[key][name][k] for name in ("linear", "nonlinear")] for key in ("axis_ratio", "slope"))
+        lines.append(f"{relative:18.3g}   {axis[0]:.4f} {axis[1]:.4f}   {slope[0]:+.4f} {slope[1]:+.4f}")
+    return "\n".join([*lines, verdict(found)])
+
+
+def resolution(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Figs 11 and 12."""
+    from palpate.core.validate import resolution_study
+
+    o = resolution_study.ResolutionOptions
+    options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
+    return resolution_study.resolution(options, progress)
+
+
+def resolution_text(found: dict[str, Any]) -> str:
+    """A line a mesh and element."""
+    lines = ["element  points   normal half off by % (mean, most)   tumour's half, kPa, by its tumour's share"]
+    for row in found["rows"]:
+        off = row["normal_error_percent"]
+        values = " ".join(f"{mu:.4g}" for mu in row["tumour_mu_kpa"])
+        lines.append(f"{row['element']:8} {row['nodes']:6}   {sum(off) / len(off):6.2f} {max(off):6.2f}   {values}")
+    lines.append("it has: " + " ".join(f"{mu:.4g}" for mu in found["effective_mu_kpa"]))
+    return "\n".join([*lines, f"the paper: {found['paper']}"])
+
+
+def swarm(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Fig 10 and the paper's workload."""
+    from dataclasses import replace
+
+    from palpate.core.validate import swarm_study
+
+    o = swarm_study.SwarmStudyOptions
+    options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
+    if args.workers:
+        options = replace(options, workers=args.workers)
+    return swarm_study.swarm_study(options, progress)
+
+
+def swarm_text(found: dict[str, Any]) -> str:
+    """Seconds and optimum of each way."""
+    by_swarm, descent, again = found["swarm"], found["gauss_newton"], found["again"]
+    parts = ", ".join(f"{key.replace('_', ' ')} {value:.2f}" for key, value in by_swarm["seconds"].items())
+    return "\n".join(
+        [
+            f"{found['cells']} cells, {found['element']}; truth {_pair(found['truth_mu_kpa'])} kPa (mu of left and right)",
+            f"swarm of {by_swarm['particles']}, {by_swarm['iterations']} iterations: {_pair(by_swarm['mu_kpa'])} kPa; seconds: {parts}; "
+            f"{by_swarm['full_solves']} full solves on {found['workers']} workers",
+            f"Gauss-Newton from {descent['starts']} starts: {_pair(descent['mu_kpa'])} kPa; {descent['seconds']:.2f} s, "
+            f"{descent['full_solves']} full solves",
+            f"largest difference in ln G: {found['largest_ln_G_difference']:.2g}",
+            f"a new deformed surface on the same reduced model: {_pair(again['mu_kpa'])} kPa "
+            f"(truth {_pair(again['truth_mu_kpa'])}); {again['seconds']:.2f} s",
+            f"the paper: up to {found['paper']['seconds'] / 3600:.0f} hours on one core",
+        ]
+    )
+
+
+def threads(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Fig 14."""
+    from palpate.core.validate.threads_study import threads as study
+
+    workers = tuple(sorted({1, args.workers})) if args.workers else ()
+    return study(workers, args.quick, progress)
+
+
+def cohort(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Fig 13, of a virtual cohort or of a table."""
+    from dataclasses import replace
+
+    from palpate.core.validate import cohort_study
+
+    if args.table is not None:
+        return cohort_study.cohort_of_table(args.table)
+    o = cohort_study.CohortOptions
+    options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
+    return cohort_study.cohort(replace(options, patients=args.patients), progress)
+
+
+def cohort_text(found: dict[str, Any]) -> str:
+    """The statistics, the paper's beside."""
+    lines = [f"patients {found['patients']}, {len(found['rows'])} of them"]
+    for key, s in [*found["statistics"].items(), ("the paper", found["paper"])]:
+        lines.append(
+            f"{key:10} Pearson {s['pearson']:.4f} (p = {s['pearson_p']:.2g}), Spearman {s['spearman']:.4f} (p = {s['spearman_p']:.2g})"
+        )
+    return "\n".join(lines)
+
+
+def coverage(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Do the intervals hold the truth?"""
+    from palpate.core.validate import coverage as study
+
+    o = study.CoverageOptions
+    return study.coverage(o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args)), progress)
+
+
+def coverage_text(found: dict[str, Any]) -> str:
+    """A line a level of noise and noise model."""
+    lines = [f"{found['replicates']} pairs each; share of 95 % intervals that hold the truth"]
+    for row in found["rows"]:
+        lines.append(
+            f"{row['noise_sd_mm']:5g} mm, {row['noise_model']:8} {100 * row['covered']:5.1f} % (standard error "
+            f"{100 * row['standard_error']:.1f}), median width of ln G {row['median_width_ln_G']:.2f}; "
+            f"{row['called_not_identifiable']} called not identifiable, of these {row['of_these_spanning_what_was_allowed']} "
+            "span what was allowed"
+        )
+    return "\n".join(lines)

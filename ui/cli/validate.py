@@ -4,6 +4,8 @@ forward: how wrong each element is and how long it takes, and the reduced model 
 gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
 table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
+sensitivity, resolution, swarm, threads, cohort: the paper's Figs 8, 11 and 12, 10, 14, 13.
+coverage: do the 95 % intervals hold the truth 95 times in 100?
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """STUDY, and how large."""
     parser.add_argument("study", choices=tuple(STUDIES), metavar="STUDY", help=", ".join(STUDIES))
     parser.add_argument("--quick", action="store_true", help="the paper's studies in short, on coarse meshes")
+    parser.add_argument("--patients", type=whole_number(4, 1000), default=10, metavar="N",
+                        help="cohort: how many virtual patients (default %(default)s)")  # fmt: skip
+    parser.add_argument("--table", type=Path, metavar="CSV",
+                        help="cohort: real cases instead, columns stage and mu_kpa")  # fmt: skip
     parser.add_argument("--scenes", type=whole_number(1, 1_000_000), default=1000, metavar="N",
                         help="robustness: how many random scenes (default %(default)s)")  # fmt: skip
     parser.add_argument("--log", type=Path, metavar="FILE",
@@ -120,9 +127,26 @@ def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return gap_study(args.folder, StudyOptions(cases=args.cases, seed=random_seed(args)), progress)
 
 
+def _drawn_by(name: str) -> Callable[[dict[str, Any]], Figure]:
+    """The picture of `ui.pictures.study_NAME`."""
+
+    def draw(found: dict[str, Any]) -> Figure:
+        module = import_module(f"palpate.ui.pictures.study_{name}")
+        figure: Figure = getattr(module, f"study_{name}")(found)
+        return figure
+
+    return draw
+
+
 STUDIES: dict[str, Study] = {
-    "table1": Study(studies.tables, studies.tables_text, studies.tables_picture),
-    "table2": Study(studies.tables, studies.tables_text, studies.tables_picture),
+    "sensitivity": Study(studies.sensitivity, studies.sensitivity_text, _drawn_by("sensitivity")),
+    "resolution": Study(studies.resolution, studies.resolution_text, _drawn_by("resolution")),
+    "swarm": Study(studies.swarm, studies.swarm_text, _drawn_by("swarm")),
+    "threads": Study(studies.threads, picture=_drawn_by("threads")),
+    "cohort": Study(studies.cohort, studies.cohort_text, _drawn_by("cohort")),
+    "coverage": Study(studies.coverage, studies.coverage_text, _drawn_by("coverage")),
+    "table1": Study(studies.tables, studies.tables_text, _drawn_by("table")),
+    "table2": Study(studies.tables, studies.tables_text, _drawn_by("table")),
     "gap": Study(_gap),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "robustness": Study(_robustness),

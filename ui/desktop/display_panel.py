@@ -17,7 +17,7 @@ _MODES = (
 )
 _OVERLAYS = (
     ("labels", "Labels", "Organs in colour"),
-    ("stiffness", "Stiffness", "Shear modulus of the organ, kPa"),
+    ("stiffness", "Stiffness", "Shear modulus of each half of the organ, kPa"),
     ("map", "Map", "Shear modulus within the organ at rest, kPa, smoothed; hatched where the scans do not tell it"),
     ("misfit", "Gap", "Where the model's organ lies off the scan's, mm"),
     ("none", "None", "The scan alone"),

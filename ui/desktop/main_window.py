@@ -33,7 +33,7 @@ from palpate.ui.desktop.step_bar import StepBar
 from palpate.ui.desktop.views import Views
 
 _POLL_MS = 30
-_PANEL_WIDTH = 340
+_PANEL_WIDTH = 360
 
 
 class MainWindow(QMainWindow):
@@ -73,7 +73,9 @@ class MainWindow(QMainWindow):
         scroll.setWidget(panel)
         scroll.setWidgetResizable(True)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scroll.setFixedWidth(_PANEL_WIDTH)
+        # There is no bar to move it sideways: it must hold its widest row, whatever the font.
+        needed = panel.minimumSizeHint().width() + scroll.verticalScrollBar().sizeHint().width()
+        scroll.setFixedWidth(max(_PANEL_WIDTH, needed))
         work = QWidget()
         row = QHBoxLayout(work)
         row.setContentsMargins(8, 4, 0, 0)
