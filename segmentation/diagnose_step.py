@@ -14,6 +14,7 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation import mesh_step
+from palpate.segmentation.body_case import body_inputs, body_problem, is_body
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.identify_step import problem_of
 from palpate.segmentation.mesh_step import load_surfaces
@@ -22,6 +23,7 @@ from palpate.segmentation.surfaces import TriSurface
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 DIAGNOSIS = "diagnosis.json"
 _FOLDER = "diagnose"
+_KIND, _BODY_KIND = "palpate.core.gap.job:run", "palpate.core.gap.bodies.diagnose:run"
 
 
 @dataclass(frozen=True)
@@ -37,20 +39,23 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
     The plain model is fitted here, with the noise model of the diagnosis: result.json is neither needed nor changed. A case that
-    has labels but no mesh yet is meshed first. Nothing is done when nothing has changed.
+    has labels but no mesh yet is meshed first; a body on a bench (`body_case`) has its own way. Nothing is done when nothing has changed.
     Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
     """
     options = options or DiagnoseOptions()
-    if not case.has("mesh.json"):
+    body = is_body(case)
+    if not body and not case.has("mesh.json"):
         mesh_step.run(case, progress=part(progress, 0.0, 0.2))
     own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
-    inputs = case.inputs_sha256(INPUTS, {"seed": options.seed, "effects": own})
+    inputs = case.inputs_sha256(body_inputs(case) if body else INPUTS, {"seed": options.seed, "effects": own})
     if case.step_is_done("diagnose", inputs):
         done: dict[str, Any] = case.read_json(DIAGNOSIS)
         return done
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
-    case.write_npz(f"{_FOLDER}/data.npz", **arrays(data_of(case)))
-    found = run_job(_job(case, options), lambda m: _tell(m, part(progress, 0.2, 1.0)), options.cancel)
+    case.write_npz(f"{_FOLDER}/data.npz", **(body_problem(case).arrays() if body else arrays(data_of(case))))
+    found = run_job(
+        _job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.2, 1.0)), options.cancel
+    )
     found["where"]["map"] = f"{_FOLDER}/{found['where']['map']}"
     if case.facts.other.get("simulated"):
         found["simulated"] = True
@@ -72,11 +77,11 @@ def _plain(surface: TriSurface) -> Surface:
     return Surface(surface.points, surface.faces, surface.region)
 
 
-def _job(case: CaseFolder, options: DiagnoseOptions) -> Job:
+def _job(case: CaseFolder, options: DiagnoseOptions, kind: str) -> Job:
     folder = case.file(_FOLDER)
     effects = None if options.effects is None else str(options.effects.resolve())
     job = Job(
-        "palpate.core.gap.job:run",
+        kind,
         str(folder),
         {"data": str(folder / "data.npz")},
         {"case": case.facts.name, "effects": effects},

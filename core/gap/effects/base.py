@@ -55,11 +55,13 @@ class Surroundings:
 
     gravity : (rest, deformed) m/s2 in patient coordinates as the case states them, each None when unknown.
     pressure_fields : name of a hollow organ -> displacement (points, 3) that filling it by 1 mm rms causes in the plain model.
+    density_kg_m3 : of all that gravity pulls on.
     """
 
     problem: IdentificationProblem
     gravity: tuple[Vector | None, Vector | None] = (None, None)
     pressure_fields: Callable[[], dict[str, FloatArray]] = dict
+    density_kg_m3: float = 1000.0
 
     @cached_property
     def cell_centres(self) -> FloatArray:

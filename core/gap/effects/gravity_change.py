@@ -10,24 +10,26 @@ from palpate.core.fem.terms.loads import body_force
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.effects.base import Effect, FloatArray, Parameter, Surroundings, Variant
 
-# Weight of tissue in 1 m/s2: 1000 kg/m3 is 1e-6 kPa/mm for each m/s2.
-DENSITY = 1.0e-6
+# 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
+_WEIGHT = 1.0e-6
 
 
 def _variants(around: Surroundings) -> list[Variant]:
     """Along what the case states; every axis when it states nothing; none when it says that gravity stayed."""
     rest, deformed = around.gravity
     if rest is None or deformed is None:
-        return [_variant(np.eye(3)[i], f"along {'xyz'[i]}") for i in range(3)]
+        return [_variant(around, np.eye(3)[i], f"along {'xyz'[i]}") for i in range(3)]
     change = np.subtract(deformed, rest)
     size = float(np.linalg.norm(change))
-    return [] if size < 0.1 else [_variant(change / size, "as the case states")]
+    return [] if size < 0.1 else [_variant(around, change / size, "as the case states")]
 
 
-def _variant(direction: FloatArray, name: str) -> Variant:
+def _variant(around: Surroundings, direction: FloatArray, name: str) -> Variant:
+    weight = _WEIGHT * around.density_kg_m3
+
     def change(composition: Composition, phi: FloatArray) -> Composition:
         def load(space: Space) -> Term:
-            return body_force(space, DENSITY * float(phi[0]) * direction)
+            return body_force(space, weight * float(phi[0]) * direction)
 
         return composition.with_load(load)
 

@@ -1,0 +1,105 @@
+"""What a bench test shows: a body, what holds it, and states with their loads and the markers seen in them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.mesh import TetMesh
+from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
+
+FloatArray = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+BODY = 1
+# Share of a marker's variance that all markers of a state have in common: they sit on one holder, and the pose errs as a whole.
+COMMON = 0.7
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """A dead force, N, at a point, mm."""
+
+    at: Vector
+    force_n: Vector
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """One state: markers (rest and deformed positions, mm), their standard deviation per axis, gravity in m/s2, loads."""
+
+    name: str
+    rest: tuple[Vector, ...]
+    deformed: tuple[Vector, ...]
+    sd_mm: float
+    gravity: Vector
+    loads: tuple[PointLoad, ...] = ()
+
+    @property
+    def moved(self) -> FloatArray:
+        """(k, 3) mm."""
+        return np.subtract(self.deformed, self.rest)
+
+    def covariance(self) -> FloatArray:
+        """(3 k, 3 k) mm2 of the markers' motions."""
+        k = len(self.rest)
+        markers = COMMON * np.ones((k, k)) + (1.0 - COMMON) * np.eye(k)
+        return np.asarray(self.sd_mm**2 * np.kron(markers, np.eye(3)))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyProblem:
+    """mesh : region BODY. held : (f, 3) boundary faces that supports hold. model_gravity : whether the plain model has gravity."""
+
+    mesh: TetMesh
+    held: NDArray[np.int64]
+    states: tuple[BodyState, ...]
+    density_kg_m3: float
+    bounds_kpa: tuple[float, float]
+    model_gravity: bool
+
+    @cached_property
+    def shell(self) -> IdentificationProblem:
+        """The body in the form in which effects know a problem: one region, its supports as bone, no walls."""
+        nothing = Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
+        facts = Facts(bounds_kpa=self.bounds_kpa)
+        return IdentificationProblem(
+            self.mesh, {"bone": self.held}, {}, SurfacePair(nothing, nothing), facts, {BODY: "body"}
+        )
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """For numpy.savez; `from_arrays` is the inverse."""
+        rest = {k: getattr(self, k) for k in ("density_kg_m3", "bounds_kpa", "model_gravity")}
+        text = json.dumps(rest | {"states": [asdict(s) for s in self.states]})
+        return {
+            "points": self.mesh.points,
+            "cells": self.mesh.cells,
+            "held": self.held,
+            "scalars": np.frombuffer(text.encode(), dtype=np.uint8),
+        }
+
+    @classmethod
+    def from_arrays(cls, data: Mapping[str, NDArray[np.generic]]) -> BodyProblem:
+        """Raises InputError when the arrays are of something else."""
+        try:
+            scalars = json.loads(bytes(np.asarray(data["scalars"], dtype=np.uint8)).decode())
+            cells = np.asarray(data["cells"], dtype=np.int64)
+            mesh = TetMesh(np.asarray(data["points"], dtype=float), cells, np.full(len(cells), BODY))
+            states = tuple(_state(s) for s in scalars["states"])
+            low, high = scalars["bounds_kpa"]
+            held = np.asarray(data["held"], dtype=np.int64)
+            return cls(mesh, held, states, scalars["density_kg_m3"], (low, high), scalars["model_gravity"])
+        except (KeyError, ValueError, TypeError) as error:
+            raise InputError(f"not the data of a body ({error}); run diagnose again") from error
+
+
+def _state(data: dict[str, object]) -> BodyState:
+    loads = tuple(PointLoad(tuple(x["at"]), tuple(x["force_n"])) for x in data.pop("loads"))  # type: ignore[attr-defined]
+    markers = {key: tuple(tuple(x) for x in data.pop(key)) for key in ("rest", "deformed")}  # type: ignore[attr-defined]
+    return BodyState(**markers, loads=loads, **{k: tuple(v) if isinstance(v, list) else v for k, v in data.items()})  # type: ignore[arg-type]

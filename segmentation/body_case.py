@@ -1,0 +1,133 @@
+"""A case that is a body on a bench (CASE_FORMAT.md): its mesh from the surface, its states from their points files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+
+from palpate.core.errors import ConvergenceError, InputError
+from palpate.core.fem.meshes import box
+from palpate.core.gap.bodies.problem import BODY, BodyProblem, BodyState, PointLoad
+from palpate.core.mesh import TetMesh
+from palpate.core.observe.distance_field import signed_distance
+from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.landmarks import read_landmarks
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+from palpate.segmentation.tetwild import Soup, tetrahedralize
+
+# Cells a body is meshed with, about; they are quadratic.
+_CELLS = 700
+# Cells per unit of volume / edge^3; see meshing_soup.
+_PER_CUBE = 8.5
+MESH = "body_mesh.npz"
+# Standard deviation of a marker where the case does not say, mm per axis.
+_MARKER_MM = 0.5
+
+
+def is_body(case: CaseFolder) -> bool:
+    """Whether the case is a body on a bench."""
+    return "body" in case.facts.other
+
+
+def body_inputs(case: CaseFolder) -> tuple[str, ...]:
+    """Names of the files that such a case consists of."""
+    states = case.facts.other.get("states") or ()
+    return ("case.json", str(case.facts.other["body"]), *(str(s["points"]) for s in states))
+
+
+def body_problem(case: CaseFolder) -> BodyProblem:
+    """Read the case; mesh its body unless that was done.
+
+    Raises InputError naming the file and what is wrong with it, ConvergenceError when the mesher fails.
+    """
+    facts = case.facts.other
+    source = str(case.file("case.json"))
+    states = facts.get("states")
+    if not isinstance(states, list) or not states:
+        raise InputError(f"{source}: a body needs states, at least one; write them as CASE_FORMAT.md shows")
+    mesh = _mesh(case)
+    held = _held(mesh, facts, source)
+    density = float(facts.get("density_kg_m3", 1000.0))
+    modelled = bool(facts.get("model_gravity", True))
+    low, high = case.facts.organ_shear_modulus_bounds_kpa
+    return BodyProblem(mesh, held, tuple(_state(case, s) for s in states), density, (low, high), modelled)
+
+
+def _state(case: CaseFolder, data: Mapping[str, Any]) -> BodyState:
+    """points_sd_mm, per axis, may be given beside what CASE_FORMAT.md lists."""
+    try:
+        points = read_landmarks(case.file(str(data["points"])))
+        loads = tuple(PointLoad(_vector(x["at"]), _vector(x["force_n"])) for x in data.get("loads", ()))
+        gravity = _vector(data.get("gravity", (0.0, 0.0, 0.0)))
+        sd = float(data.get("points_sd_mm", case.facts.boundary_noise_sd_mm or _MARKER_MM))
+        rest, deformed = (tuple(_vector(x) for x in at) for at in (points.rest, points.deformed))
+        return BodyState(str(data["name"]), rest, deformed, sd, gravity, loads)
+    except (KeyError, TypeError, ValueError) as error:
+        source = case.file("case.json")
+        raise InputError(f"{source}: a state is not written as CASE_FORMAT.md shows ({error}); correct it") from error
+
+
+def _vector(value: Any) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in value)
+    return x, y, z
+
+
+def _mesh(case: CaseFolder) -> TetMesh:
+    if case.has(MESH):
+        kept = case.read_npz(MESH)
+        return TetMesh(kept["points"], kept["cells"], np.full(len(kept["cells"]), BODY))
+    path = case.file(str(case.facts.other["body"]))
+    if not path.is_file():
+        raise InputError(f"{path} is not there; case.json names it as the body")
+    surface = pv.read(path).triangulate().clean()
+    points = np.asarray(surface.points, dtype=np.float64)
+    faces = np.asarray(surface.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
+    if surface.n_open_edges or not surface.volume > 0.0:
+        raise InputError(f"{path} is not a closed surface; mend it")
+    mesh = mesh_body(points, faces)
+    case.write_npz(MESH, points=mesh.points, cells=mesh.cells)
+    return mesh
+
+
+def mesh_body(points: FloatArray, faces: IntArray, cells: int = _CELLS) -> TetMesh:
+    """About `cells` tetrahedra of region BODY inside a closed surface: points (n, 3) mm, faces (f, 3) outwards.
+
+    Raises ConvergenceError when the mesher fails or leaves nothing inside.
+    """
+    X = points[faces]
+    volume = float(np.einsum("fi,fi->f", X[:, 0], np.cross(X[:, 1], X[:, 2])).sum()) / 6.0
+    faces = faces if volume > 0.0 else faces[:, ::-1].copy()
+    edge = (_PER_CUBE * abs(volume) / cells) ** (1.0 / 3.0)
+    low, high = points.min(axis=0) - edge, points.max(axis=0) + edge
+    around = box(high - low, (1, 1, 1))
+    size = np.full(len(around.points), edge)
+    soup = Soup(points, faces, around.points + low, around.cells, size, edge, 0.02 * edge)
+    nodes, found = tetrahedralize(soup)
+    inside = signed_distance(TriangleTree.of(points, faces), nodes[found].mean(axis=1)) < 0.0
+    if not inside.any():
+        raise ConvergenceError("the mesher left nothing inside the body; look at its surface")
+    used, renamed = np.unique(found[inside], return_inverse=True)
+    kept = renamed.reshape(-1, 4)
+    return TetMesh(nodes[used], kept, np.full(len(kept), BODY))
+
+
+def _held(mesh: TetMesh, facts: Mapping[str, Any], source: str) -> NDArray[np.int64]:
+    """(f, 3) faces whose corners all lie on a support's plane."""
+    faces = mesh.boundary[0]
+    X = mesh.points[faces]
+    held = np.zeros(len(faces), dtype=bool)
+    try:
+        for support in facts.get("supports") or ():
+            normal = np.array(_vector(support["plane_normal"]))
+            away = (X - np.array(_vector(support["plane_point"]))) @ (normal / np.linalg.norm(normal))
+            held |= (np.abs(away) < float(support.get("tolerance_mm", 0.5))).all(axis=1)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{source}: a support is not written as CASE_FORMAT.md shows ({error}); correct it") from error
+    if not held.any():
+        raise InputError(f"{source}: no face of the body lies on a support's plane; look at supports and tolerance_mm")
+    return np.asarray(faces[held])

@@ -1,0 +1,96 @@
+"""A bar on a bench whose gravity the model leaves out: it bends as beam theory says, and gravity is found in its size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.core.errors import InputError
+from palpate.core.fem.meshes import box
+from palpate.core.gap.bodies.diagnose import diagnose_body
+from palpate.core.gap.bodies.problem import BODY, BodyProblem, BodyState, PointLoad
+from palpate.core.gap.bodies.scene import BodyStage
+from palpate.core.gap.composition import Composition
+from palpate.core.gap.effects import library
+from palpate.core.mesh import TetMesh
+
+# Asymmetric on purpose: length along x, width y, height z, mm.
+LENGTH, WIDTH, HEIGHT = 60.0, 22.0, 16.0
+DENSITY, DOWN = 1200.0, (0.0, 0.0, -9.81)
+MARKERS = ((60.0, 4.0, 20.0), (60.0, 20.0, 3.0), (48.0, 11.0, 16.0))
+EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compressible_organ")}
+
+
+def bar(*loads_n: float, model_gravity: bool) -> BodyProblem:
+    made = box((LENGTH, WIDTH, HEIGHT), (6, 2, 2))
+    mesh = TetMesh(made.points, made.cells, np.full(len(made.cells), BODY))
+    faces = mesh.boundary[0]
+    held = faces[(mesh.points[faces][..., 0] < 1e-9).all(axis=1)]
+    states = tuple(
+        BodyState(f"{n} N", MARKERS, MARKERS, 0.15, DOWN, (PointLoad((LENGTH, 11.0, HEIGHT), (0.0, 0.0, -n)),))
+        for n in loads_n
+    )
+    return BodyProblem(mesh, held, states, DENSITY, (5.0, 500.0), model_gravity)
+
+
+def seen(problem: BodyProblem, G: float, seed: int = 2) -> BodyProblem:
+    """What the markers would show of the bar with gravity, with noise."""
+    stage = BodyStage.of(replace(problem, model_gravity=True))
+    rng = np.random.default_rng(seed)
+    states = []
+    for s in problem.states:
+        found = stage.solve(Composition(problem.shell), np.log([G]), s)
+        moved = stage.markers(found.u, s).ravel() + np.linalg.cholesky(s.covariance()) @ rng.standard_normal(9)
+        x = np.add(s.rest, moved.reshape(-1, 3))
+        states.append(replace(s, deformed=tuple(tuple(row) for row in x.tolist())))
+    return replace(problem, states=tuple(states))
+
+
+def test_a_bar_bends_under_its_weight_as_beam_theory_says() -> None:
+    """w L^4 / 8 E I + w L^2 / 2 k G A (Timoshenko); a clamp that holds the root's width makes so short a bar a tenth stiffer."""
+    problem, G = bar(0.0, model_gravity=True), 300.0
+    stage = BodyStage.of(problem)
+    found = stage.solve(Composition(problem.shell), np.log([G]), problem.states[0])
+    w = DENSITY * 9.81e-6 * WIDTH * HEIGHT  # mN/mm
+    bending = w * LENGTH**4 / (8.0 * 2.99 * G * WIDTH * HEIGHT**3 / 12.0)
+    shear = w * LENGTH**2 / (2.0 * 5.0 / 6.0 * G * WIDTH * HEIGHT)
+    tip = stage.space.nodes[:, 0] > LENGTH - 1e-9
+    assert 0.8 < -found.u[tip, 2].mean() / (bending + shear) < 1.0
+
+
+def test_a_marker_off_the_body_turns_with_it() -> None:
+    problem = bar(0.0, model_gravity=False)
+    stage = BodyStage.of(problem)
+    angle = np.deg2rad(20.0)
+    R = np.array([[np.cos(angle), 0.0, -np.sin(angle)], [0.0, 1.0, 0.0], [np.sin(angle), 0.0, np.cos(angle)]])
+    X = stage.space.nodes
+    moved = stage.markers(X @ R.T - X + [1.0, -2.0, 0.5], problem.states[0])
+    np.testing.assert_allclose(moved, np.array(MARKERS) @ R.T - MARKERS + [1.0, -2.0, 0.5], atol=1e-9)
+
+
+def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:
+    found, residuals = diagnose_body(seen(bar(0.0, 0.08, 0.15, model_gravity=False), 60.0), EFFECTS, "bar")
+    assert found["verdict"] == "gravity_change"
+    assert found["ranking"][0]["parameters"]["change"]["value"] == pytest.approx(9.81, rel=0.1)
+    assert found["stiffness"]["with_effect"]["body"]["G_kpa"] == pytest.approx(60.0, rel=0.1)
+    assert found["shrinkage"]["held_out_rms_after_mm"] < 0.3 * found["shrinkage"]["held_out_rms_before_mm"]
+    assert set(residuals) == {"0.0 N", "0.08 N", "0.15 N"}
+
+
+def test_a_model_with_gravity_has_no_gap() -> None:
+    found, _ = diagnose_body(seen(bar(0.0, 0.1, model_gravity=True), 60.0), EFFECTS, "bar")
+    assert found["verdict"] == "none"
+    assert found["gap"]["p_value"] > 0.05
+
+
+def test_a_body_survives_its_file(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    problem = bar(0.0, 0.1, model_gravity=False)
+    np.savez(tmp_path / "data.npz", **problem.arrays())
+    with np.load(tmp_path / "data.npz") as data:
+        back = BodyProblem.from_arrays(dict(data))
+    assert back.states == problem.states
+    assert (back.model_gravity, back.density_kg_m3, back.bounds_kpa) == (False, DENSITY, (5.0, 500.0))
+    with pytest.raises(InputError, match="not the data of a body"):
+        BodyProblem.from_arrays({"points": problem.mesh.points})
