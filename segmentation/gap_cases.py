@@ -63,11 +63,15 @@ class _Hidden(Stiffness):
     def materials(self) -> Materials:
         out = super().materials()
         assert self.mesh is not None and self.recipe is not None
-        rng = np.random.default_rng([self.recipe.seed, 5])
         for name, size in self.recipe.effects.items():
             if name in CHANGES:
-                out = CHANGES[name](self.mesh, out, size, rng)
+                out = CHANGES[name](self.mesh, out, size, effect_rng(self.recipe))
         return out
+
+
+def effect_rng(recipe: Recipe) -> np.random.Generator:
+    """What decides where an effect is."""
+    return np.random.default_rng([recipe.seed, 5])
 
 
 def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None) -> dict[str, Any]:
@@ -98,6 +102,8 @@ def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path |
         "in_library": all(name in IN_LIBRARY for name in recipe.effects),
         "true_G_kpa": {LABELS[label]: G for label, G in organ.items()},
     }
+    if "inclusion" in recipe.effects:
+        truth["centre_mm"] = _ball(meshed.mesh, effect_rng(recipe))[1].tolist()
     answers.mkdir(parents=True, exist_ok=True)
     with atomic_path(answers / f"{recipe.name}.json") as temporary:
         temporary.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
@@ -116,11 +122,16 @@ def _times(mesh: TetMesh, materials: Materials, region: int, factor: FloatArray)
 
 def _inclusion(mesh: TetMesh, materials: Materials, size: float, rng: np.random.Generator) -> Materials:
     """A ball in one half, its edge sharp; size : factor on its moduli."""
-    at = _centres(mesh)
-    label = int(rng.choice(ORGAN_LABELS))
-    centre = at[mesh.regions == label].mean(axis=0) + rng.uniform(-4.0, 4.0, 3)
-    inside = np.linalg.norm(at - centre, axis=1) < rng.uniform(6.5, 9.0)
+    label, centre, radius = _ball(mesh, rng)
+    inside = np.linalg.norm(_centres(mesh) - centre, axis=1) < radius
     return _times(mesh, materials, label, np.where(inside, size, 1.0))
+
+
+def _ball(mesh: TetMesh, rng: np.random.Generator) -> tuple[int, FloatArray, float]:
+    """Label of the half it is in, centre (3,) mm, radius mm."""
+    label = int(rng.choice(ORGAN_LABELS))
+    centre = _centres(mesh)[mesh.regions == label].mean(axis=0) + rng.uniform(-4.0, 4.0, 3)
+    return label, centre, float(rng.uniform(6.5, 9.0))
 
 
 def _one_side(mesh: TetMesh, materials: Materials, size: float, rng: np.random.Generator) -> Materials:

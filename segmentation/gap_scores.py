@@ -35,6 +35,8 @@ def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
         "brier": _brier(single),
         "baseline_commonest": commonest[0][1] / len(single) if single else None,
         "baseline_best_evidence": _rate(single, lambda t, d: d["ranking"][0]["effect"] == t["effects"][0]),
+        "location_error_mm": _location(single),
+        "stiffness_bias_ratio": _bias_ratio(single),
         "stiffness_95_without": _coverage(single, "without_effect"),
         "stiffness_95_with": _coverage(single, "with_effect"),
         "confusion": _confusion(pairs),
@@ -77,6 +79,32 @@ def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
             G = truth["true_G_kpa"][name]
             inside.append(abs(np.log(s["G_kpa"] / G)) < 1.96 * s["sd_ln_G"])
     return float(np.mean(inside)) if inside else None
+
+
+def _location(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
+    """Median distance (mm) from where the gap is said to come from to the true centre, of effects that have one."""
+    away = []
+    for truth, found in pairs:
+        peak = None if found is None else found["where"]["peak_lps_mm"]
+        if peak is not None and truth.get("centre_mm") is not None:
+            away.append(float(np.linalg.norm(np.subtract(peak, truth["centre_mm"]))))
+    return float(np.median(away)) if away else None
+
+
+def _bias_ratio(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
+    """Median over cases of the stiffness' largest error, in its own standard deviations, with the effect over without."""
+    ratios = []
+    for truth, found in pairs:
+        both = {} if found is None else found["stiffness"]
+        with_effect, without = (_largest_z(truth, both.get(which)) for which in ("with_effect", "without_effect"))
+        if with_effect is not None and without:
+            ratios.append(with_effect / without)
+    return float(np.median(ratios)) if ratios else None
+
+
+def _largest_z(truth: Truth, stiffness: Mapping[str, Any] | None) -> float | None:
+    zs = [abs(np.log(s["G_kpa"] / truth["true_G_kpa"][name])) / s["sd_ln_G"] for name, s in (stiffness or {}).items()]
+    return float(max(zs)) if zs else None
 
 
 def _confusion(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, dict[str, int]]:

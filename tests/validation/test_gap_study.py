@@ -28,7 +28,7 @@ def truth(*effects: str, library: bool = True) -> dict[str, Any]:
 def found(verdict: str, *candidates: str) -> dict[str, Any]:
     ranking = [{"effect": "inclusion", "probability": 0.7}, {"effect": "prestress", "probability": 0.3}]
     return {"verdict": verdict, "candidates": list(candidates), "ranking": ranking, "gap": {"p_value": 0.01},
-            "stiffness": {"without_effect": STIFFNESS, "with_effect": None}}  # fmt: skip
+            "stiffness": {"without_effect": STIFFNESS, "with_effect": None}, "where": {"peak_lps_mm": [1.0, 2.0, 3.0]}}  # fmt: skip
 
 
 def test_scores_count_what_they_say() -> None:
@@ -50,6 +50,16 @@ def test_scores_count_what_they_say() -> None:
     assert s["stiffness_95_without"] == 0.5
     assert s["stiffness_95_with"] is None
     assert s["confusion"]["prestress"] == {"ambiguous": 1, "failed": 1}
+
+
+def test_places_and_biases_are_scored_where_there_are_any() -> None:
+    better = {name: s | {"G_kpa": truth()["true_G_kpa"][name] * 1.01} for name, s in STIFFNESS.items()}
+    helped = found("inclusion", "inclusion")
+    helped["stiffness"] = {"without_effect": STIFFNESS, "with_effect": better}
+    s = scores([(truth("inclusion") | {"centre_mm": [1.0, 2.0, 7.0]}, helped), (truth("prestress"), found("none"))])
+    assert s["location_error_mm"] == pytest.approx(4.0)
+    assert s["stiffness_bias_ratio"] == pytest.approx((np.log(1.01) / 0.1) / (np.log(90.0 / 50.0) / 0.1))
+    assert scores([(truth(), found("none"))])["location_error_mm"] is None
 
 
 def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> None:
