@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,15 @@ from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 MODES = ("auto", "click", "extremes")
+# Extreme points as a person sets them: off by so many mm along each axis (standard deviation).
+JITTERED, JITTER_MM = "jittered", 1.5
 
 
 @dataclass(frozen=True)
 class DiceRow:
     """One organ found in one way. share_inside : share of the drawn organ that was found (what counts for bone).
 
-    shift_mm : from the drawn organ's centroid to the found one's.
+    shift_mm : from the drawn organ's centroid to the found one's. seconds : of the whole segmentation in this mode.
     """
 
     organ: str
@@ -33,6 +36,7 @@ class DiceRow:
     reference_cc: float
     shift_mm: float
     confidence: float | None
+    seconds: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON object of a row, figures rounded."""
@@ -45,11 +49,14 @@ def dice(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
     return 1.0 if total == 0 else 2.0 * int((a & b).sum()) / total
 
 
-def dice_table(ct: Volume, reference: Mapping[str, Volume], modes: Iterable[str] = MODES) -> list[DiceRow]:
+def dice_table(
+    ct: Volume, reference: Mapping[str, Volume], modes: Iterable[str] = MODES, seed: int = 1
+) -> list[DiceRow]:
     """Segments a CT (HU) in each mode and compares with drawn masks.
 
     reference : organ -> mask; prostate, bladder, rectum, and bone or parts of it such as bone_left_femur. Clicks and
-    extreme points are taken from the reference: its centre, and its outermost voxels.
+    extreme points are taken from the reference: its centre, and its outermost voxels. seed : of the errors of the points
+    in the mode "jittered".
 
     Raises InputError for an unknown mode or organ, or an empty reference.
     """
@@ -60,13 +67,16 @@ def dice_table(ct: Volume, reference: Mapping[str, Volume], modes: Iterable[str]
             raise InputError(f"the reference of {name} is empty; correct the structure's name")
     rows = []
     for mode in modes:
-        found = segment_pelvis(ct, _prompts(mode, reference))
+        start = time.perf_counter()
+        found = segment_pelvis(ct, _prompts(mode, reference, seed))
+        seconds = time.perf_counter() - start
         for name, mask in reference.items():
             bone = name.startswith("bone")
             if (bone and mode != "auto") or (not bone and name not in found.organs):
                 continue
             known = None if bone else found.organs[name].confidence
-            rows.append(_row(name, mode, found.mask("bone" if bone else name, mask), mask, known))
+            row = _row(name, mode, found.mask("bone" if bone else name, mask), mask, known)
+            rows.append(replace(row, seconds=seconds))
     return rows
 
 
@@ -91,7 +101,7 @@ def extremes_of(mask: Volume) -> FloatArray:
     return np.array(found)
 
 
-def _prompts(mode: str, reference: Mapping[str, Volume]) -> Prompts:
+def _prompts(mode: str, reference: Mapping[str, Volume], seed: int) -> Prompts:
     organs = {name: mask for name, mask in reference.items() if name in ORGANS}
     if mode == "auto":
         return Prompts()
@@ -99,7 +109,11 @@ def _prompts(mode: str, reference: Mapping[str, Volume]) -> Prompts:
         return Prompts({name: click_of(mask) for name, mask in organs.items()})
     if mode == "extremes":
         return Prompts({}, {name: extremes_of(mask) for name, mask in organs.items()})
-    raise InputError(f"the mode {mode!r} is unknown; known are {', '.join(MODES)}")
+    if mode == JITTERED:
+        random = np.random.default_rng(seed)
+        exact = {name: extremes_of(mask) for name, mask in organs.items()}
+        return Prompts({}, {name: points + random.normal(0.0, JITTER_MM, (6, 3)) for name, points in exact.items()})
+    raise InputError(f"the mode {mode!r} is unknown; known are {', '.join((*MODES, JITTERED))}")
 
 
 def _row(organ: str, mode: str, found: NDArray[np.bool_], reference: Volume, confidence: float | None) -> DiceRow:

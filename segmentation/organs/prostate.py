@@ -20,10 +20,12 @@ from palpate.segmentation.organs.prostate_guess import (
     typical_hu,
     valleys_of,
 )
+from palpate.segmentation.organs.prostate_walk import between, block, walked
 from palpate.segmentation.organs.scene import Found, Scene
+from palpate.segmentation.organs.six_points import ellipsoid_of
 from palpate.segmentation.organs.star import ellipsoid_radii, sphere, star
 from palpate.segmentation.organs.surface_mesh import Shell, shell_of_mask
-from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, largest
+from palpate.segmentation.organs.working_grid import Mask, blurred, largest
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +36,8 @@ SOFT_WEIGHT, PRIOR_WEIGHT, VALLEY_WEIGHT, STIFFNESS = 0.05, 0.8, 0.1, 0.2
 EDGE_WEIGHT, CORE_SHARE = 3.0, 0.75
 # Rounds of drawing, how much of what was drawn goes into the next round's shape, and how far a last edge may be.
 ROUNDS, LEARNT, SNAP_MM = 4, 0.6, 2.5
+# Within this level of the ellipsoid of six given points other organs do not count.
+SURE_LEVEL = 0.9
 
 
 def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: Mask | None) -> Found | None:
@@ -42,9 +46,14 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
     for mask in (bladder, rectum):
         if mask is not None:
             others |= mask
-    blocked = others | dilated(scene.bone, 1.0, scene.step)
+    points = prompts.extremes.get("prostate")
+    ellipsoid = None if points is None else ellipsoid_of(points)
+    if ellipsoid is not None:
+        # Who gives its outermost points says that what they surround is prostate, whatever was found there.
+        others &= ellipsoid.level(scene) > SURE_LEVEL
+    blocked = block(scene, others)
     smooth = blurred(scene.filled, 1.0, scene.step)
-    guess = first_guess(scene, prompts, likeness_of(scene, smooth, blocked, USUAL_HU))
+    guess = first_guess(scene, prompts, likeness_of(scene, smooth, blocked, USUAL_HU), ellipsoid)
     if guess is None:
         return None
     valleys = valleys_of(scene, smooth)
@@ -55,6 +64,10 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
     shell, _ = moved_to_edges(scene, shell_of_mask(shell.voxels(scene.grid) & ~blocked, scene.grid, 1.0), SNAP_MM)
     mask = largest(shell.voxels(scene.grid) & ~blocked)
     box = prompts.box("prostate")
+    if ellipsoid is not None and box is not None:
+        typical = typical_hu(scene, smooth, guess, blocked)
+        again, _ = walked(scene, ellipsoid, box, blocked, typical)
+        mask = between(mask, again, scene.step) if again.any() else mask
     if box is not None:
         mask = largest(mask & scene.box_mask(box, 1.0))
     return Found(mask, prompts.mode("prostate"), _confidence(scene, mask, guess, seen, bladder, rectum))

@@ -10,6 +10,7 @@ from scipy import ndimage, signal
 
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.scene import Scene
+from palpate.segmentation.organs.six_points import Ellipsoid
 from palpate.segmentation.organs.star import ellipsoid_radii, star
 from palpate.segmentation.organs.working_grid import GAS_HU, Mask
 
@@ -26,7 +27,7 @@ CLICK_SD_MM = 3.5
 SEARCH_MM, SEARCH_STEP_MM = 16.0, 2.5
 PLACE_WEIGHT = 0.12
 # Prostates are boxier than ellipsoids. Spread of the radii about the ellipsoid, as a share, by what is known.
-POWER, SPREAD, BOX_SPREAD = 2.3, 0.2, 0.08
+POWER, SPREAD, BOX_SPREAD, POINTS_SPREAD = 2.3, 0.2, 0.08, 0.12
 # Typical HU of the prostate, what it can be, and how much darker than it the edge against thin fat is.
 USUAL_HU, HU_RANGE, DARKER_HU = 33.0, (20.0, 70.0), 24.0
 
@@ -42,7 +43,12 @@ class Guess:
     score: float
 
 
-def first_guess(scene: Scene, prompts: Prompts, likeness: NDArray[np.float32]) -> Guess | None:
+def first_guess(
+    scene: Scene, prompts: Prompts, likeness: NDArray[np.float32], ellipsoid: Ellipsoid | None = None
+) -> Guess | None:
+    """Where to begin: the ellipsoid of six given points, a box, or what is found near a click or near the symphysis."""
+    if ellipsoid is not None:
+        return Guess(ellipsoid.centre, ellipsoid.radii(), ellipsoid.semi, POINTS_SPREAD, 1.0)
     box = prompts.box("prostate")
     if box is not None:
         centre, half = box.mean(axis=0), 0.5 * (box[1] - box[0])

@@ -21,6 +21,8 @@ IntArray = NDArray[np.int64]
 ALONG_STIFFNESS = 0.35
 PRIOR_WEIGHT = 0.02
 SNAP_MM = 2.0
+# The canal's radius at its lower end, and by how much it opens per mm above: the levator's funnel. Room about given points.
+CANAL_MM, OPENS, BOX_MM = 9.0, 0.4, 0.5
 
 
 def find_rectum(scene: Scene, prompts: Prompts, bladder: Mask | None) -> Found | None:
@@ -34,10 +36,11 @@ def find_rectum(scene: Scene, prompts: Prompts, bladder: Mask | None) -> Found |
     if len(path.z) < 4:
         return None
     path, inside = _together(scene, avoid, path)
-    mask = mask_to_edges(scene, _tube(path).voxels(scene.grid), SNAP_MM) & ~avoid
     box = prompts.box("rectum")
-    if box is not None:
-        mask &= scene.box_mask(box, 1.0)
+    if box is None:
+        mask = mask_to_edges(scene, _tube(path).voxels(scene.grid), SNAP_MM) & ~avoid
+    else:
+        mask = _tube(_tapered(path, float(box[0, 2]))).voxels(scene.grid) & ~avoid & scene.box_mask(box, BOX_MM)
     return Found(mask, prompts.mode("rectum"), _confidence(scene, path, inside))
 
 
@@ -64,6 +67,12 @@ def _together(scene: Scene, avoid: Mask, path: Track) -> tuple[Track, Mask]:
     radii = RADII[0] + RADIUS_STEP * np.where(np.isfinite(near), near, index + 0.5)
     spoken = np.isfinite(near) | (gas_radius > 0.0)
     return Track(path.z, centres, radii.reshape(count, ANGLES)), spoken
+
+
+def _tapered(path: Track, lowest: float) -> Track:
+    """The outlines without the sphincter and levator about the anal canal, which look the same: lowest is the end given."""
+    most = CANAL_MM + OPENS * np.maximum(path.z - lowest, 0.0)
+    return Track(path.z, path.centres, np.minimum(path.radii, most[:, None]))
 
 
 def _seen_from(path: Track, k: int, centre: FloatArray) -> FloatArray:

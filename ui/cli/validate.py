@@ -26,6 +26,8 @@ from palpate.ui.cli.console import Console
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from palpate.segmentation.contoured_scan import ContouredScan
+
 NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
 _DPI = 160
 
@@ -61,6 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="gap: how many cases (default %(default)s; each takes minutes)")  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
                         help="gap: for cases, answers and ledger; the same command goes on from it (default %(default)s)")  # fmt: skip
+    parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
+                        help="segmentation: a DICOM folder and the contours drawn on it; several times (default: the phantom)")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -138,6 +142,25 @@ def _drawn_by(name: str) -> Callable[[dict[str, Any]], Figure]:
     return draw
 
 
+def _scans(args: argparse.Namespace) -> list[ContouredScan]:
+    from palpate.segmentation.contoured_scan import contoured_scan, phantom_scan
+
+    given = [contoured_scan(ct, contours, f"scan {k}") for k, (ct, contours) in enumerate(args.scan, 1)]
+    return given or [phantom_scan()]
+
+
+def _segmentation(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.segmentation.segment_study import segmentation_study
+
+    return segmentation_study(_scans(args), seed=random_seed(args), progress=progress)
+
+
+def _segmentation_text(found: dict[str, Any]) -> str:
+    from palpate.segmentation.segment_study import study_text
+
+    return study_text(found)
+
+
 STUDIES: dict[str, Study] = {
     "sensitivity": Study(studies.sensitivity, studies.sensitivity_text, _drawn_by("sensitivity")),
     "resolution": Study(studies.resolution, studies.resolution_text, _drawn_by("resolution")),
@@ -150,4 +173,5 @@ STUDIES: dict[str, Study] = {
     "gap": Study(_gap),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "robustness": Study(_robustness),
+    "segmentation": Study(_segmentation, _segmentation_text),
 }

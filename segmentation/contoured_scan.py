@@ -1,0 +1,60 @@
+"""A CT with contours that a person drew, to judge a method by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from palpate.segmentation import phantom
+from palpate.segmentation.dicom_series import read_series
+from palpate.segmentation.grid import in_lps_order
+from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.segmentation.rtstruct import is_rtstruct, read_rtstruct
+from palpate.segmentation.scanner import Scanner
+from palpate.segmentation.user_labels import read_user_labels
+from palpate.segmentation.volume import Volume
+
+_VALUES = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,), "bone": (BONE,)}
+PHANTOM = "phantom"
+_PHANTOM_EXTENT_MM, _PHANTOM_SPACING_MM = np.array([350.0, 240.0, 150.0]), np.array([1.6, 1.6, 2.5])
+
+
+@dataclass(frozen=True, eq=False)
+class ContouredScan:
+    """ct : HU. labels : the contours as one label volume on its grid. masks : organ -> mask, each as it was drawn: where
+    contours overlap, in every one of them. name : for tables; it says nothing of the patient.
+    """
+
+    name: str
+    ct: Volume
+    labels: Volume
+    masks: Mapping[str, Volume]
+
+
+def contoured_scan(folder: Path, contours: Path, name: str) -> ContouredScan:
+    """Reads a DICOM folder and its contours (RTSTRUCT, SEG, NIfTI, .seg.nrrd). Raises InputError when either cannot be read."""
+    ct, facts = read_series(folder)
+    drawn = read_user_labels(contours, ct, facts)
+    labels = in_lps_order(drawn.volume)
+    masks = {organ: labels.with_array(np.isin(labels.array, values)) for organ, values in _VALUES.items()}
+    if is_rtstruct(contours):
+        found = read_rtstruct(contours, ct, facts).masks
+        masks |= {organ: in_lps_order(ct.with_array(mask)) for organ, mask in found.items() if organ in masks}
+    return ContouredScan(name, in_lps_order(ct), labels, {k: m for k, m in masks.items() if m.array.any()})
+
+
+def phantom_scan(seed: int = 3) -> ContouredScan:
+    """A simulated scan of the analytic phantom, with its truth."""
+    shape = np.ceil(_PHANTOM_EXTENT_MM / _PHANTOM_SPACING_MM).astype(int)
+    affine = np.diag([*_PHANTOM_SPACING_MM, 1.0])
+    affine[:3, 3] = phantom.ORIGIN_MM - 0.5 * (shape - 1) * _PHANTOM_SPACING_MM + np.array([2.0, 10.0, 8.0])
+    grid = Volume(np.zeros(shape, dtype=np.int16), affine)
+    ct = Scanner().scan(phantom.hu, grid, seed=seed)
+    index = np.indices(shape).reshape(3, -1).T.astype(float)
+    labels = grid.with_array(phantom.labels(grid.to_lps(index)).reshape(shape))
+    return ContouredScan(
+        PHANTOM, ct, labels, {organ: labels.with_array(np.isin(labels.array, v)) for organ, v in _VALUES.items()}
+    )

@@ -1,0 +1,76 @@
+"""The prostate within its six outermost points, by random walks with the points' ellipsoid as prior."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.special import expit
+
+from palpate.segmentation.organs.random_walk import walk
+from palpate.segmentation.organs.scene import Scene
+from palpate.segmentation.organs.six_points import Ellipsoid
+from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, largest, opened
+
+FloatArray = NDArray[np.float64]
+
+# The surface lies about this far from the ellipsoid, mm; and an organ this much darker than its middle is none any more.
+SHAPE_MM, DARKER_HU, SOFTNESS_HU = 3.0, 24.0, 5.0
+# An edge, against the differences of neighbours in the middle of the organ; the prior's pull (see random_walk.py).
+EDGE_SD, PULL = 2.0, 0.5
+# What is certainly inside (level of the ellipsoid), what certainly is not, and how far beyond the points it may reach.
+CORE_LEVEL, OUTER_LEVEL, BOX_MM, ROOM_MM = 0.4, 1.8, 1.5, 10.0
+SMOOTH_MM = 3.0
+
+
+def walked(
+    scene: Scene, ellipsoid: Ellipsoid, box: FloatArray, blocked: Mask, typical_hu: float
+) -> tuple[Mask, FloatArray]:
+    """The organ, and for every voxel the probability of belonging to it.
+
+    box : (2, 3) mm around the points. blocked : other organs and bone.
+    """
+    near = _within(scene, box)
+    fine = blurred(scene.filled[near], 1.0, scene.step)
+    level = ellipsoid.level(scene)[near]
+    beyond = np.linalg.norm(_away(scene, ellipsoid.centre)[near], axis=-1) * (1.0 - 1.0 / np.maximum(level, 1e-3))
+    prior = expit(-beyond / SHAPE_MM) * expit((fine - typical_hu + DARKER_HU) / SOFTNESS_HU)
+    free = ~blocked[near]
+    core = (level < CORE_LEVEL) & (fine > typical_hu - 30.0) & free
+    outside = (
+        ~free | ~scene.box_mask(box, BOX_MM)[near] | (fine < scene.fat_edge) | (level > OUTER_LEVEL) | scene.gas[near]
+    )
+    probability = np.zeros(scene.grid.array.shape)
+    probability[near] = walk(fine, core, outside, _edge(fine, core), prior, PULL)
+    mask = largest(opened(largest(probability > 0.5), SMOOTH_MM, scene.step))
+    return np.asarray(ndimage.binary_fill_holes(mask)), probability
+
+
+def between(first: Mask, second: Mask, step: float) -> Mask:
+    """The mask half-way between two: two ways of drawing err in different places."""
+    middle = sum(_signed(mask) for mask in (first, second))
+    return largest(blurred(np.asarray(middle, dtype=np.float32), 1.0, step) > 0.0)
+
+
+def block(scene: Scene, others: Mask) -> Mask:
+    """Where the organ cannot be: other organs, and bone with the cortex that partial volume hides."""
+    return others | dilated(scene.bone, 1.0, scene.step)
+
+
+def _signed(mask: Mask) -> FloatArray:
+    return np.asarray(ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask))
+
+
+def _within(scene: Scene, box: FloatArray) -> tuple[slice, ...]:
+    low, high = scene.index(box[0] - ROOM_MM), scene.index(box[1] + ROOM_MM)
+    return tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
+
+
+def _away(scene: Scene, centre: FloatArray) -> FloatArray:
+    return np.stack(np.broadcast_arrays(*scene.axes()), axis=-1) - centre
+
+
+def _edge(fine: NDArray[np.float32], core: Mask) -> float:
+    steps = [np.diff(fine, axis=axis)[core.take(range(1, core.shape[axis]), axis=axis)] for axis in range(3)]
+    known = np.concatenate(steps)
+    return max(EDGE_SD * float(np.sqrt(np.mean(known**2))), 0.5) if len(known) else 10.0
