@@ -14,14 +14,15 @@ from palpate.core.gap.confirm import Refit, refit
 from palpate.core.gap.detect import GapTest, gap_test
 from palpate.core.gap.effects import Effect, Surroundings
 from palpate.core.gap.effects.base import Vector
-from palpate.core.gap.evidence import saturated
+from palpate.core.gap.evidence import mean_of_exponentials, projected, saturated
 from palpate.core.gap.forces import ForceFields
 from palpate.core.gap.heldout import Gain, Linear, Split, gain
-from palpate.core.gap.placebo import placebo_gains
+from palpate.core.gap.pairs import JOINED, refit_pairs
+from palpate.core.gap.placebo import moved_gains, placebo_gains
 from palpate.core.gap.plain import PlainFit, fit_plain
 from palpate.core.gap.pressure_fields import pressure_fields
 from palpate.core.gap.screen import Screened, screen
-from palpate.core.gap.verdict import Judged, Verdict, decide, probabilities
+from palpate.core.gap.verdict import REMAINDER_LEVEL, Judged, Verdict, decide, probabilities
 from palpate.core.gap.where import Where, look
 from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.worker.progress import Progress, part, silent
@@ -73,12 +74,19 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     stage, point = fit.bench.stage, fit.point
     around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
-    named = [(fit.weighting.whiten(S), s.effect.scales) for s in screened for S in s.directions]
-    test = gap_test(r, J, R, named, seed)
-    refits = _refits(fit, screened, part(progress, 0.6, 0.9)) if test.detected else []
+    named = [[(fit.weighting.whiten(S), s.effect.scales) for S in s.directions] for s in screened]
+    refits = _refits(fit, screened, part(progress, 0.6, 0.9))
+    test = gap_test(r, J, R, named, seed, _mean_evidence(screened, refits))
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
-    return _judged(fit, test, screened, refits, where, forces, saturated(r, J, R)[0], seed)
+    return _judged(fit, test, screened, refits if test.detected else [], where, forces, saturated(r, J, R)[0], seed)
+
+
+def _mean_evidence(screened: Sequence[Screened], refits: Sequence[Refit]) -> float:
+    """ln of the mean evidence of all effects, after their refit where there was one."""
+    logs = {s.effect.id: s.log_evidence for s in screened}
+    logs |= {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect is not None}
+    return mean_of_exponentials(np.array(list(logs.values())))
 
 
 def _factorise(fit: PlainFit) -> None:
@@ -120,23 +128,44 @@ def _judged(
     ceiling = gains.pop("ceiling")
     gains.pop("")
     judged, placebo = [], 0.0
+    by_id = {s.effect.id: s for s in screened}
     for rank, f in enumerate(refits):
         assert f.trial.effect is not None
         g = gains[f.trial.effect.id]
         p = 1.0
         if rank < 3:
             placebos = placebo_gains(split, plain, before, forces, _size(fit, f), seed)
-            p = float(np.mean([q.mean_mm2 >= g.mean_mm2 for q in placebos]))
+            p = _share_as_good(placebos, g)
+            variant, screen_of = f.trial.variant, by_id[f.trial.effect.id]
+            if variant is not None and variant.where is not None:
+                p = max(p, _share_as_good(moved_gains(split, plain, before, screen_of, variant.where), g))
             placebo = float(np.median([q.share for q in placebos])) if rank == 0 else placebo
         share = g.mean_mm2 / ceiling.mean_mm2 if ceiling.mean_mm2 > 0.0 else 1.0
         remainder = fit.weighting.whiten(f.point.residual)
         J = fit.weighting.whiten(np.hstack([f.point.in_theta, f.in_phi]))
         p_left = gap_test(remainder, J, fit.weighting.whiten(forces.response), seed=seed).p_value
-        judged.append(Judged(f.trial.effect.id, f.log_evidence, g, p, share, p_left))
-    verdict = decide(test.detected, judged, unknown)
+        cosine = _imitation(fit, refits[0], f)
+        judged.append(Judged(f.trial.effect.id, f.log_evidence, g, p, share, p_left, cosine))
+    pairs = refit_pairs(fit, screened, refits) if judged and judged[0].remainder_p < REMAINDER_LEVEL else []
+    pair = None if not pairs or pairs[0].trial.effect is None else (pairs[0].trial.effect.id, pairs[0].log_evidence)
+    verdict = decide(test.detected, judged, unknown, None if pair is None else (tuple(pair[0].split(JOINED)), pair[1]))
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
         verdict = replace(verdict, probability=probabilities({s.effect.id: s.log_evidence for s in screened}, unknown))
     return Diagnosis(fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, placebo)
+
+
+def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
+    return float(np.mean([q.mean_mm2 >= g.mean_mm2 for q in placebos])) if placebos else 0.0
+
+
+def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
+    """Cosine between the change that the best effect makes, the stiffness projected out, and its image in the other's directions."""
+    J = fit.weighting.whiten(best.point.in_theta)
+    done = projected(J, fit.weighting.whiten(best.in_phi @ best.phi))
+    could = projected(J, fit.weighting.whiten(other.in_phi))
+    left = projected(could, done)
+    length = max(float(done @ done), 1e-30)
+    return float(np.sqrt(max(1.0 - float(left @ left) / length, 0.0)))
 
 
 def _size(fit: PlainFit, found: Refit) -> float:

@@ -157,7 +157,7 @@ def newton_step(at: Point, scene: GapScene, u: FloatArray) -> FloatArray:
     held = (scene.prescribed - u.ravel()) * ~there.free
     state = State(u, at.equilibrium.p)
     there.set_materials(scene.materials(at.theta))
-    there.terms = (*scene.walls, *scene.loads)
+    there.terms = scene.terms
     force = out_of_balance(there, state)
     if there.space.n_nodes == at.scene.space.n_nodes:
         if held.any():

@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.gap.scene import GapScene
 from palpate.core.gap.sight import Sight
+from palpate.core.gap.wall_motion import DRAG
 from palpate.core.observe.noise import noise_modes, smooth_covariance
 
 FloatArray = NDArray[np.float64]
 
 # Correlation lengths of contour noise that are told apart, mm.
 LENGTHS_MM = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
-# Of a wall's motion along itself, mm.
-ALONG_CORRELATION_MM = 15.0
 
 
 @dataclass(frozen=True)
 class NoiseSizes:
-    """Standard deviations, mm. along : of a wall's motion along itself, which no scan shows.
+    """Standard deviations, mm. along : factor on what is not known of the walls' motion along themselves (`WallMotion`).
 
     own : of every surface mode (extraction, voxels). landmark : per axis. contour : factor on the contour noise the case states.
     length : its correlation length. mesh : share of the difference between two elements that may be left in the better one.
@@ -43,8 +42,8 @@ class NoiseSizes:
 class NoiseParts:
     """What the covariance (n, n) mm2 is put together from.
 
-    contour : of all contours as wide as the case states, one for each of LENGTHS_MM; along : of walls that slid by 1 mm; own, marks :
-    unit variances; floor : of bone registration.
+    contour : of all contours as wide as the case states, one for each of LENGTHS_MM; along : of walls' motion along themselves;
+    own, marks : unit variances; floor : of bone registration.
     """
 
     contour: tuple[FloatArray, ...]
@@ -65,7 +64,7 @@ class NoiseParts:
             floor[-6:, -6:] = sight.bone.covariance(0.0, 1.0)
         walls = _WallNoise.of(scene, sight, u)
         contour = tuple(_contour(scene, sight, walls, length) for length in LENGTHS_MM)
-        return cls(contour, _along(scene, sight, u, _sliding_forces(scene)), own, marks, floor)
+        return cls(contour, _along(scene, sight, u), own, marks, floor)
 
     def covariance(self, sizes: NoiseSizes, mesh: FloatArray) -> FloatArray:
         """(n, n); mesh : (n,) difference of the residual between two elements. The nearest of LENGTHS_MM is taken."""
@@ -106,36 +105,21 @@ def _contour(scene: GapScene, sight: Sight, walls: _WallNoise, length: float) ->
     return out
 
 
-def _sliding_forces(scene: GapScene, correlation_mm: float = ALONG_CORRELATION_MM) -> FloatArray:
-    """(r, nodes, 3) mN: smooth shear tractions on the walls, which a sliding wall is taken not to have."""
-    out = []
-    for wall in scene.walls:
-        tangent = np.eye(3) - wall.normal[:, :, None] * wall.normal[:, None, :]
-        for mode in noise_modes(wall.rest, 1.0, correlation_mm, 0.9).T:
-            for axis in range(3):
-                traction = (wall.points.measure * mode)[:, None] * tangent[:, axis]
-                out.append(_on_nodes(scene, wall.points.nodes[:, 0], traction))
-    return np.array(out)
-
-
 def _on_nodes(scene: GapScene, nodes: NDArray[np.int64], force: FloatArray) -> FloatArray:
     full = np.zeros((scene.space.n_nodes, 3))
     np.add.at(full, nodes, force)
     return full
 
 
-def _along(scene: GapScene, sight: Sight, u: FloatArray, forces: FloatArray) -> FloatArray:
-    """Covariance of the residual when every wall's motion along itself has a standard deviation of 1 mm (area mean)."""
-    moves = response_to_forces(scene.assembler, forces)
+def _along(scene: GapScene, sight: Sight, u: FloatArray) -> FloatArray:
+    """Covariance of the residual for what is not known of the walls' motion along themselves."""
     total = np.zeros((sight.n, sight.n))
-    start = 0
-    for wall in scene.walls:
-        count = 3 * noise_modes(wall.rest, 1.0, ALONG_CORRELATION_MM, 0.9).shape[1]
-        part = moves[start : start + count]
-        start += count
-        v = np.stack([wall.points.displacements(m) for m in part])
+    shear = scene.problem.facts.tissue_shear_modulus_kpa
+    for wall, motion in zip(scene.walls, scene.stage.motions.values(), strict=True):
+        v = motion.unknown_at(wall.rest - wall.points.displacements(scene.shift))
         v = v - np.einsum("rqi,qi->rq", v, wall.normal)[..., None] * wall.normal
-        variance = float(np.average((v**2).sum(axis=(0, 2)), weights=wall.points.measure)) / 2.0
-        R = sight.response(scene, u, part)
-        total += R @ R.T / variance
+        pulls = DRAG * shear * wall.points.measure[:, None] * v
+        forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], pull) for pull in pulls])
+        R = sight.response(scene, u, response_to_forces(scene.assembler, forces))
+        total += R @ R.T
     return total

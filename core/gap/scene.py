@@ -19,9 +19,11 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import PointForce, nodal_force
+from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.opened import OpenedProblem, open_problem, sliding_springs
+from palpate.core.gap.wall_motion import WallMotion
 from palpate.core.identify.coupled import WALL_STIFFNESS, CoupledScene
 from palpate.core.identify.parameters import StiffnessParameters
 from palpate.core.mesh import TetMesh
@@ -39,7 +41,7 @@ _STEP = 1e-4
 
 @dataclass(eq=False)
 class Stage:
-    """What all compositions of one problem share: distance fields, and scenes' structures by need.
+    """What all compositions of one problem share: distance fields, walls' likeliest motions, and scenes' structures by need.
 
     element : see core.fem.elements.
     """
@@ -48,6 +50,7 @@ class Stage:
     element: str
     observation: SurfaceObservation
     fields: dict[str, tuple[SignedDistanceField, SignedDistanceField]]
+    motions: dict[str, WallMotion] = field(default_factory=dict)
     assemblers: dict[bool, Assembler] = field(default_factory=dict)
     _opened: OpenedProblem | None = None
 
@@ -56,7 +59,7 @@ class Stage:
         """A stage with another element shares the distance fields of `like`."""
         space = Space.of(problem.mesh, element)
         if like is not None:
-            return cls(problem, element, _moved(like.observation, space, problem), like.fields)
+            return cls(problem, element, _moved(like.observation, space, problem), like.fields, like.motions)
         fields = {
             name: (
                 SignedDistanceField.from_surface(pair.rest.points, pair.rest.faces),
@@ -65,7 +68,11 @@ class Stage:
             for name, pair in problem.walls.items()
             if name in problem.boundary and len(pair.rest.faces) and len(pair.deformed.faces)
         }
-        return cls(problem, element, SurfaceObservation.of(problem, space), fields)
+        stage = cls(problem, element, SurfaceObservation.of(problem, space), fields)
+        for name in fields:
+            wall = _wall(stage, problem, name, space, space.nodes)
+            stage.motions[name] = WallMotion.of(wall, problem.facts.noise_sd_mm)
+        return stage
 
     @property
     def opened(self) -> OpenedProblem:
@@ -94,7 +101,8 @@ class GapScene(CoupledScene):
         self.space = Space.of(mesh, stage.element)
         self.shift = _at_nodes(shift, self.space)
         scanned_nodes = self.space.nodes - self.shift
-        self.walls = [_wall(self, name, scanned_nodes) for name in stage.fields]
+        self.walls = [_wall(stage, self.problem, name, self.space, scanned_nodes) for name in stage.fields]
+        self.drags = self._drags(np.zeros_like(self.shift), 1.0)
         self.loads: tuple[Term, ...] = (dead_load(self.space, [make(self.space) for make in composition.load]),)
         if opened is not None:
             G = self.problem.facts.tissue_shear_modulus_kpa
@@ -113,13 +121,27 @@ class GapScene(CoupledScene):
         self, theta: FloatArray, start: State | FloatArray | None = None, options: NewtonOptions | None = None
     ) -> Equilibrium:
         """Equilibrium at ln G = theta (t,)."""
-        self.assembler.terms = (*self.walls, *self.loads)
+        self.assembler.terms = self.terms
         return solve_equilibrium(self.assembler, self.materials(theta), self.prescribed, start, options)
 
     def linearise(self, u: FloatArray, way: float = 1.0) -> None:
         """See `CoupledScene.linearise`."""
         super().linearise(u, way)
-        self.assembler.terms = (*self.walls, *self.loads)
+        self.drags = self._drags(u, way)
+        self.assembler.terms = self.terms
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All that acts on the body."""
+        return (*self.walls, *self.drags, *self.loads)
+
+    def _drags(self, u: FloatArray, way: float) -> list[Springs]:
+        shear = self.problem.facts.tissue_shear_modulus_kpa
+        motions = self.stage.motions.values()
+        return [
+            motion.drag(wall, wall.points.displacements(self.shift), u, way, shear)
+            for wall, motion in zip(self.walls, motions, strict=True)
+        ]
 
     def materials(self, theta: FloatArray) -> dict[int, Material]:
         """The composition's materials at ln G = theta (t,)."""
@@ -158,7 +180,7 @@ class GapScene(CoupledScene):
         """All compositions with the same unknowns share one matrix structure and one solver, whatever their loads and rest shape."""
         key = self.composition.interface > 0.0
         if key not in self.stage.assemblers:
-            self.stage.assemblers[key] = Assembler(self.space, free, (*self.walls, *self.loads))
+            self.stage.assemblers[key] = Assembler(self.space, free, self.terms)
         shared = self.stage.assemblers[key]
         return shared if shared.space.mesh is self.space.mesh else _on_other_shape(shared, self.space)
 
@@ -180,13 +202,15 @@ def dead_load(space: Space, loads: Sequence[Term]) -> PointForce:
     return nodal_force(np.arange(space.n_nodes), force)
 
 
-def _wall(scene: GapScene, name: str, scanned_nodes: FloatArray) -> SlidingWall:
-    points = wall_points(scene.space.face_nodes(scene.problem.boundary[name]), scanned_nodes)
-    at_rest, deformed = scene.stage.fields[name]
+def _wall(
+    stage: Stage, problem: IdentificationProblem, name: str, space: Space, scanned_nodes: FloatArray
+) -> SlidingWall:
+    points = wall_points(space.face_nodes(problem.boundary[name]), scanned_nodes)
+    at_rest, deformed = stage.fields[name]
     scanned = points.positions(scanned_nodes)
-    stiffness = WALL_STIFFNESS * scene.problem.facts.tissue_shear_modulus_kpa
+    stiffness = WALL_STIFFNESS * problem.facts.tissue_shear_modulus_kpa
     wall = SlidingWall.between(points, scanned, at_rest.value_and_gradient, deformed.value_and_gradient, stiffness)
-    moved = replace(wall, rest=points.positions(scene.space.nodes))
+    moved = replace(wall, rest=points.positions(space.nodes))
     return moved.linearised_at(np.zeros_like(scanned))
 
 

@@ -13,8 +13,10 @@ NONE, AMBIGUOUS, UNKNOWN = "none", "ambiguous", "unknown"
 
 # Prior probability, once there is a gap, that no effect of the library causes it.
 PRIOR_UNKNOWN = 0.1
-# Effects whose probability is within this factor of the best one's cannot be told from it.
-TIED = 8.0
+# Effects whose probability is within this factor of the best one's cannot be told from it: less is "positive evidence" at best
+# (Kass & Raftery 1995). Twins, which could imitate all but a tenth of what the best does to the data, need more: there the odds
+# hang on the small errors of model and noise.
+TIED, TIED_TWINS, TWINS = 5.0, 20.0, 0.95
 # At most so many are named: more would say nothing.
 MOST_CANDIDATES = 3
 # A remainder this improbable under the noise is no noise.
@@ -22,6 +24,7 @@ REMAINDER_LEVEL = 0.01
 
 _NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
 _TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
+_TWO = "no effect alone explains the gap, these two together do"
 _UNCONFIRMED = "the effect fits best, but does not predict what was left out clearly better"
 
 
@@ -31,6 +34,7 @@ class Judged:
 
     log_evidence : against the plain model. gain : on data left out. placebo_p : share of placebo effects that gain as much.
     share_of_ceiling : of what a saturated field gains on data left out. remainder_p : of the residual it leaves, under the noise.
+    cosine : between what the best effect does to the data, the stiffness projected out, and the nearest thing this one could do.
     """
 
     effect: str
@@ -39,6 +43,12 @@ class Judged:
     placebo_p: float
     share_of_ceiling: float
     remainder_p: float
+    cosine: float = 0.0
+
+    @property
+    def needed_odds(self) -> float:
+        """How many times likelier the best effect must be to be told from this one."""
+        return TIED_TWINS if self.cosine > TWINS else TIED
 
     @property
     def confirmed(self) -> bool:
@@ -67,16 +77,22 @@ def probabilities(evidence: Mapping[str, float], unknown: float) -> dict[str, fl
     return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))
 
 
-def decide(detected: bool, judged: Sequence[Judged], unknown: float) -> Verdict:
-    """The answer. unknown : log evidence of a free smooth field of forces."""
+def decide(
+    detected: bool, judged: Sequence[Judged], unknown: float, pair: tuple[tuple[str, ...], float] | None = None
+) -> Verdict:
+    """The answer. unknown : log evidence of a free smooth field of forces; pair : two effects together and theirs."""
     probability = probabilities({j.effect: j.log_evidence for j in judged}, unknown)
     if not detected:
         return Verdict(
             NONE, (), probability, "what the plain model leaves is no more than contours, walls and mesh explain"
         )
+    alone = max((j.log_evidence for j in judged), default=-np.inf)
+    if pair is not None and pair[1] > max(alone, unknown) + np.log(TIED_TWINS):
+        return Verdict(AMBIGUOUS, pair[0], probability, _TWO)
     ranked = sorted(judged, key=lambda j: -probability[j.effect])
     top = max((probability[j.effect] for j in ranked), default=0.0)
-    tied = [j for j in ranked if probability[j.effect] * TIED >= top]
+    tied = [j for j in ranked[:1] if top > 0.0]
+    tied += [j for j in ranked[1:] if probability[j.effect] * j.needed_odds >= top]
     if not tied or probability[UNKNOWN] > TIED * top:
         return Verdict(UNKNOWN, (), probability, _NOTHING_NAMED)
     best = tied[0]

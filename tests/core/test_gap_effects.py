@@ -14,6 +14,7 @@ from palpate.core.gap.composition import Composition
 from palpate.core.gap.effects import Surroundings, library
 from palpate.core.gap.fit import Bench, Point, Trial
 from palpate.core.gap.opened import open_problem
+from palpate.core.gap.pairs import joined, together
 from palpate.core.gap.plain import PLAIN
 from palpate.core.gap.pressure_fields import pressure_fields
 from palpate.core.gap.scene import Stage
@@ -161,3 +162,22 @@ def test_a_users_file_that_is_no_effect_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(THIRTEENTH.replace("stiffer_right_half", "prestress"))
     with pytest.raises(InputError, match="'prestress' is taken"):
         library(tmp_path)
+
+
+def test_two_effects_at_once_are_each_as_they_are_alone(bench: Bench, plain: Point) -> None:
+    effects = library()
+    one, two = (effects[name].variants(surroundings(bench, plain))[0] for name in ("bone_motion", "contour_bias"))
+    pair = together(effects["bone_motion"], effects["contour_bias"])
+    assert pair.id == "bone_motion+contour_bias"
+    assert len(pair.parameters) == 7
+    both = joined(one, two, 6)
+    phi = np.array([1.0, -2.0, 0.5, 1.0, 0.0, 3.0, 0.7])
+    X = bench.stage.problem.mesh.points[:5]
+    made = both.applied(bench.plain, phi)
+    np.testing.assert_allclose(made.bone_motion(X), one.applied(bench.plain, phi[:6]).bone_motion(X))
+    assert made.observation == 0.7
+    assert both.applied(bench.plain, np.zeros(7)) is bench.plain
+    assert (
+        two.applied(bench.plain, phi[6:]).observation
+        == both.applied(bench.plain, phi * (np.arange(7) == 6)).observation
+    )

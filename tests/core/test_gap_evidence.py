@@ -49,11 +49,12 @@ def test_the_score_statistic_is_chi_squared_without_an_effect() -> None:
 
 
 def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
-    """200 cases: each of the three looks by itself; together (Bonferroni) they are never too small."""
-    named = [(S[:, :1], SCALES[:1]), (S[:, 1:], SCALES[1:])]
+    """200 cases: of the three looks together, and of each by itself."""
+    named = [[(S[:, :1], SCALES[:1]), (S[:, 2:], SCALES[2:])], [(S[:, 1:], SCALES[1:])]]
     found = [
         gap_test(np.random.default_rng([7, k]).standard_normal(N), J, FIELDS, named, seed=1000 + k) for k in range(200)
     ]
+    assert stats.kstest([t.p_value for t in found], "uniform").pvalue > 0.05
     for name in ("p_whole", "p_smooth", "p_named"):
         assert stats.kstest([getattr(t, name) for t in found], "uniform").pvalue > 0.05 / 3, name  # three looks
     assert np.mean([t.detected for t in found]) <= 0.08
@@ -61,8 +62,8 @@ def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
 
 def test_the_gap_test_sees_an_effect_and_not_a_change_of_stiffness() -> None:
     quiet = np.random.default_rng(0).standard_normal(N)
-    assert not gap_test(quiet + 100.0 * J[:, 0], J, FIELDS, [(S, SCALES)]).detected
-    assert gap_test(quiet + 3.0 * S[:, 0], J, FIELDS, [(S, SCALES)]).detected
+    assert not gap_test(quiet + 100.0 * J[:, 0], J, FIELDS, [[(S, SCALES)]]).detected
+    assert gap_test(quiet + 3.0 * S[:, 0], J, FIELDS, [[(S, SCALES)]]).detected
     assert explained(100.0 * J[:, 1], J) < 1e-18
 
 
@@ -85,6 +86,25 @@ def test_one_clear_effect_is_named_and_twins_are_not_told_apart() -> None:
     assert (clear.verdict, clear.candidates) == ("prestress", ("prestress",))
     twins = decide(True, [judged("prestress", 20.0), judged("inclusion", 19.5)], 5.0)
     assert (twins.verdict, twins.candidates) == ("ambiguous", ("prestress", "inclusion"))
+
+
+def test_twins_need_more_than_rivals_that_do_something_else() -> None:
+    rivals = [judged("prestress", 20.0), judged("inclusion", 17.8)]
+    assert decide(True, rivals, 5.0).verdict == "prestress"
+    twins = [rivals[0], judged("inclusion", 17.8, cosine=0.98)]
+    assert decide(True, twins, 5.0).candidates == ("prestress", "inclusion")
+
+
+def test_two_effects_together_are_named_where_neither_alone_explains_the_gap() -> None:
+    alone = [judged("prestress", 12.0), judged("inclusion", 8.0)]
+    both = decide(True, alone, 5.0, (("prestress", "volume_change"), 20.0))
+    assert (both.verdict, both.candidates) == ("ambiguous", ("prestress", "volume_change"))
+    assert decide(True, alone, 5.0, (("prestress", "volume_change"), 13.0)).verdict == "prestress"
+
+
+def test_a_refit_counts_where_the_first_look_underrates_an_effect() -> None:
+    quiet = np.random.default_rng(0).standard_normal(N)
+    assert gap_test(quiet, J, FIELDS, [[(S, SCALES)]], refitted=12.0).detected
 
 
 def test_refusals() -> None:
