@@ -102,23 +102,22 @@ def _flat_prior(bounds: FloatArray) -> FloatArray:
     return np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
 
 
-def nothing_known(posterior: Posterior) -> bool:
-    """Whether every region's stiffness is about as uncertain as it was before the scans."""
-    prior_sd = (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
-    return bool((posterior.sd > _BLIND * prior_sd).all())
+def unknown(posterior: Posterior) -> NDArray[np.bool_]:
+    """(t,) whether a region's stiffness is about as uncertain as it was before the scans."""
+    return posterior.sd > _BLIND * (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
 
 
 def verdict(names: tuple[str, ...], posterior: Posterior) -> str:
     """In words: which regions' stiffness this pair of scans tells, and how well."""
     parts = []
-    if nothing_known(posterior):
+    blind = unknown(posterior)
+    if blind.all():
         parts.append(
             "nothing can be identified: the deformation this pair shows is too small against the contours' error"
         )
-    prior_sd = (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
-    for name, sd, unknown in zip(names, posterior.sd, _BLIND * prior_sd, strict=True):
+    for name, sd, untold in zip(names, posterior.sd, blind, strict=True):
         label = name.replace("_", " ")
-        if sd > unknown:
+        if untold:
             parts.append(f"{label}: not identifiable, this pair says no more than the allowed range did")
         elif sd < 0.2:
             parts.append(f"{label}: known to {100 * (np.exp(sd) - 1):.0f} %")

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.errors import ConvergenceError
+from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.reduced import ReducedModel
 from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.posterior import NoiseFacts, Posterior, laplace
@@ -22,41 +22,60 @@ FloatArray = NDArray[np.float64]
 class ReducedFit:
     """What a reduced model of the organ's surface points and one deformed surface say together.
 
+    model : None where only `linearised` is to be asked, with displacements from elsewhere.
     points : (q, 3) mm at rest, those of the model. target : of the deformed surface. weighting : of the residual (q, q).
     noise : (q, q) mm2, what the residual's covariance is taken to be. error_mm : (q,) what the contours err by, taken off the
-    residual: for studies that draw it.
+    residual: for studies that draw it. expected : of the residual's squared weighted length at the truth, where it is known already.
     """
 
-    model: ReducedModel
+    model: ReducedModel | None
     points: FloatArray
     target: SignedDistanceField
     weighting: Weighting
     noise: FloatArray
     error_mm: FloatArray = field(default_factory=lambda: np.zeros(0))
+    expected: float | None = None
+
+    def value(self, theta: FloatArray) -> float:
+        """Squared length of the weighted residual at theta (t,)."""
+        distance = self.target.value_and_gradient(self.points + self._known.evaluate(theta))[0]
+        return self.weighting.squared(distance - self.error_mm if len(self.error_mm) else distance)
 
     def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted residual (q,) and Jacobian (q, t) at theta (t,)."""
-        distance, normal = self.target.value_and_gradient(self.points + self.model.evaluate(theta))
+        return self.linearised(self._known.evaluate(theta), self._known.gradient(theta))
+
+    def linearised(self, v: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same from the points' displacements v (q, 3) mm and their derivatives (t, q, 3)."""
+        distance, normal = self.target.value_and_gradient(self.points + v)
         if len(self.error_mm):
             distance = distance - self.error_mm
-        slopes = np.einsum("tqi,qi->qt", self.model.gradient(theta), normal)
+        slopes = np.einsum("tqi,qi->qt", slopes, normal)
         both = self.weighting.whiten(np.column_stack([distance, slopes]))
         return both[:, 0], both[:, 1:]
 
-    def fit(self, starts: FloatArray) -> GaussNewtonResult:
-        """The best optimum from starts (s, t). Raises ConvergenceError where none ends."""
-        ends = [gauss_newton(self.linearise, start, self.model.bounds, tolerance=1e-4) for start in starts]
+    def fit(self, starts: FloatArray, bounds: FloatArray) -> GaussNewtonResult:
+        """The best optimum from starts (s, t) within bounds (t, 2). Raises ConvergenceError where none ends."""
+        ends = [gauss_newton(self.linearise, start, bounds, tolerance=1e-4) for start in starts]
         found = [end for end in ends if end is not None]
         if not found:
             raise ConvergenceError("the reduced model gives no residual; build it anew")
         return min(found, key=lambda end: end.misfit)
 
-    def posterior(self, found: GaussNewtonResult) -> Posterior:
+    def posterior(self, found: GaussNewtonResult, bounds: FloatArray) -> Posterior:
         """Laplace's approximation at an optimum, see `posterior.laplace`."""
         back = self.weighting.unwhiten_adjoint(found.jacobian)
         noise = NoiseFacts(back.T @ self.noise @ back, self._expected)
-        return laplace(found.theta, found.residual, found.jacobian, self.model.bounds, noise)
+        return laplace(found.theta, found.residual, found.jacobian, bounds, noise)
+
+    @property
+    def _known(self) -> ReducedModel:
+        if self.model is None:
+            raise InputError("this fit has no reduced model; build one first")
+        return self.model
 
     @cached_property
     def _expected(self) -> float:
+        if self.expected is not None:
+            return self.expected
         return float(np.trace(self.weighting.apply(self.noise)))

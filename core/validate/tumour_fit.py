@@ -7,13 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.fem.assembly import State
 from palpate.core.fem.reduced import ReducedModel
 from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
 from palpate.core.identify.gauss_newton import GaussNewtonResult
 from palpate.core.identify.posterior import Posterior
 from palpate.core.identify.reduced_fit import ReducedFit
 from palpate.core.observe.distance_field import SignedDistanceField
-from palpate.core.observe.noise import Weighting, contour_covariance, smooth_covariance, weighting_covariance
+from palpate.core.observe.noise import (
+    Weighting,
+    contour_covariance,
+    smooth_covariance,
+    stated_covariance,
+    weighting_covariance,
+)
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import Surface
 from palpate.core.validate.tumour_data import DATA_DIVISIONS, TumourData
@@ -25,7 +32,7 @@ FloatArray = NDArray[np.float64]
 # Points of the organ's surface, about as far apart as this, mm.
 SPACING_MM = 2.0
 # Of the least displacement in the box, 0.2 mm where the organ is hard: some thousandths of a millimetre.
-_REDUCED = ReducedOptions(tolerance=0.01, max_snapshots=120)
+REDUCED = ReducedOptions(tolerance=0.01, max_snapshots=120)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,33 +59,52 @@ class TumourFit:
         data: Divisions = DATA_DIVISIONS,
         strain: float = 1.0,
         progress: Progress = silent,
+        model: ReducedModel | None = None,
     ) -> None:
+        self._prepare(rest, divisions or Divisions(), element, data, strain)
+        self.model: ReducedModel | None = model or ReducedModel.build(
+            self.snapshots, self.scene.parameters.bounds, "", REDUCED, progress
+        )
+
+    @classmethod
+    def without_model(cls, rest: Surface, divisions: Divisions, element: str, data: Divisions) -> TumourFit:
+        """For full solves only."""
+        fit = cls.__new__(cls)
+        fit.model = None
+        fit._prepare(rest, divisions, element, data, 1.0)
+        return fit
+
+    def _prepare(self, rest: Surface, divisions: Divisions, element: str, data: Divisions, strain: float) -> None:
         volume = organ_volume(halved_ball(data))
-        self.scene = DrivenScene(halved_ball(divisions or Divisions(), volume), element, strain)
+        self.scene = DrivenScene(halved_ball(divisions, volume), element, strain)
         self.points = sample_surface(rest, SPACING_MM)[0]
         self._operator = self.scene.space.interpolation(self.points, (1, 2))
-        self.model = ReducedModel.build(self.snapshots, self.scene.parameters.bounds, "", _REDUCED, progress)
-        facts = self.scene.facts
-        self.set_noise(facts.noise_sd_mm)
+        self.set_noise(self.scene.facts.noise_sd_mm)
 
-    def set_noise(self, sd_mm: float) -> None:
-        """What one contour errs by."""
+    def set_noise(self, sd_mm: float, stated: bool = False) -> None:
+        """What one contour errs by. stated : and that was measured, see `core.observe.noise`."""
         length = self.scene.facts.noise_correlation_mm
         self.sd_mm = sd_mm
+        if stated:
+            self.noise = stated_covariance(self.points, sd_mm, length)
+            self.weighting = Weighting(self.noise)
+            self.expected = float(len(self.points))
+            return
         self.weighting = Weighting(weighting_covariance(self.points, sd_mm, length))
         self.noise = contour_covariance(self.points, sd_mm, length)
+        self.expected = float(np.trace(self.weighting.apply(self.noise)))
 
     def snapshots(self, thetas: FloatArray) -> list[Snapshot | None]:
         """Full solves at thetas (m, 2), with sensitivities, on the organ's surface points."""
-        out: list[Snapshot | None] = []
-        for theta in thetas:
-            found = self.scene.solve(theta)
-            if not found.converged:
-                out.append(None)
-                continue
-            slopes = [self._operator @ s for s in self.scene.displacement_sensitivities(theta, found)]
-            out.append(Snapshot(self._operator @ found.u, np.stack(slopes)))
-        return out
+        return [self.solve(theta)[0] for theta in thetas]
+
+    def solve(self, theta: FloatArray, start: State | None = None) -> tuple[Snapshot | None, State | None]:
+        """One full solve, and where it ended; none where there is no equilibrium."""
+        found = self.scene.solve(theta, start)
+        if not found.converged:
+            return None, None
+        slopes = [self._operator @ s for s in self.scene.displacement_sensitivities(theta, found)]
+        return Snapshot(self._operator @ found.u, np.stack(slopes)), State(found.u, found.p)
 
     def of(self, deformed: Surface | SignedDistanceField, error_mm: FloatArray | None = None) -> ReducedFit:
         """The fit of one deformed surface; error_mm (q,) : of its contours, drawn by `draw`."""
@@ -88,19 +114,20 @@ class TumourFit:
             else SignedDistanceField.from_surface(deformed.points, deformed.faces)
         )
         error = np.zeros(0) if error_mm is None else error_mm
-        return ReducedFit(self.model, self.points, target, self.weighting, self.noise, error)
+        return ReducedFit(self.model, self.points, target, self.weighting, self.noise, error, self.expected)
 
     def identify(self, data: TumourData | ReducedFit, error_mm: FloatArray | None = None) -> Found:
         """The stiffness of both halves."""
         fit = data if isinstance(data, ReducedFit) else self.of(data.organ.deformed, error_mm)
         low, high = self.scene.parameters.bounds.T
-        optimum = fit.fit(np.array([low + 0.4 * (high - low), low + 0.7 * (high - low)]))
-        posterior = fit.posterior(optimum)
+        optimum = fit.fit(np.array([low + 0.4 * (high - low), low + 0.7 * (high - low)]), self.scene.parameters.bounds)
+        posterior = fit.posterior(optimum, self.scene.parameters.bounds)
         return Found(np.exp(optimum.theta) / 4.0, posterior.interval() / 4.0, optimum, posterior)
 
-    def draw(self, rng: np.random.Generator, extraction: bool = True) -> FloatArray:
-        """(q,) mm error of the residual from both contours; extraction : with that of voxels and surface extraction."""
+    def draw(self, rng: np.random.Generator, count: int = 1, extraction: bool = True) -> FloatArray:
+        """(count, q) mm errors of the residual from both contours; extraction : with that of voxels and surface extraction."""
         sd, length = self.sd_mm, self.scene.facts.noise_correlation_mm
         covariance = self.noise if extraction else 2.0 * smooth_covariance(self.points, sd, length)
         values, vectors = np.linalg.eigh(covariance)
-        return np.asarray(vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(values))))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return np.asarray(rng.standard_normal((count, len(values))) @ root.T)

@@ -91,7 +91,7 @@ def _table(
         rows = []
         for k, (share, mu, paper, paper_normal) in enumerate(cases):
             tell(0.4 + 0.6 * k / len(cases), f"tumour of {100 * share:.0f} %, {mu:g} kPa")
-            row = _row(tumour_data(share, mu, o.data), fit, same, fit.draw(rng, extraction=False))
+            row = _row(tumour_data(share, mu, o.data), fit, same, fit.draw(rng, extraction=False)[0])
             rows.append(row | {"paper": {"tumour": paper, "normal": paper_normal}})
         bare = fit.identify(uniform)
     tell(1.0, "done")

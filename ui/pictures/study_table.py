@@ -1,0 +1,58 @@
+"""What is found of a half with a tumour, beside what it has and what the paper found: the pictures of Tables 1 and 2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+OURS, TRUTH, PAPER, SURFACE = "#2166ac", "black", "#b2182b", "#7f7f7f"
+_BY = {"share": "tumour's share of its half, %", "tumour_mu_kpa": "tumour's μ, kPa"}
+
+
+def study_table(study: Mapping[str, Any]) -> Figure:
+    """One panel without noise, one with; the normal half below the other."""
+    figure = Figure(figsize=(8.4, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    scale = 100.0 if study["by"] == "share" else 1.0
+    x = np.array([row[study["by"]] for row in study["rows"]]) * scale
+    for axes, key in ((left, "clean"), (right, "noisy")):
+        _references(axes, x, study["rows"])
+        _found(axes, x, study["rows"], key, study["correlation"][key])
+        axes.set_xlabel(_BY[study["by"]], fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.grid(alpha=0.3)
+    left.set_title("without noise", fontsize=8)
+    right.set_title(f"contours of {study['noise_sd_mm']:g} mm error, with 95 % intervals", fontsize=8)
+    left.set_ylabel("μ of a half, kPa (mean of μ1 and μ2)", fontsize=8)
+    top = max(float(np.max(row[k])) for row in study["rows"] for k in ("effective_mu_kpa", "same_surface_mu_kpa"))
+    left.set_ylim(0.0, 1.6 * max(top, max(row["paper"]["tumour"] for row in study["rows"])))
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7, frameon=False)
+    return figure
+
+
+def _references(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]]) -> None:
+    has, same = (np.array([row[key] for row in rows]) for key in ("effective_mu_kpa", "same_surface_mu_kpa"))
+    axes.plot(x, has[:, 0], color=TRUTH, linewidth=1.2, label="it has: mean stress over mean strain")
+    axes.plot(x, has[:, 1], color=TRUTH, linewidth=1.2, linestyle=":", label="the normal half has")
+    axes.plot(
+        x, same[:, 0], color=SURFACE, linewidth=1.2, linestyle="--", label="uniform half of the same surface, fine mesh"
+    )
+    paper = [row["paper"] for row in rows]
+    axes.plot(x, [p["tumour"] for p in paper], "x", color=PAPER, markersize=5, label="the paper, tumour's half")
+    axes.plot(x, [p["normal"] for p in paper], "+", color=PAPER, markersize=5, label="the paper, normal half")
+
+
+def _found(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]], key: str, correlation: float) -> None:
+    mu, ci = np.array([row[key]["mu_kpa"] for row in rows]), np.array([row[key]["ci95_kpa"] for row in rows])
+    for k, (marker, label) in enumerate((("o", "found, tumour's half"), ("s", "found, normal half"))):
+        if key == "clean":
+            axes.plot(x, mu[:, k], marker, color=OURS, markersize=4, fillstyle=("full", "none")[k], label=label)
+        else:
+            error = np.abs(ci[:, k] - mu[:, k : k + 1]).T
+            axes.errorbar(x, mu[:, k], error, fmt=marker, color=OURS, markersize=4, fillstyle=("full", "none")[k],
+                          linewidth=0.8, capsize=2)  # fmt: skip
+    axes.annotate(f"correlation {correlation:.4f}", (0.03, 0.95), xycoords="axes fraction", fontsize=7, va="top")
