@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from synthetic_case import problem
 
+from palpate.core.gap.composition import Composition
 from palpate.core.gap.diagnose import CaseData, Diagnosis, diagnose
 from palpate.core.gap.effects import library
 from palpate.core.gap.job import arrays, load
+from palpate.core.gap.plain import GOOD
 from palpate.core.gap.record import maps, record
+from palpate.core.gap.scene import Stage
 from palpate.core.problem import Surface, SurfacePair
 
 KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}
@@ -25,8 +28,15 @@ EFFECTS = {
 
 @pytest.fixture(scope="module")
 def posed():  # type: ignore[no-untyped-def]
+    """What the scans would show if the plain model, with the better element and the walls' likeliest motion, were right."""
     found = problem(depth=5.0)
-    return replace(found, facts=replace(found.facts, noise_sd_mm=0.08))
+    found = replace(found, facts=replace(found.facts, noise_sd_mm=0.08))
+    scene = Stage.of(found, GOOD).scene(Composition(found))
+    settled = scene.settle(np.log([30.0, 70.0])).equilibrium
+    assert settled.converged
+    rest = found.organ.rest
+    moved = scene.space.interpolation(rest.points, found.regions) @ settled.u
+    return replace(found, organ=SurfacePair(rest, replace(rest, points=rest.points + moved)))
 
 
 def diagnosed(posed, widened_mm: float) -> Diagnosis:  # type: ignore[no-untyped-def]
@@ -74,13 +84,31 @@ def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-unt
     assert min(s["sd_ln_G"] for s in written["stiffness"]["without_effect"].values()) > 1.0
 
 
+def test_a_pair_of_scans_moved_rigidly_has_no_gap_and_the_same_stiffness(posed, none: Diagnosis) -> None:  # type: ignore[no-untyped-def]
+    """The patient lies elsewhere and turned, in both scans alike."""
+    a, b = np.deg2rad([25.0, -10.0])
+    R = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    R = R @ np.array([[1.0, 0.0, 0.0], [0.0, np.cos(b), -np.sin(b)], [0.0, np.sin(b), np.cos(b)]])
+
+    def turned(surface: Surface) -> Surface:
+        return replace(surface, points=surface.points @ R.T + [30.0, -12.0, 7.0])
+
+    pairs = {name: SurfacePair(turned(p.rest), turned(p.deformed)) for name, p in posed.walls.items()}
+    mesh = replace(posed.mesh, points=posed.mesh.points @ R.T + [30.0, -12.0, 7.0])
+    organ = SurfacePair(turned(posed.organ.rest), turned(posed.organ.deformed))
+    found = diagnose(CaseData(replace(posed, mesh=mesh, walls=pairs, organ=organ)), EFFECTS)
+    assert found.verdict.verdict == "none"
+    np.testing.assert_allclose(found.fit.point.theta, none.fit.point.theta, atol=0.15)
+
+
 def test_a_contour_drawn_too_wide_is_found_with_its_width(wide: Diagnosis) -> None:
     assert wide.test.detected
     assert "contour_bias" in wide.verdict.candidates
     assert len(wide.verdict.candidates) <= 3
     best = next(r for r in wide.refits if r.trial.effect is not None and r.trial.effect.id == "contour_bias")
     assert best.phi[0] == pytest.approx(0.5, abs=0.1)
-    assert wide.gains["contour_bias"].after_mm < 0.5 * wide.gains["contour_bias"].before_mm
+    # A flat wall says nothing of its motion along itself, so patches of this case are predicted badly by any model.
+    assert wide.gains["contour_bias"].after_mm < 0.8 * wide.gains["contour_bias"].before_mm
 
 
 @pytest.mark.parametrize("which", ["none", "wide"])
