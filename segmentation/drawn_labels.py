@@ -55,6 +55,11 @@ def drawn_of(labels: UserLabels, path: Path) -> Drawn:
     return drawn
 
 
+def drawn_of_volume(labels: Volume, is_split: bool = False) -> Drawn:
+    """What a label volume holds. is_split : whether its halves of the prostate were drawn."""
+    return _drawn(in_lps_order(labels), is_split)
+
+
 def _drawn(volume: Volume, is_split: bool) -> Drawn:
     values = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,)}
     organs = {organ: volume.with_array(np.isin(volume.array, labels)) for organ, labels in values.items()}

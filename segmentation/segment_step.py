@@ -35,12 +35,14 @@ class SegmentOptions:
     """How to segment.
 
     prompts : what a person pointed at in the scan at rest, LPS mm. prompts_deformed : in the deformed scan's own
-    coordinates. margin_mm : tissue that is modelled around the prostate, along x, y, z.
+    coordinates. margin_mm : tissue that is modelled around the prostate, along x, y, z. model : a learned model that is
+    installed, for what nobody drew or pointed at.
     """
 
     prompts: Prompts = field(default_factory=Prompts)
     prompts_deformed: Prompts = field(default_factory=Prompts)
     margin_mm: tuple[float, float, float] = (36.0, 52.0, 62.0)
+    model: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able form, for the hash of the step's inputs."""
@@ -48,6 +50,7 @@ class SegmentOptions:
             "prompts": self.prompts.to_dict(),
             "prompts_deformed": self.prompts_deformed.to_dict(),
             "margin_mm": list(self.margin_mm),
+            "model": self.model,
         }
 
 
@@ -75,15 +78,17 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
 
 
 def _both_states(case: CaseFolder, options: SegmentOptions, progress: Progress) -> dict[str, SegmentedState]:
-    rest = _segmented(case, "rest", options.prompts, lambda f, m: progress(0.45 * f, f"rest: {m}"))
+    rest = _segmented(case, "rest", options.prompts, options.model, lambda f, m: progress(0.45 * f, f"rest: {m}"))
     carried = options.prompts_deformed.moved(case.deformed_to_rest()).or_near(_centroids(rest), CARRIED_SD_MM)
-    deformed = _segmented(case, "deformed", carried, lambda f, m: progress(0.45 + 0.45 * f, f"deformed: {m}"))
+    deformed = _segmented(
+        case, "deformed", carried, options.model, lambda f, m: progress(0.45 + 0.45 * f, f"deformed: {m}")
+    )
     return {"rest": rest, "deformed": deformed}
 
 
-def _segmented(case: CaseFolder, state: str, prompts: Prompts, progress: Progress) -> SegmentedState:
+def _segmented(case: CaseFolder, state: str, prompts: Prompts, model: str | None, progress: Progress) -> SegmentedState:
     drawn = drawn_labels(case, state)
-    segmentation = segment_pelvis(case.ct(state), prompts, drawn.organs if drawn else {}, progress)
+    segmentation = segment_pelvis(case.ct(state), prompts, drawn.organs if drawn else {}, progress, model)
     # Voxels that a person drew stay as they are; what has been found is written as finely as it was found.
     by_hand = drawn is not None and "prostate" in drawn.organs
     grid = drawn.volume if drawn is not None and by_hand else segmentation.scene.grid

@@ -10,6 +10,7 @@ import numpy as np
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.organs.bladder import find_bladder
+from palpate.segmentation.organs.learned import learned_masks
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.prostate import find_prostate
 from palpate.segmentation.organs.rectum import find_rectum
@@ -41,14 +42,17 @@ def segment_pelvis(
     prompts: Prompts | None = None,
     drawn: Mapping[str, Volume] | None = None,
     progress: Progress = silent,
+    model: str | None = None,
 ) -> Segmentation:
     """Prostate, bladder, rectum and bone of a CT (HU, any grid in patient coordinates).
 
-    prompts : what a person pointed at. drawn : organ -> mask that a person has drawn, which is taken as it is.
+    prompts : what a person pointed at. drawn : organ -> mask that a person has drawn, which is taken as it is. model : a
+    learned model (see learned.py) for organs that nobody has drawn or pointed at.
 
-    Raises InputError when the scan holds no body or no pubic bones, or no prostate is found.
+    Raises InputError when the scan holds no body or no pubic bones, no prostate is found, or the model is not there.
     """
     prompts, drawn = prompts or Prompts(), drawn or {}
+    learned = learned_masks(ct, model)
     progress(0.0, "body and bone")
     scene = make_scene(ct, prompts)
     organs = {name: Found(mask_on(mask, scene.grid), "user", 1.0) for name, mask in drawn.items()}
@@ -61,11 +65,22 @@ def segment_pelvis(
     progress(0.75, "prostate")
     if "prostate" not in organs:
         found = find_prostate(scene, prompts, _mask(organs, "bladder"), _mask(organs, "rectum"))
-        if found is None or not found.mask.any():
+        if found is not None and found.mask.any():
+            organs["prostate"] = found
+        elif "prostate" not in learned:
             raise InputError("no prostate was found in the scan; click on it with --seed prostate=x,y,z (mm, LPS)")
-        organs["prostate"] = found
+    for name, mask in learned.items():
+        if name not in drawn and prompts.mode(name) in ("auto", "carried"):
+            organs[name] = _judged(mask_on(mask, scene.grid), str(model), organs.get(name))
     progress(1.0, "organs found")
     return Segmentation(scene, organs)
+
+
+def _judged(mask: Mask, model: str, own: Found | None) -> Found:
+    """What a model found, as sure as the picture alone agrees with it (Dice)."""
+    total = int(mask.sum()) + (0 if own is None else int(own.mask.sum()))
+    agreement = 0.0 if own is None or total == 0 else 2.0 * int((mask & own.mask).sum()) / total
+    return Found(mask, model, round(agreement, 3))
 
 
 def _keep(organs: dict[str, Found], name: str, found: Found | None) -> None:

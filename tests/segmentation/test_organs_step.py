@@ -39,7 +39,7 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
     return made
 
 
-def _segment_again(ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any) -> Segmentation:
+def _segment_again(ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any, model: Any) -> Segmentation:
     """What was found before, with drawn organs in place of the found ones."""
     grid = found().scene.grid
     own = {name: Found(mask_on(m, grid), "user", 1.0) for name, m in drawn.items()}

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
     began = time.monotonic()
     # A wrong option is told before the work, not after it.
-    search, pointed = identify.options_of(args), SegmentOptions(*segment.prompts_of(args))
+    search, pointed = identify.options_of(args), SegmentOptions(*segment.prompts_of(args), model=args.model)
     with console.progress(import_scans.NAME) as progress:
         imported = run_import(args.rest, args.deformed, args.output, import_scans.options_of(args), progress)
     case = CaseFolder(args.output)

@@ -39,6 +39,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        help="a click in the deformed scan, in its own coordinates")  # fmt: skip
     group.add_argument("--deformed-extremes", action="append", default=[], metavar=_SIX, help="likewise")
     group.add_argument("--deformed-box", action="append", default=[], metavar="NAME=X,Y,Z;X,Y,Z", help="likewise")
+    parser.add_argument("--model", metavar="NAME", help="a learned model that you have installed, for what nobody drew or "
+                        "pointed at: totalsegmentator")  # fmt: skip
 
 
 def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
@@ -55,7 +57,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     """Segments; see `run_segment`."""
     from palpate.segmentation.segment_step import SegmentOptions, run_segment  # here: it takes a second to load
 
-    options = SegmentOptions(*prompts_of(args))
+    options = SegmentOptions(*prompts_of(args), model=args.model)
     case = CaseFolder(args.case)
     with recorded(case, args), console.progress(NAME) as progress:
         report = run_segment(case, options, progress)

@@ -2,6 +2,7 @@
 
 forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
 gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
+meshing: angles, volumes and surfaces of meshes of contoured scans.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
 table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
 sensitivity, resolution, swarm, threads, cohort: the paper's Figs 8, 11 and 12, 10, 14, 13.
@@ -63,8 +64,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="gap: how many cases (default %(default)s; each takes minutes)")  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
                         help="gap: for cases, answers and ledger; the same command goes on from it (default %(default)s)")  # fmt: skip
+    parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
+                        help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
-                        help="segmentation: a DICOM folder and the contours drawn on it; several times (default: the phantom)")  # fmt: skip
+                        help="meshing, segmentation: a DICOM folder and its contours, several times (default: phantom)")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -149,6 +152,19 @@ def _scans(args: argparse.Namespace) -> list[ContouredScan]:
     return given or [phantom_scan()]
 
 
+def _meshing(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.segmentation.meshing import MeshOptions
+    from palpate.segmentation.meshing_study import meshing_study
+
+    return meshing_study(_scans(args), MeshOptions(target_tets=args.tets), progress)
+
+
+def _meshing_text(found: dict[str, Any]) -> str:
+    from palpate.segmentation.meshing_study import study_text
+
+    return study_text(found)
+
+
 def _segmentation(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from palpate.segmentation.segment_study import segmentation_study
 
@@ -172,6 +188,7 @@ STUDIES: dict[str, Study] = {
     "table2": Study(studies.tables, studies.tables_text, _drawn_by("table")),
     "gap": Study(_gap),
     "forward": Study(_forward, _forward_text, _forward_picture),
+    "meshing": Study(_meshing, _meshing_text),
     "robustness": Study(_robustness),
     "segmentation": Study(_segmentation, _segmentation_text),
 }

@@ -1,0 +1,145 @@
+"""Meshes of contoured scans: angles, volumes, distance from the contours, thin tissue, seconds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from palpate.core.mesh import FACES_OF_CELL
+from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation.contoured_scan import ContouredScan
+from palpate.segmentation.drawn_labels import drawn_of_volume
+from palpate.segmentation.labels import ORGAN_LABELS, RECTUM
+from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
+from palpate.segmentation.meshing_quality import SLIVER_DEG
+from palpate.segmentation.organs.pelvis import segment_pelvis
+from palpate.segmentation.organs.split import midline_normal, split_plane
+from palpate.segmentation.organs.tissue import region_of_interest
+from palpate.segmentation.segment_report import SegmentedState
+from palpate.segmentation.segment_step import SegmentOptions, labels_of
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+from palpate.segmentation.volume import Volume
+
+WANTED_ANGLE_DEG, WANTED_VOLUME, WANTED_VOXELS, WANTED_SECONDS = SLIVER_DEG, 0.02, 0.5, 60.0
+# Points of each face at which its distance is measured, in corner weights.
+_INNER = np.vstack([np.full((1, 3), 1.0 / 3.0), 0.2 + 0.4 * np.eye(3)])
+
+
+def meshing_study(
+    scans: Sequence[ContouredScan], options: MeshOptions | None = None, progress: Progress = silent
+) -> dict[str, Any]:
+    """One row a scan, beside what is wanted; JSON-able. Raises InputError when a scan cannot be meshed."""
+    options = options or MeshOptions()
+    rows = []
+    for number, scan in enumerate(scans):
+        progress(number / len(scans), f"{scan.name}: labels")
+        labels = labels_of_scan(scan)
+        progress((number + 0.3) / len(scans), f"{scan.name}: mesh")
+        start = time.perf_counter()
+        meshed = mesh_labels(labels, options)
+        rows.append(row_of(scan.name, labels, meshed, time.perf_counter() - start))
+    return {"rows": rows, "target_tets": options.target_tets, "reached": sum(row["reached"] for row in rows)}
+
+
+def labels_of_scan(scan: ContouredScan) -> Volume:
+    """The labels of the modelled region: what was drawn, bone and tissue found."""
+    drawn = drawn_of_volume(scan.labels)
+    segmentation = segment_pelvis(scan.ct, drawn=drawn.organs)
+    part = SegmentedState(segmentation, drawn, drawn.volume)
+    normal, source = midline_normal(segmentation.scene.pelvis)
+    box = region_of_interest(part.prostate, np.array(SegmentOptions().margin_mm))
+    return labels_of(part, split_plane(part.prostate, normal, source, None), box)
+
+
+def row_of(name: str, labels: Volume, meshed: MeshedCase, seconds: float) -> dict[str, Any]:
+    """The figures of one mesh, and whether each is as wanted."""
+    quality = meshed.quality
+    voxel_mm = float(np.cbrt(np.prod(labels.spacing)))
+    worst = max(abs(region["volume_error"]) for region in quality["regions"].values())
+    away = float(np.percentile(np.abs(distance_of_organ(labels, meshed)), 95))
+    touching = contact_of_labels(labels), contact_of_mesh(meshed)
+    checks = {
+        "angle": quality["min_dihedral_deg"] >= WANTED_ANGLE_DEG,
+        "volume": worst <= WANTED_VOLUME,
+        "surface": away <= WANTED_VOXELS * voxel_mm,
+        "seconds": seconds <= WANTED_SECONDS,
+    }
+    return {
+        "scan": name,
+        "cells": quality["cells"],
+        "min_dihedral_deg": quality["min_dihedral_deg"],
+        "slivers": quality["slivers"],
+        "worst_volume_error": worst,
+        "volume_error": {region: figures["volume_error"] for region, figures in quality["regions"].items()},
+        "surface_p95_mm": away,
+        "half_voxel_mm": WANTED_VOXELS * voxel_mm,
+        "smooth_surface_p95_mm": {key: surface["p95_mm"] for key, surface in quality["surfaces"].items()},
+        "organ_on_rectum_mm2": {"labels": touching[0], "mesh": touching[1]},
+        "attempts": quality["attempts"],
+        "seconds": seconds,
+        "checks": checks,
+        "reached": all(checks.values()),
+    }
+
+
+def distance_of_organ(labels: Volume, meshed: MeshedCase) -> FloatArray:
+    """Signed distance (n,) mm of points on the mesh's organ surface from the outline of the label's voxels."""
+    faces = _organ_faces(meshed)
+    points = np.einsum("wc,fck->fwk", _INNER, meshed.mesh.points[faces]).reshape(-1, 3)
+    organ = np.isin(labels.array, ORGAN_LABELS)
+    away = [ndimage.distance_transform_edt(m, sampling=labels.spacing) for m in (~organ, organ)]
+    # Distances between voxel centres: at the outline, half-way between two, both are half a voxel too large.
+    signed = np.where(organ, 0.5 * labels.spacing.min() - away[1], away[0] - 0.5 * labels.spacing.min())
+    return np.asarray(ndimage.map_coordinates(signed, labels.to_index(points).T, order=1, mode="nearest"))
+
+
+def contact_of_mesh(meshed: MeshedCase) -> float:
+    """Area, mm2, over which the organ lies on the rectum with no tissue between."""
+    faces = meshed.boundary.get("rectum")
+    if faces is None:
+        return 0.0
+    on_organ = np.isin(faces, np.unique(_organ_cells(meshed))).all(axis=1)
+    a, b, c = (meshed.mesh.points[faces[on_organ][:, i]] for i in range(3))
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def contact_of_labels(labels: Volume) -> float:
+    """The same of the voxels: the area of faces shared by organ and rectum."""
+    organ, rectum = np.isin(labels.array, ORGAN_LABELS), labels.array == RECTUM
+    area, total = float(np.prod(labels.spacing)), 0.0
+    for axis in range(3):
+        first, second = [slice(None)] * 3, [slice(None)] * 3
+        first[axis], second[axis] = slice(None, -1), slice(1, None)
+        a, b = tuple(first), tuple(second)
+        total += float(((organ[a] & rectum[b]) | (rectum[a] & organ[b])).sum()) * area / float(labels.spacing[axis])
+    return total
+
+
+def study_text(found: dict[str, Any]) -> str:
+    """The table for a person."""
+    lines = [f"{'scan':10}{'cells':>7}{'angle':>8}{'slivers':>9}{'volume %':>10}{'p95 mm':>8}{'half voxel':>12}"
+             f"{'on rectum mm2 (labels)':>25}{'s':>6}"]  # fmt: skip
+    for row in found["rows"]:
+        contact = f"{row['organ_on_rectum_mm2']['mesh']:.0f} ({row['organ_on_rectum_mm2']['labels']:.0f})"
+        missed = [key for key, good in row["checks"].items() if not good]
+        lines.append(
+            f"{row['scan']:10}{row['cells']:7}{row['min_dihedral_deg']:8.1f}{row['slivers']:9}"
+            f"{100 * row['worst_volume_error']:10.2f}{row['surface_p95_mm']:8.2f}{row['half_voxel_mm']:12.2f}"
+            f"{contact:>25}{row['seconds']:6.0f}" + (f"  not reached: {', '.join(missed)}" if missed else "")
+        )
+    return "\n".join(lines)
+
+
+def _organ_cells(meshed: MeshedCase) -> IntArray:
+    return np.asarray(meshed.mesh.cells[np.isin(meshed.mesh.regions, ORGAN_LABELS)])
+
+
+def _organ_faces(meshed: MeshedCase) -> IntArray:
+    """Faces (f, 3) of the organ that no two of its cells share."""
+    faces = _organ_cells(meshed)[:, FACES_OF_CELL].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(faces[first[count == 1]])

@@ -1,0 +1,143 @@
+"""Random walks, what six points say of a shape, learned models, and the table of agreement."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import nibabel
+import numpy as np
+import pytest
+from organ_scans import found, scan, truth_of
+
+from palpate.core.errors import InputError
+from palpate.segmentation import dice as dice_module
+from palpate.segmentation.contoured_scan import ContouredScan, contoured_scan
+from palpate.segmentation.labels import BLADDER
+from palpate.segmentation.organs import pelvis
+from palpate.segmentation.organs.learned import learned_masks
+from palpate.segmentation.organs.random_walk import expected_dice, walk
+from palpate.segmentation.organs.six_points import ellipsoid_of
+from palpate.segmentation.segment_study import segmentation_study, study_text
+from palpate.segmentation.volume import Volume
+
+SHEAR = np.array([[400.0, 90.0, -60.0], [90.0, 225.0, 50.0], [-60.0, 50.0, 300.0]])
+CENTRE = np.array([5.0, -30.0, 12.0])
+
+
+def _points_of(matrix: np.ndarray) -> np.ndarray:
+    """Outermost points (6, 3) of an ellipsoid."""
+    out = (matrix / np.sqrt(np.diag(matrix))).T
+    return np.concatenate([CENTRE + out, CENTRE - out])
+
+
+def test_a_walk_in_an_even_picture_is_a_straight_line() -> None:
+    shape = (11, 2, 3)
+    inside, outside = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    inside[0], outside[-1] = True, True
+    p = walk(np.zeros(shape), inside, outside, 1.0, np.zeros(shape), 0.0)
+    assert p[:, 1, 2] == pytest.approx(np.linspace(1.0, 0.0, 11), abs=0.01)
+
+
+def test_a_walk_stops_at_an_edge_and_noise_does_not_stop_it() -> None:
+    shape = (30, 6, 6)
+    values = np.random.default_rng(2).normal(0.0, 3.0, shape)
+    values[20:] += 40.0
+    inside, outside = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    inside[:2], outside[-2:] = True, True
+    p = walk(values, inside, outside, 8.0, np.full(shape, 0.5), 1e-4)
+    assert p[:20].min() > 0.8
+    assert p[20:].max() < 0.2
+
+
+def test_a_prior_rules_where_the_picture_is_silent() -> None:
+    shape = (8, 8, 8)
+    nothing = np.zeros(shape, dtype=bool)
+    prior = np.where(np.arange(8) < 3, 0.9, 0.1)[:, None, None] * np.ones(shape)
+    p = walk(np.zeros(shape), nothing, nothing, 1.0, prior, 1e3)
+    assert p == pytest.approx(prior, abs=0.01)
+    assert expected_dice(p, p > 0.5) == pytest.approx(2 * 0.9 * 3 / (3 + 0.9 * 3 + 0.1 * 5), abs=0.01)
+
+
+def test_six_points_give_back_their_ellipsoid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("palpate.segmentation.organs.six_points.TILT_TRUST", 1.0)
+    order = np.random.default_rng(4).permutation(6)
+    found_one = ellipsoid_of(_points_of(SHEAR)[order])
+    assert found_one.centre == pytest.approx(CENTRE)
+    assert found_one.matrix == pytest.approx(SHEAR)
+
+
+def test_points_at_corners_still_give_an_ellipsoid() -> None:
+    """Six points in two opposite corners of a box: the tilts contradict one another."""
+    semi = np.array([20.0, 15.0, 18.0])
+    points = np.array([[20, 15, 18], [20, 15, 18], [20, 15, 18], [-20, -15, -18], [-20, -15, -18], [-20, -15, -18]])
+    made = ellipsoid_of(CENTRE + points)
+    assert made.semi == pytest.approx(semi)
+    assert np.linalg.eigvalsh(made.matrix).min() > 0.0
+    assert np.isfinite(made.radii()).all()
+
+
+def test_an_absent_model_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "totalsegmentator.map_to_binary", None)
+    with pytest.raises(InputError, match="pip install TotalSegmentator"):
+        learned_masks(scan(), "totalsegmentator")
+    with pytest.raises(InputError, match="known are totalsegmentator"):
+        learned_masks(scan(), "guess")
+    assert learned_masks(scan(), None) == {}
+
+
+def test_an_installed_model_goes_through_the_same_door(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in for TotalSegmentator that answers with the truth: it must be handed the scan in its own coordinates."""
+    names, api = ModuleType("map_to_binary"), ModuleType("python_api")
+    names.class_map = {"total": {22: "prostate", 21: "urinary_bladder"}}  # type: ignore[attr-defined]
+    asked: list[Any] = []
+
+    def stand_in(image: nibabel.Nifti1Image, output: None, **options: Any) -> nibabel.Nifti1Image:
+        asked.append(image)
+        labels = np.where(truth_of(BLADDER).array, 21, 0) + np.where(truth_of(1, 2).array, 22, 0)
+        return nibabel.Nifti1Image(labels.astype(np.uint8), image.affine)
+
+    api.totalsegmentator = stand_in  # type: ignore[attr-defined]
+    for name, module in (("", ModuleType("totalsegmentator")), (".map_to_binary", names), (".python_api", api)):
+        monkeypatch.setitem(sys.modules, f"totalsegmentator{name}", module)
+    own = found()
+    monkeypatch.setattr(pelvis, "make_scene", lambda ct, prompts: own.scene)
+    for organ in own.organs:
+        monkeypatch.setattr(pelvis, f"find_{organ}", lambda *a, kept=organ: own.organs[kept])
+    organs = pelvis.segment_pelvis(scan(), model="totalsegmentator").organs
+    ras = asked[0].affine @ [3.0, 4.0, 5.0, 1.0]
+    assert ras[:3] == pytest.approx(scan().to_lps(np.array([[3.0, 4.0, 5.0]]))[0] * [-1.0, -1.0, 1.0])
+    assert {name: organ.method for name, organ in organs.items()} == {
+        "prostate": "totalsegmentator", "bladder": "totalsegmentator", "rectum": "auto",
+    }  # fmt: skip
+    # It is as sure as the picture alone agrees with it.
+    assert 0.95 < organs["prostate"].confidence < 1.0
+
+
+def test_the_study_says_what_is_wanted_and_what_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dice_module, "segment_pelvis", lambda ct, prompts: found())
+    masks = {"prostate": truth_of(1, 2), "bladder": _shifted(truth_of(BLADDER), 12), "bone": truth_of(4)}
+    study = segmentation_study([ContouredScan("made up", scan(), scan(), masks)])
+    by = {(row["organ"], row["mode"]): row for row in study["rows"]}
+    assert len(by) == 9
+    assert by["prostate", "extremes"]["reached"] and not by["bladder", "extremes"]["reached"]
+    assert by["bone", "auto"]["reached"] and by["prostate", "jittered"]["wanted"] is None
+    assert study["wanted"] == 7 and study["reached"] == 4
+    text = study_text(study)
+    assert text.count("not reached") == 3 and "made up" in text
+
+
+def _shifted(mask: Volume, by: int) -> Volume:
+    return mask.with_array(np.roll(mask.array, by, axis=0))
+
+
+def test_a_real_pelvis_from_six_points(pelvis_small: Path) -> None:
+    """Points off by 1.5 mm; the full table is `palpate validate segmentation`."""
+    given = contoured_scan(pelvis_small / "CT", pelvis_small / "RTstructs.dcm", "scan 1")
+    rows = segmentation_study([given], modes=("jittered",))["rows"]
+    reached = {row["organ"]: row["dice"] for row in rows}
+    assert reached["prostate"] > 0.78
+    assert reached["bladder"] > 0.92
+    assert reached["rectum"] > 0.75
