@@ -15,7 +15,7 @@ from palpate.segmentation.case import CaseFolder
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "silicone_beam"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
-EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compressible_organ", "volume_change")}
+EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compressible_organ")}
 
 
 def diagnosed(folder: Path, *states: str) -> dict[str, Any]:
