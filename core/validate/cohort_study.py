@@ -19,6 +19,7 @@ from palpate.core.errors import InputError
 from palpate.core.validate.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, TumourData, tumour_data
 from palpate.core.validate.tumour_fit import Found, TumourFit
 from palpate.core.validate.tumour_scene import Divisions
+from palpate.core.worker.cluster import study_executor
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 
@@ -36,7 +37,10 @@ _COLUMNS = ("stage", "mu_kpa")
 
 @dataclass(frozen=True)
 class CohortOptions:
-    """patients : virtual ones, stages taken in turn. sd_mm : of their contours. identify, data : meshes."""
+    """patients : virtual ones, stages taken in turn. sd_mm : of their contours. identify, data : meshes.
+
+    workers : processes that make patients, cluster : address of a Dask scheduler instead; neither changes an outcome.
+    """
 
     patients: int = 10
     sd_mm: float = 0.4
@@ -44,6 +48,8 @@ class CohortOptions:
     data: Divisions = DATA_DIVISIONS
     element: str = "p2p1"
     seed: int = 1
+    workers: int = 1
+    cluster: str | None = None
 
     @classmethod
     def quick(cls, seed: int = 1) -> CohortOptions:
@@ -58,9 +64,11 @@ def cohort(options: CohortOptions | None = None, progress: Progress = silent) ->
     stages = [1 + k % 4 for k in range(o.patients)]
     with one_thread():
         people = []
-        for k, stage in enumerate(stages):
-            progress(0.5 * k / len(stages), f"patient {k + 1} of {len(stages)}")
-            people.append(_patient(stage, rng, o.data))
+        recipes = [(*_recipe(stage, rng), o.data) for stage in stages]
+        with study_executor(o.workers, o.cluster) as executor:
+            for k, data in enumerate(executor.map(_patient, recipes)):
+                progress(0.5 * (k + 1) / len(stages), f"patient {k + 1} of {len(stages)}")
+                people.append(data)
         fit = TumourFit(
             people[0].organ.rest, o.identify, o.element, o.data, progress=lambda f, m: progress(0.5 + 0.4 * f, m)
         )
@@ -119,11 +127,17 @@ def correlation(stages: Sequence[float], values: Sequence[float]) -> dict[str, f
     }
 
 
-def _patient(stage: int, rng: np.random.Generator, data: Divisions) -> TumourData:
+def _recipe(stage: int, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Share and mu of the tumour, mu of the normal tissue, kPa."""
     scatter = np.exp(SCATTER * rng.standard_normal(3))
     normal = NORMAL_MU * scatter[0]
     share = float(np.clip(SHARE_BY_STAGE[stage - 1] * scatter[1], 0.02, 0.9))
-    return tumour_data(share, normal * max(CONTRAST_BY_STAGE[stage - 1] * scatter[2], 1.05), data, normal)
+    return share, normal * max(CONTRAST_BY_STAGE[stage - 1] * scatter[2], 1.05), normal
+
+
+def _patient(recipe: tuple[float, float, float, Divisions]) -> TumourData:
+    share, tumour_mu, normal_mu, data = recipe
+    return tumour_data(share, tumour_mu, data, normal_mu)
 
 
 def _row(stage: int, data: TumourData, clean: Found, noisy: Found) -> dict[str, Any]:

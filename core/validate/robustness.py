@@ -15,7 +15,7 @@ from palpate.core.fem.scenes import Scene
 from palpate.core.laws.base import FloatArray
 from palpate.core.validate.random_scenes import random_scene
 from palpate.core.validate.scene_log import Row, append_rows, code_fingerprint, read_rows
-from palpate.core.worker.executors import make_executor
+from palpate.core.worker.cluster import study_executor
 from palpate.core.worker.progress import Progress, silent
 
 _PIECE = 50  # scenes between two looks at the clock
@@ -25,7 +25,8 @@ _PIECE = 50  # scenes between two looks at the clock
 class RobustnessOptions:
     """n scenes of seeds seed, seed + 1, ...; a solve of more than `slow_s` processor seconds is counted as hanging.
 
-    log : file of outcomes; scenes that are in it are not solved again. workers : processes, which change no outcome.
+    log : file of outcomes; scenes that are in it are not solved again.
+    workers : processes, cluster : address of a Dask scheduler instead; neither changes an outcome.
     """
 
     n: int = 10_000
@@ -33,6 +34,7 @@ class RobustnessOptions:
     slow_s: float = 60.0
     log: Path | None = None
     workers: int = 1
+    cluster: str | None = None
 
 
 def solve_one(seed: int) -> Row:
@@ -77,7 +79,7 @@ def robustness(options: RobustnessOptions | None = None, progress: Progress = si
         rows = read_rows(options.log, code)
     wanted = range(options.seed, options.seed + options.n)
     missing = [seed for seed in wanted if seed not in rows]
-    for piece in _solved(missing, options.workers):
+    for piece in _solved(missing, options):
         rows |= {int(row["seed"]): row for row in piece}
         if options.log is not None:
             append_rows(options.log, piece, code)
@@ -87,9 +89,9 @@ def robustness(options: RobustnessOptions | None = None, progress: Progress = si
     return summary([rows[seed] for seed in wanted], options)
 
 
-def _solved(seeds: Sequence[int], workers: int) -> Iterator[list[Row]]:
+def _solved(seeds: Sequence[int], options: RobustnessOptions) -> Iterator[list[Row]]:
     pieces = [seeds[k : k + _PIECE] for k in range(0, len(seeds), _PIECE)]
-    with make_executor(workers) as executor:
+    with study_executor(options.workers, options.cluster) as executor:
         yield from executor.map(_solve_piece, pieces)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from palpate.core.fem.elements import ELEMENTS
 from palpate.core.identify.options import BOUNDARIES, METHODS, IdentifyOptions
 from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
@@ -27,6 +28,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--method", choices=METHODS, default=default.method, help="search (default %(default)s)")
     group.add_argument("--boundary", choices=BOUNDARIES, default=default.boundary,
                        help="what holds and drives the organ (default %(default)s)")  # fmt: skip
+    group.add_argument("--element", choices=tuple(ELEMENTS), default=default.element,
+                       help="of the forward model; p1 is the paper's, which locks (default %(default)s)")  # fmt: skip
     group.add_argument("--particles", type=whole_number(4, 1000), default=default.particles, metavar="N",
                        help="of the swarm (default %(default)s)")  # fmt: skip
     group.add_argument("--iterations", type=whole_number(1, 10000), default=default.iterations, metavar="N",
@@ -40,6 +43,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
     return IdentifyOptions(
         method=args.method,
         boundary=args.boundary,
+        element=args.element,
         particles=args.particles,
         iterations=args.iterations,
         seed=random_seed(args),

@@ -134,7 +134,9 @@ def cohort(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         return cohort_study.cohort_of_table(args.table)
     o = cohort_study.CohortOptions
     options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
-    return cohort_study.cohort(replace(options, patients=args.patients), progress)
+    return cohort_study.cohort(
+        replace(options, patients=args.patients, workers=args.workers or 1, cluster=args.cluster), progress
+    )
 
 
 def cohort_text(found: dict[str, Any]) -> str:

@@ -52,6 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="the paper's studies in short, on coarse meshes")
     parser.add_argument("--patients", type=whole_number(4, 1000), default=10, metavar="N",
                         help="cohort: how many virtual patients (default %(default)s)")  # fmt: skip
+    parser.add_argument("--cluster", metavar="ADDRESS",
+                        help="cohort, robustness: a Dask scheduler instead of processes of this machine")  # fmt: skip
     parser.add_argument("--table", type=Path, metavar="CSV",
                         help="cohort: real cases instead, columns stage and mu_kpa")  # fmt: skip
     parser.add_argument("--scenes", type=whole_number(1, 1_000_000), default=1000, metavar="N",
@@ -92,7 +94,9 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from palpate.core.validate.robustness import RobustnessOptions, robustness
 
-    options = RobustnessOptions(args.scenes, random_seed(args, 0), log=args.log, workers=args.workers or 1)
+    options = RobustnessOptions(
+        args.scenes, random_seed(args, 0), log=args.log, workers=args.workers or 1, cluster=args.cluster
+    )
     return robustness(options, progress)
 
 
