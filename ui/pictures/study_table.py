@@ -16,7 +16,7 @@ _BY = {"share": "tumour's share of its half, %", "tumour_mu_kpa": "tumour's μ, 
 def study_table(study: Mapping[str, Any]) -> Figure:
     """One panel without noise, one with; the normal half below the other."""
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
+    left, right = figure.subplots(1, 2)
     scale = 100.0 if study["by"] == "share" else 1.0
     x = np.array([row[study["by"]] for row in study["rows"]]) * scale
     for axes, key in ((left, "clean"), (right, "noisy")):
@@ -28,8 +28,8 @@ def study_table(study: Mapping[str, Any]) -> Figure:
     left.set_title("without noise", fontsize=8)
     right.set_title(f"contours of {study['noise_sd_mm']:g} mm error, with 95 % intervals", fontsize=8)
     left.set_ylabel("μ of a half, kPa (mean of μ1 and μ2)", fontsize=8)
-    top = max(float(np.max(row[k])) for row in study["rows"] for k in ("effective_mu_kpa", "same_surface_mu_kpa"))
-    left.set_ylim(0.0, 1.6 * max(top, max(row["paper"]["tumour"] for row in study["rows"])))
+    _from_zero(left, study["rows"], "mu_kpa", "clean")
+    _from_zero(right, study["rows"], "ci95_kpa", "noisy")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7, frameon=False)
     return figure
 
@@ -56,3 +56,10 @@ def _found(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]], key: str, c
             axes.errorbar(x, mu[:, k], error, fmt=marker, color=OURS, markersize=4, fillstyle=("full", "none")[k],
                           linewidth=0.8, capsize=2)  # fmt: skip
     axes.annotate(f"correlation {correlation:.4f}", (0.03, 0.95), xycoords="axes fraction", fontsize=7, va="top")
+
+
+def _from_zero(axes: Axes, rows: list[Mapping[str, Any]], what: str, key: str) -> None:
+    """From 0 to a little above the highest of what is found, has been printed or is there."""
+    top = max(float(np.max(row[k])) for row in rows for k in ("effective_mu_kpa", "same_surface_mu_kpa"))
+    found = max(float(np.max(row[key][what])) for row in rows)
+    axes.set_ylim(0.0, 1.15 * max(top, found, max(row["paper"]["tumour"] for row in rows)))
