@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton import Equilibrium
 from palpate.core.identify import particles
+from palpate.core.identify.again import keep_for_again
 from palpate.core.identify.coupled import prolonged
 from palpate.core.identify.evaluation import Evaluator
 from palpate.core.identify.misfit import Misfit
@@ -131,6 +132,7 @@ def _swarm(
         if options.reduced:
             told = lambda f, m: reporter.progress(0.3 + 0.3 * f, f"reduced model: {m}")  # noqa: E731
             evaluator.build_reduced(bounds, fingerprint, folder / "reduced.npz", told)
+            keep_for_again(folder, misfit, options, fingerprint)
         outcome = run_swarm(evaluator, bounds, options, folder / "swarm.npz", fingerprint, reporter)
     count.solves += evaluator.full_solves
     count.factorisations += evaluator.factorisations

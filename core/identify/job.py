@@ -48,7 +48,8 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     if pair.nothing_deformed:
         result, fields = nothing_found(problem, pair, options, time.perf_counter() - began)
         save_checkpoint(Path(job.folder) / "fields.npz", fields, fingerprint)
-        return result
+        (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)
+        return {**result, "stiffness_map": None}
     found = identify(Path(job.folder), options, fingerprint, reporter)
     save_checkpoint(Path(job.folder) / "fields.npz", _fields(found), fingerprint)
     mapped = _mapped(found, options, reporter)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 import synthetic_case
 
 from palpate.core.errors import InputError
+from palpate.core.identify.again import identify_again
 from palpate.core.identify.coupled import CoupledScene, SceneOptions
 from palpate.core.identify.gauss_newton import gauss_newton
 from palpate.core.identify.job import run
@@ -96,6 +98,26 @@ def test_swarm_and_gauss_newton_name_the_same_optimum(job_result: dict[str, Any]
     assert job_result["method"] == "swarm"
     assert job_result["parameters"]["prostate_right"]["G_kpa"] > job_result["parameters"]["prostate_left"]["G_kpa"]
     assert job_result["misfit"]["rms_mm"] < 0.2 * job_result["misfit"]["rms_before_mm"]
+
+
+def test_a_redrawn_contour_is_identified_again_without_a_solve(
+    problem: IdentificationProblem, tmp_path: Path, job_result: dict[str, Any]
+) -> None:
+    options = {"element": "p1p1", "iterations": 4, "starts": 1, "stiffness_map": False}
+    _run(problem, tmp_path, options)
+    chosen = IdentifyOptions(**options, seed=3)
+    same = identify_again(tmp_path, problem, chosen)
+    assert same is not None and same.model_error_mm < 0.02
+    found = [values["G_kpa"] for values in job_result["parameters"].values()]
+    np.testing.assert_allclose(np.exp(same.theta), found, rtol=0.05)
+    softer = synthetic_case.problem((20.0, 70.0), fine=4).organ.deformed
+    began = time.process_time()
+    redrawn = identify_again(tmp_path, replace(problem, organ=replace(problem.organ, deformed=softer)), chosen)
+    assert time.process_time() - began < 1.0
+    assert redrawn is not None
+    assert redrawn.theta[0] < same.theta[0] - 0.15
+    other = replace(problem, facts=replace(problem.facts, tissue_shear_modulus_kpa=25.0))
+    assert identify_again(tmp_path, other, chosen) is None
 
 
 def test_parameters_state_every_figure_the_contract_names(job_result: dict[str, Any]) -> None:
