@@ -14,7 +14,7 @@ from palpate.core.gap.confirm import Refit, refit
 from palpate.core.gap.detect import GapTest, gap_test
 from palpate.core.gap.effects import Effect, Surroundings
 from palpate.core.gap.effects.base import Vector
-from palpate.core.gap.evidence import mean_of_exponentials, projected, saturated
+from palpate.core.gap.evidence import projected, saturated
 from palpate.core.gap.forces import ForceFields
 from palpate.core.gap.heldout import Gain, Linear, Split, gain
 from palpate.core.gap.pairs import JOINED, refit_pairs
@@ -74,19 +74,12 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     stage, point = fit.bench.stage, fit.point
     around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
-    named = [[(fit.weighting.whiten(S), s.effect.scales) for S in s.directions] for s in screened]
-    refits = _refits(fit, screened, part(progress, 0.6, 0.9))
-    test = gap_test(r, J, R, named, seed, _mean_evidence(screened, refits))
+    named = [(fit.weighting.whiten(S), s.effect.scales) for s in screened for S in s.directions]
+    test = gap_test(r, J, R, named, seed)
+    refits = _refits(fit, screened, part(progress, 0.6, 0.9)) if test.detected else []
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
-    return _judged(fit, test, screened, refits if test.detected else [], where, forces, saturated(r, J, R)[0], seed)
-
-
-def _mean_evidence(screened: Sequence[Screened], refits: Sequence[Refit]) -> float:
-    """ln of the mean evidence of all effects, after their refit where there was one."""
-    logs = {s.effect.id: s.log_evidence for s in screened}
-    logs |= {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect is not None}
-    return mean_of_exponentials(np.array(list(logs.values())))
+    return _judged(fit, test, screened, refits, where, forces, saturated(r, J, R)[0], seed)
 
 
 def _factorise(fit: PlainFit) -> None:
