@@ -32,7 +32,9 @@ def choose_series(
             raise InputError(f"{folder}: --series {series} names {which}; choose one of {_choices(groups)}")
         return groups[chosen[0]]
     if len(groups) > 1:
-        raise InputError(f"{folder} holds {len(groups)} series; choose one with --series: {_choices(groups)}")
+        raise InputError(
+            f"{folder} holds {len(groups)} series; choose one with --series (or --rest-series, --deformed-series): {_choices(groups)}"
+        )
     return next(iter(groups.values()))
 
 
@@ -56,7 +58,8 @@ def _choices(groups: dict[str, list[DicomFile]]) -> str:
     for number, uid in enumerate(sorted(groups), start=1):
         header = groups[uid][0].header
         size = f"{header.get('Columns')} x {header.get('Rows')}"
-        lines.append(f"{number} (UID ends in {uid[-12:]}, {len(groups[uid])} files of {size})")
+        date = str(header.get("SeriesDate") or header.get("AcquisitionDate") or "no date")
+        lines.append(f"{number} ({date}, {len(groups[uid])} files of {size}, UID ends in {uid[-12:]})")
     shown = lines[:20] + ([f"and {len(lines) - 20} more"] if len(lines) > 20 else [])
     return ", ".join(shown)
 

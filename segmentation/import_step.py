@@ -28,7 +28,7 @@ from palpate.segmentation.import_write import (
     write_user_labels,
 )
 from palpate.segmentation.itksnap import label_values
-from palpate.segmentation.labels import BONE
+from palpate.segmentation.labels import BONE, ORGAN_LABELS
 from palpate.segmentation.landmarks import read_landmarks
 from palpate.segmentation.nifti_labels import read_labels
 from palpate.segmentation.user_labels import files_of, read_user_labels
@@ -105,6 +105,11 @@ def _import_scans(job: _Job) -> dict[str, Any]:
         if path is not None
     }
     notes += [f"{state}: {note}" for state, labels in drawn.items() for note in labels.notes]
+    notes += [
+        f"{state}: the drawn labels hold no prostate; it will be looked for in the CT"
+        for state, labels in drawn.items()
+        if not np.isin(labels.volume.array, ORGAN_LABELS).any()
+    ]
     points = read_landmarks(options.landmarks) if options.landmarks else None
     job.progress(0.4, "aligning on bone")
     alignment = _aligned(job, align_ct, scans[0][0], scans[1][0]) if options.align else None
@@ -183,7 +188,18 @@ def _earlier(job: _Job) -> dict[str, Any] | None:
     summary: dict[str, Any] = case.read_json("import.json")
     if summary.get("sources_sha256") != job.sources:
         raise InputError(f"{job.folder} is the case of other scans; choose a new folder for the case with -o")
-    return summary if case.step_is_done(STEP, job.inputs) else None
+    if case.step_is_done(STEP, job.inputs):
+        return summary
+    # Else contours that a result stands on would be gone because an option was forgotten.
+    forgotten = [
+        state
+        for state, path in zip(STATES, job.options.labels, strict=True)
+        if path is None and case.has(f"{state}_user.nii.gz")
+    ]
+    if forgotten:
+        options = " and ".join(f"--{state}-labels" for state in forgotten)
+        raise InputError(f"{job.folder} was made with {options}; give the same again, or choose a new folder with -o")
+    return None
 
 
 def _check_kinds(paths: tuple[Path, Path]) -> None:

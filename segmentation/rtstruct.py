@@ -79,7 +79,9 @@ def read_rtstruct(
         raise InputError(f"{path} is not there; give the path of an RTSTRUCT file")
     dataset = read_file(path)
     if dataset is None or dataset.get("Modality") != "RTSTRUCT":
-        raise InputError(f"{path} is no DICOM RT structure set; give the RTSTRUCT file")
+        raise InputError(
+            f"{path} holds no contours: give an RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace or .seg.nrrd"
+        )
     with reading(path):
         if facts is not None:
             check_same_scan(dataset, _images(dataset), facts, path)

@@ -71,10 +71,11 @@ def notes_on(states: Mapping[str, Any]) -> list[str]:
                 notes.append(f"{state}: no {organ} was found; click on it with --seed {organ}=x,y,z where there is one")
             elif known["confidence"] < DOUBTFUL:
                 notes.append(
-                    f"{state}: the {organ} is doubtful (confidence {known['confidence']:.2f}); look at it, or click on it"
+                    f"{state}: the {organ} is doubtful (confidence {known['confidence']:.2f}); look at it (palpate open CASE), "
+                    f"or click on it with --seed {organ}=x,y,z"
                 )
         if not facts["covers_region"]:
-            notes.append(f"{state}: the scan ends within the region around the prostate")
+            notes.append(f"{state}: the scan ends within the region around the prostate; the model is cut off there")
     rest, deformed = (states[state]["organs"]["prostate"]["volume_cc"] for state in STATES)
     if abs(deformed / rest - 1.0) > VOLUME_CHANGE:
         notes.append(f"the prostate is {rest:.0f} cc at rest and {deformed:.0f} cc deformed; look at both contours")

@@ -15,7 +15,7 @@ from palpate.segmentation.case import STATES, CaseFolder
 from palpate.segmentation.drawn_labels import drawn_labels
 from palpate.segmentation.labels import ORGAN_LABELS
 from palpate.segmentation.organs.pelvis import segment_pelvis
-from palpate.segmentation.organs.prompts import Prompts
+from palpate.segmentation.organs.prompts import Prompts, check_inside
 from palpate.segmentation.organs.split import Plane, halves, midline_normal, split_plane
 from palpate.segmentation.organs.tissue import cropped, label_array, region_of_interest
 from palpate.segmentation.segment_report import SegmentedState, notes_on, state_report
@@ -87,8 +87,9 @@ def _both_states(case: CaseFolder, options: SegmentOptions, progress: Progress) 
 
 
 def _segmented(case: CaseFolder, state: str, prompts: Prompts, model: str | None, progress: Progress) -> SegmentedState:
-    drawn = drawn_labels(case, state)
-    segmentation = segment_pelvis(case.ct(state), prompts, drawn.organs if drawn else {}, progress, model)
+    drawn, ct = drawn_labels(case, state), case.ct(state)
+    check_inside(ct, prompts, state)
+    segmentation = segment_pelvis(ct, prompts, drawn.organs if drawn else {}, progress, model)
     # Voxels that a person drew stay as they are; what has been found is written as finely as it was found.
     by_hand = drawn is not None and "prostate" in drawn.organs
     grid = drawn.volume if drawn is not None and by_hand else segmentation.scene.grid

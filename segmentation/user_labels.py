@@ -16,7 +16,7 @@ from palpate.segmentation.dicom_seg import images_of, read_dicom_seg
 from palpate.segmentation.dicom_series import SeriesFacts
 from palpate.segmentation.itksnap import label_values, meaning_of
 from palpate.segmentation.itksnap_workspace import LABEL_LAYER, read_workspace
-from palpate.segmentation.labels import LABELS
+from palpate.segmentation.labels import LABEL_VALUES, LABELS, ORGAN_LABELS
 from palpate.segmentation.named_labels import Segments, is_split, labels_of
 from palpate.segmentation.nifti_labels import read_labels
 from palpate.segmentation.rtstruct import read_rtstruct
@@ -59,9 +59,7 @@ def read_user_labels(
     path = Path(path)
     name = path.name.lower()
     if name.endswith((".nii", ".nii.gz")):
-        description = path.parent / "labels.txt"
-        values = label_values(description) if description.is_file() else None
-        return _inside(UserLabels(read_labels(path, values), "nifti", True, {}, ()), ct, path)
+        return _inside(_of_nifti(path, roi), ct, path)
     if name.endswith(".itksnap"):
         return _inside(_of_workspace(path), ct, path)
     if name.endswith(".nrrd"):
@@ -89,6 +87,36 @@ def is_segmentation(path: Path) -> bool:
     """Whether the file is a DICOM segmentation."""
     header = read_file(path, stop_before_pixels=True) if path.is_file() else None
     return header is not None and header.get("Modality") == "SEG"
+
+
+def _of_nifti(path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
+    """roi : organ -> the file's own numbers; without it they are those of `LABELS`, or of the labels.txt beside the file."""
+    if roi:
+        return UserLabels(read_labels(path, _numbered(path, roi)), "nifti", "prostate" not in roi, dict(roi), ())
+    description = path.parent / "labels.txt"
+    volume = read_labels(path, label_values(description) if description.is_file() else None)
+    present = set(np.unique(volume.array).tolist()) & set(ORGAN_LABELS)
+    notes = ()
+    if len(present) == 1:
+        value = present.pop()
+        notes = (
+            f"label {value} is the only one of the prostate: it is taken as one region; to have it divided into left and right, give "
+            f"--roi prostate={value}",
+        )
+    return UserLabels(volume, "nifti", True, {}, notes)
+
+
+def _numbered(path: Path, roi: Mapping[str, Sequence[str]]) -> dict[int, int]:
+    """The file's value -> value of LABELS, for organs given by number."""
+    values = {**LABEL_VALUES, "prostate": ORGAN_LABELS[0]}
+    out = {value: value for value in LABELS}
+    for organ, numbers in roi.items():
+        if organ not in values or not all(number.strip().isdigit() for number in numbers):
+            raise InputError(
+                f"{path} has numbers, not names: give --roi ORGAN=NUMBER with ORGAN one of {', '.join(sorted(values))}"
+            )
+        out.update({int(number): values[organ] for number in numbers})
+    return out
 
 
 def _of_segments(segments: Segments, source: str, path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:

@@ -119,10 +119,10 @@ def verdict(names: tuple[str, ...], posterior: Posterior) -> str:
         label = name.replace("_", " ")
         if untold:
             parts.append(f"{label}: not identifiable, this pair says no more than the allowed range did")
-        elif sd < 0.2:
-            parts.append(f"{label}: known to {100 * (np.exp(sd) - 1):.0f} %")
+        elif sd < 0.1:
+            parts.append(f"{label}: known within {100 * (np.exp(1.96 * sd) - 1):.0f} % (95 %)")
         else:
-            parts.append(f"{label}: known to a factor of {np.exp(sd):.1f} only")
+            parts.append(f"{label}: known within a factor of {np.exp(1.96 * sd):.1f} (95 %)")
     parts.append("mu1 and mu2 cannot be told apart by one pair; only G = 2 (mu1 + mu2) is identified")
     parts.append("all stiffness is relative to the assumed stiffness of the surrounding tissue")
     return "; ".join(parts)

@@ -68,7 +68,9 @@ def segment_pelvis(
         if found is not None and found.mask.any():
             organs["prostate"] = found
         elif "prostate" not in learned:
-            raise InputError("no prostate was found in the scan; click on it with --seed prostate=x,y,z (mm, LPS)")
+            raise InputError(
+                "no prostate was found in this scan; click on it with --seed prostate=x,y,z (mm, LPS; --deformed-seed in the deformed scan)"
+            )
     for name, mask in learned.items():
         if name not in drawn and prompts.mode(name) in ("auto", "carried"):
             organs[name] = _judged(mask_on(mask, scene.grid), str(model), organs.get(name))

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 
+_HOW_MANY = {1: "give one point", 2: "give two points", 6: "give six points"}
 SEED_NAMES = ("prostate", "bladder", "rectum", "urethra")
 ORGANS = ("prostate", "bladder", "rectum")
 
@@ -100,11 +103,28 @@ def _parsed(texts: Sequence[str], option: str, names: Sequence[str], count: int)
         except ValueError as error:
             raise InputError(f"{option} {text}: not numbers; write {name}={form} in mm, LPS") from error
         if values.shape != (count, 3) or not np.isfinite(values).all():
-            raise InputError(f"{option} {text}: {count} points of 3 numbers are needed; write {name}={form} in mm, LPS")
+            raise InputError(f"{option} {text}: {_HOW_MANY[count]} of 3 numbers; write {name}={form} in mm, LPS")
         if count > 1 and np.ptp(values, axis=0).min() < 2.0:
             raise InputError(f"{option} {text}: the points span less than 2 mm in one direction; correct them")
         result[name] = values
     return result
+
+
+def check_inside(scan: Volume, prompts: Prompts, state: str) -> None:
+    """Raises InputError for a point that lies outside a scan: its coordinates are another scan's, or not LPS."""
+    clicked = {name: point[None] for name, point in prompts.seeds.items() if name not in prompts.spread_mm}
+    given = {**clicked, **prompts.extremes}
+    corners = np.array(list(product(*((-0.5, n - 0.5) for n in scan.array.shape))))
+    places = scan.to_lps(corners)
+    reach = ", ".join(
+        f"{a} {low:.0f} to {high:.0f}" for a, low, high in zip("xyz", places.min(0), places.max(0), strict=True)
+    )
+    for name, points in given.items():
+        index = scan.to_index(np.asarray(points, dtype=float))
+        if not ((index > -0.5) & (index < np.array(scan.array.shape) - 0.5)).all():
+            raise InputError(
+                f"the point given for {name} lies outside the {state} scan ({reach}); give patient coordinates, LPS in mm"
+            )
 
 
 def _carried(transform: FloatArray, points: FloatArray) -> FloatArray:

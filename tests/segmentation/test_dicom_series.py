@@ -141,7 +141,7 @@ def test_copies_scouts_and_other_files_are_left_out_with_a_note(tmp_path: Path) 
 def test_two_series_are_listed_and_chosen(tmp_path: Path) -> None:
     folder = save(tmp_path / "ct", series(straight()))
     save(folder / "b", series(straight(4), series="1.2.3.77"))
-    with pytest.raises(InputError, match=r"holds 2 series; choose one with --series: 1 .*6 files.* 2 .*4 files"):
+    with pytest.raises(InputError, match=r"holds 2 series; choose one with --series .*: 1 .*6 files.* 2 .*4 files"):
         read_series(folder)
     for choice, count in (("1", 6), ("2", 4), ("1.2.3.7", 4), (".77", 4)):
         assert read_series(folder, choice)[0].array.shape[2] == count

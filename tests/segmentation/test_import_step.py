@@ -23,6 +23,7 @@ from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
 from palpate.segmentation.import_step import ImportOptions, run_import
 from palpate.segmentation.import_write import gravity_of
 from palpate.segmentation.nifti_labels import write_labels
+from palpate.segmentation.user_labels import read_user_labels
 from palpate.segmentation.volume import Volume
 
 TRUTH = moving((2.0, -1.0, 3.0), (4.0, 2.0, -6.0))
@@ -143,9 +144,22 @@ def test_drawn_labels_and_landmarks_come_along_in_the_rest_frame(pair: Path, tmp
     points = case.landmarks()
     assert points is not None
     np.testing.assert_allclose(points.deformed, points.rest, atol=0.2)
-    # Without the labels the same scans are imported again, and what was drawn is gone.
-    run_import(pair / "rest", pair / "deformed", tmp_path / "case", ImportOptions(align=False))
-    assert CaseFolder(tmp_path / "case").user_labels("rest") is None
+    # A forgotten option must not take away what a result stands on.
+    with pytest.raises(InputError, match="was made with --rest-labels and --deformed-labels; give the same again"):
+        run_import(pair / "rest", pair / "deformed", tmp_path / "case", ImportOptions(align=False))
+    assert CaseFolder(tmp_path / "case").user_labels("rest") is not None
+
+
+def test_a_whole_prostate_in_a_nifti_is_named_by_its_number(pair: Path, tmp_path: Path) -> None:
+    scan, _ = read_series(pair / "rest")
+    whole = drawn(scan)
+    write_labels(tmp_path / "mask.nii.gz", whole.with_array((whole.array > 0).astype(np.uint8)))
+    alone = read_user_labels(tmp_path / "mask.nii.gz", scan)
+    assert alone.prostate_is_split and "give --roi prostate=1" in alone.notes[0]
+    named = read_user_labels(tmp_path / "mask.nii.gz", scan, roi={"prostate": ["1"]})
+    assert not named.prostate_is_split and not named.notes
+    with pytest.raises(InputError, match="has numbers, not names: give --roi ORGAN=NUMBER"):
+        read_user_labels(tmp_path / "mask.nii.gz", scan, roi={"prostate": ["Prostata"]})
 
 
 def test_two_label_volumes_become_a_case(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from palpate.core.errors import InputError
 from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
-from palpate.segmentation.organs.prompts import Prompts, parse_prompts
+from palpate.segmentation.organs.prompts import Prompts, check_inside, parse_prompts
 from palpate.segmentation.organs.split import Plane, halves, midline_normal, split_plane
 from palpate.segmentation.organs.star import ellipsoid_radii, sphere, star
 from palpate.segmentation.organs.surface_mesh import shell_of_mask
@@ -83,10 +83,10 @@ def test_prompts_of_the_command_line() -> None:
     ("seeds", "extremes", "message"),
     [
         (["liver=1,2,3"], [], "'liver' is not one of"),
-        (["prostate=1,2"], [], "1 points of 3 numbers"),
+        (["prostate=1,2"], [], "give one point of 3 numbers"),
         (["prostate=1,two,3"], [], "not numbers"),
-        (["prostate=1,nan,3"], [], "1 points of 3 numbers"),
-        ([], ["prostate=1,2,3;4,5,6"], "6 points of 3 numbers"),
+        (["prostate=1,nan,3"], [], "give one point of 3 numbers"),
+        ([], ["prostate=1,2,3;4,5,6"], "give six points of 3 numbers"),
         ([], ["prostate=1,2,3;4,5,3;7,8,3;1,9,3;2,3,3;5,5,4"], "less than 2 mm"),
     ],
 )
@@ -168,3 +168,12 @@ def test_region_of_interest_and_cropping() -> None:
     assert np.array_equal(inside.min(axis=0), bar.to_lps(np.argwhere(bar.array).astype(float)).min(axis=0))
     low, high = near.to_lps(np.array([[0.0, 0, 0], np.array(near.array.shape) - 1.0]))
     assert (np.minimum(low, high) >= box[0] - 1e-6).all() and (np.maximum(low, high) <= box[1] + 1e-6).all()
+
+
+def test_a_point_outside_the_scan_is_refused_before_any_work() -> None:
+    scan = Volume(np.zeros((20, 30, 40), dtype=np.int16), np.diag([2.0, 2.0, 2.0, 1.0]))
+    check_inside(scan, Prompts({"prostate": np.array([10.0, 10.0, 70.0])}), "rest")
+    with pytest.raises(InputError, match=r"prostate lies outside the rest scan \(x -1 to 39, y -1 to 59, z -1 to 79\)"):
+        check_inside(scan, Prompts({"prostate": np.array([500.0, 10.0, 10.0])}), "rest")
+    carried = Prompts({"prostate": np.array([500.0, 10.0, 10.0])}, spread_mm={"prostate": 8.0})
+    check_inside(scan, carried, "deformed")

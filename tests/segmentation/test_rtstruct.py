@@ -124,7 +124,7 @@ def test_foreign_and_empty_structure_sets_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no organ by name, only Leber; name them with --roi"):
         read_rtstruct(tmp_path / "other.dcm", ct, facts)
     assert "prostate" in read_rtstruct(tmp_path / "other.dcm", ct, facts, {"prostate": ["Leber"]}).masks
-    with pytest.raises(InputError, match="is no DICOM RT structure set"):
+    with pytest.raises(InputError, match="holds no contours: give an RTSTRUCT"):
         read_rtstruct(next((tmp_path / "ct").iterdir()), ct, facts)
 
 

@@ -205,3 +205,18 @@ def test_validate_writes_what_it_tells(tmp_path: Path, capfd: pytest.CaptureFixt
     told = json.loads(capfd.readouterr().out)
     assert (told["scenes"], told["seed"]) == (2, 3)
     assert json.loads((tmp_path / "f.json").read_text()) == told
+
+
+@pytest.mark.parametrize(
+    "given, said",
+    [
+        (["analyse", "a", "b"], "there is no 'analyse'; did you mean analyze?"),
+        (["analyze", "a", "b"], "-o/--output missing; see palpate analyze --help"),
+        (["export", "case", "out", "--to", "dicom-sge"], "did you mean dicom-seg?"),
+        (["segment", "case", "--seed", "prostate"], "give a whole number, or NAME=X,Y,Z"),
+    ],
+)
+def test_wrong_usage_is_one_line_that_helps(given: list[str], said: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(given) == 2
+    (line,) = capfd.readouterr().err.strip().splitlines()
+    assert said in line

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
 
@@ -22,7 +24,21 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raises UsageError."""
-        raise UsageError(message, self.format_usage())
+        raise UsageError(f"{self._in_words(message)}; see {self.prog} --help")
+
+    def _in_words(self, message: str) -> str:
+        """What argparse says, with the nearest word for one that does not exist."""
+        missing = message.removeprefix("the following arguments are required: ")
+        if missing != message:
+            return f"{missing} missing"
+        found = re.match(r"argument \S+: invalid choice: '([^']*)' \(choose from (.*)\)", message)
+        if found is None:
+            return message
+        known = [word.strip(" '") for word in found[2].split(",")]
+        near = get_close_matches(found[1], known, 1, 0.6)
+        return f"there is no {found[1]!r}" + (
+            f"; did you mean {near[0]}?" if near else f"; choose from {', '.join(known)}"
+        )
 
 
 def common() -> Parser:

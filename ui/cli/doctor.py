@@ -9,6 +9,7 @@ import argparse
 from typing import Any
 
 from palpate.core.errors import InputError
+from palpate.core.worker.progress import silent
 from palpate.ui.cli.arguments import no_points
 from palpate.ui.cli.console import Console
 from palpate.ui.doctor import Check, examine
@@ -23,8 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Examines; raises InputError naming the first thing that is needed and missing."""
     no_points(args)
-    with console.progress(NAME) as progress:
-        checks = examine(progress)
+    checks = examine(silent)
     missing = [check for check in checks if check.needed and not check.works]
     if missing:
         raise InputError("; ".join(f"{check.name}: {check.found}; {check.remedy}" for check in missing))

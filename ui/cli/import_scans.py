@@ -29,9 +29,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                            help=f"labels drawn on the {state} scan, which always win: DICOM RTSTRUCT or SEG, "
                            "NIfTI, ITK-SNAP workspace, .seg.nrrd of 3D Slicer")  # fmt: skip
         group.add_argument(f"--{state}-series", metavar="ID", help="which CT series, where a folder holds several")
+    group.add_argument(
+        "--series", metavar="ID", help="which CT series in both folders: its number in the list, or its UID's end"
+    )
     group.add_argument("--roi", action="append", default=[], metavar="ORGAN=NAME[,NAME]",
-                       help="which structures or segments are an organ, e.g. prostate=Prostata")  # fmt: skip
-    group.add_argument("--landmarks", type=Path, metavar="CSV", help="matched points in both scans (CASE_FORMAT.md)")
+                       help="which structures, segments or label numbers are an organ, e.g. prostate=Prostata")  # fmt: skip
+    group.add_argument(
+        "--landmarks",
+        type=Path,
+        metavar="CSV",
+        help="matched points in both scans: columns name,rest_x,rest_y,rest_z,deformed_x,deformed_y,deformed_z",
+    )
     group.add_argument("--name", help="the case's name, printed in the report (default: the folder's)")
     group.add_argument("--same-patient", action="store_true",
                        help="the scans are of one patient although their headers differ")  # fmt: skip
@@ -53,7 +61,7 @@ def options_of(args: argparse.Namespace) -> ImportOptions:
     """The import options of a command line. Raises UsageError for a malformed ``--roi``."""
     return ImportOptions(
         name=args.name,
-        series=(args.rest_series, args.deformed_series),
+        series=(args.rest_series or args.series, args.deformed_series or args.series),
         labels=(args.rest_labels, args.deformed_labels),
         roi=_roi(args.roi),
         landmarks=args.landmarks,

@@ -104,4 +104,4 @@ def _os_error(error: OSError) -> str:
     what = error.strerror or type(error).__name__
     if where is None:
         return f"{what}; check disk space and permissions"
-    return f"{where}: {what}; check the path, or choose a writable place with -o"
+    return f"{where}: {what}; check the path, or choose a writable place"

@@ -12,7 +12,7 @@ from typing import Any
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.organs.prompts import Prompts, parse_prompts
-from palpate.ui.cli.arguments import UsageError, add_case, points
+from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 
@@ -45,6 +45,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
     """What was pointed at in the scan at rest and in the deformed one. Raises UsageError for a malformed point."""
+    random_seed(args)  # a word without "=" is neither a number nor a point
     try:
         rest = parse_prompts(points(args), args.extremes, args.box)
         deformed = parse_prompts(args.deformed_seed, args.deformed_extremes, args.deformed_box, "--deformed-seed")
@@ -64,11 +65,22 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     return report, "\n".join(text_of(report))
 
 
+_WORDS = {
+    "auto": "found automatically", "carried": "carried over from the scan at rest", "user": "drawn by you",
+    "click": "from your click", "extremes": "from your six points", "box": "from your box",
+}  # fmt: skip
+
+
+def _origin(organ: dict[str, Any]) -> str:
+    words = _WORDS.get(organ["method"], organ["method"])
+    return words if organ["method"] == "user" else f"{words}, confidence {organ['confidence']:.2f}"
+
+
 def text_of(report: dict[str, Any]) -> list[str]:
     """What a person reads of a segmentation."""
     lines = []
     for state, facts in report["states"].items():
         organs = facts.get("organs", {})
-        found = [f"{name} {o['volume_cc']:.1f} cc ({o['method']}, {o['confidence']:.2f})" for name, o in organs.items()]
+        found = [f"{name} {o['volume_cc']:.1f} cc ({_origin(o)})" for name, o in organs.items()]
         lines.append(f"labels  {state}: {', '.join(found) or facts.get('source', 'given')}")
     return lines + [f"note    {note}" for note in report["notes"]]
