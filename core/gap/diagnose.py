@@ -31,6 +31,8 @@ FloatArray = NDArray[np.float64]
 
 # Effects whose linear evidence is further below the best than this are not refitted.
 _HOPELESS = 12.0
+# A first look whose p-value is above this is not looked at again.
+_CLEAR = 0.3
 # Variants of an effect that are refitted, and how close (log evidence) to the best the second must be.
 _VARIANTS, _CLOSE = 3, 3.0
 
@@ -76,10 +78,12 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
     named = [(fit.weighting.whiten(S), s.effect.scales) for s in screened for S in s.directions]
     test = gap_test(r, J, R, named, seed)
-    refits = _refits(fit, screened, part(progress, 0.6, 0.9)) if test.detected else []
+    refits = [] if test.p_value > _CLEAR else _refits(fit, screened, part(progress, 0.6, 0.9))
+    if refits and not test.detected:
+        test = gap_test(r, J, R, named, seed, refits[0].log_evidence)
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
-    return _judged(fit, test, screened, refits, where, forces, saturated(r, J, R)[0], seed)
+    return _judged(fit, test, screened, refits if test.detected else [], where, forces, saturated(r, J, R)[0], seed)
 
 
 def _factorise(fit: PlainFit) -> None:

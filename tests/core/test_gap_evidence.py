@@ -102,6 +102,12 @@ def test_two_effects_together_are_named_where_neither_alone_explains_the_gap() -
     assert decide(True, alone, 5.0, (("prestress", "volume_change"), 13.0)).verdict == "prestress"
 
 
+def test_a_refit_counts_where_the_first_look_underrates_an_effect() -> None:
+    quiet = np.random.default_rng(0).standard_normal(N)
+    assert gap_test(quiet, J, FIELDS, [(S, SCALES)], refitted=12.0).detected
+    assert gap_test(quiet, J, FIELDS, [(S, SCALES)], refitted=-5.0) == gap_test(quiet, J, FIELDS, [(S, SCALES)])
+
+
 def test_refusals() -> None:
     assert decide(True, [judged("prestress", 20.0)], 30.0).verdict == "unknown"
     little = judged("prestress", 20.0, share_of_ceiling=0.3, remainder_p=1e-5)
