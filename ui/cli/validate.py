@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="gap: how many cases (default %(default)s; each takes minutes)")  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
                         help="gap: for cases, answers and ledger; the same command goes on from it (default %(default)s)")  # fmt: skip
-    parser.add_argument("--tets", type=whole_number(500, 500_000), default=12_000, metavar="N",
+    parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
                         help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
                         help="meshing, segmentation: a DICOM folder and its contours, several times (default: phantom)")  # fmt: skip
