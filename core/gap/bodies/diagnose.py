@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -177,8 +178,6 @@ def _remainder(named: BodyFit, cause: Rival | None) -> dict[str, Any]:
 
 def next_state(base: BodyFit, best: Rival) -> str:
     """The further load under which the rivals' markers differ most, and by how much."""
-    from dataclasses import replace
-
     problem = base.model.stage.problem
     told = []
     for factor, words in ((0.0, "no load"), (2.0, "twice the load")):
