@@ -41,8 +41,7 @@ class Facts:
     """Scalars of a case.
 
     tissue_shear_modulus_kpa, tissue_poisson_ratio : of the surrounding tissue. bounds_kpa : of every region's G.
-    noise_sd_mm, noise_correlation_mm : of one contour, along its normal. noise_stated : it was measured, not
-    assumed. outer_fixed : whether the outer surface is held.
+    noise_sd_mm, noise_correlation_mm : of one contour, along its normal. outer_fixed : whether the outer surface is held.
     organ_poisson_ratio : fixes the organ's bulk modulus relative to its G; not identified. voxel_mm : for reports.
     """
 
@@ -53,7 +52,6 @@ class Facts:
     noise_correlation_mm: float = 7.0
     outer_fixed: bool = True
     organ_poisson_ratio: float = 0.495
-    noise_stated: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,7 +120,6 @@ def facts_of(case: CaseFolder) -> Facts:
         tissue_poisson_ratio=facts.tissue_poisson_ratio,
         bounds_kpa=facts.organ_shear_modulus_bounds_kpa,
         noise_sd_mm=facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM,
-        noise_stated=facts.boundary_noise_sd_mm is not None,
         outer_fixed=facts.outer_surface == "fixed",
     )
 

@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.identify.scene import Scene
-from palpate.core.observe.noise import (
-    Weighting,
-    contour_covariance,
-    noise_modes,
-    stated_covariance,
-    weighting_covariance,
-)
+from palpate.core.observe.noise import Weighting, contour_covariance, noise_modes, weighting_covariance
 
 FloatArray = NDArray[np.float64]
 
@@ -41,9 +35,6 @@ class Misfit:
         facts, points = scene.problem.facts, scene.observation.points
         sd, length = facts.noise_sd_mm, facts.noise_correlation_mm
         walls = 0.0 if wall_response is None else wall_response @ wall_response.T
-        if facts.noise_stated:
-            noise = stated_covariance(points, sd, length) + walls
-            return cls(scene, Weighting(noise), noise)
         weighting = Weighting(weighting_covariance(points, sd, length) + walls)
         return cls(scene, weighting, contour_covariance(points, sd, length) + walls)
 

@@ -39,7 +39,7 @@ class CoverageOptions:
 
 
 def coverage(options: CoverageOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
-    """Rows of noise level and kind of noise model; `covered` is the share of intervals that hold the truth, both halves together."""
+    """Rows of noise levels; `covered` is the share of intervals that hold the truth, both halves together."""
     o = options or CoverageOptions()
     with one_thread():
         data = []
@@ -52,10 +52,9 @@ def coverage(options: CoverageOptions | None = None, progress: Progress = silent
         fits = [fit.of(d.organ.deformed) for d in data]
         rows = []
         for k, sd in enumerate(o.sds_mm):
-            for stated in (False, True):
-                progress(0.4 + 0.6 * k / len(o.sds_mm), f"contours of {sd:g} mm error")
-                fit.set_noise(sd, stated)
-                rows.append(_level(fit, fits, o, stated))
+            progress(0.4 + 0.6 * k / len(o.sds_mm), f"contours of {sd:g} mm error")
+            fit.set_noise(sd)
+            rows.append(_level(fit, fits, o))
     progress(1.0, "done")
     return {
         "study": "coverage",
@@ -69,8 +68,8 @@ def coverage(options: CoverageOptions | None = None, progress: Progress = silent
     }
 
 
-def _level(fit: TumourFit, fits: list[ReducedFit], o: CoverageOptions, stated: bool) -> dict[str, Any]:
-    """One noise level: the same draws for either noise model, since each draws from its own with the same seed."""
+def _level(fit: TumourFit, fits: list[ReducedFit], o: CoverageOptions) -> dict[str, Any]:
+    """One noise level."""
     rng = np.random.default_rng(o.seed)
     errors = fit.draw(rng, o.replicates)
     inside, scores, widths, blind, spans = [], [], [], 0, 0
@@ -91,7 +90,6 @@ def _level(fit: TumourFit, fits: list[ReducedFit], o: CoverageOptions, stated: b
     share = float(np.mean(inside))
     return {
         "noise_sd_mm": fit.sd_mm,
-        "noise_model": "stated" if stated else "assumed",
         "covered": share,
         "covered_by_half": np.mean(inside, axis=0),
         "standard_error": float(np.sqrt(share * (1.0 - share) / len(errors))),

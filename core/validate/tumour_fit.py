@@ -18,7 +18,6 @@ from palpate.core.observe.noise import (
     Weighting,
     contour_covariance,
     smooth_covariance,
-    stated_covariance,
     weighting_covariance,
 )
 from palpate.core.observe.surface_observation import sample_surface
@@ -81,17 +80,12 @@ class TumourFit:
         self._operator = self.scene.space.interpolation(self.points, (1, 2))
         self.set_noise(self.scene.facts.noise_sd_mm)
 
-    def set_noise(self, sd_mm: float, stated: bool = False) -> None:
-        """What one contour errs by. stated : and that was measured, see `core.observe.noise`."""
+    def set_noise(self, sd_mm: float) -> None:
+        """What one contour errs by."""
         length = self.scene.facts.noise_correlation_mm
         self.sd_mm = sd_mm
-        if stated:
-            self.noise = stated_covariance(self.points, sd_mm, length)
-            self.weighting = Weighting(self.noise)
-            self.expected = float(len(self.points))
-            return
-        self.weighting = Weighting(weighting_covariance(self.points, sd_mm, length))
         self.noise = contour_covariance(self.points, sd_mm, length)
+        self.weighting = Weighting(weighting_covariance(self.points, sd_mm, length))
         self.expected = float(np.trace(self.weighting.apply(self.noise)))
 
     def snapshots(self, thetas: FloatArray) -> list[Snapshot | None]:

@@ -10,7 +10,6 @@ from palpate.core.observe.noise import (
     Weighting,
     contour_covariance,
     smooth_covariance,
-    stated_covariance,
     weighting_covariance,
 )
 
@@ -88,16 +87,3 @@ def test_the_interval_of_data_that_say_nothing_spans_what_was_allowed() -> None:
     share = (np.log(found.interval()[0]) - bounds[0, 0]) / (bounds[0, 1] - bounds[0, 0])
     np.testing.assert_allclose(share, [0.025, 0.975], atol=0.002)
     np.testing.assert_allclose(np.log(found.interval()[1] / 40.0), np.array([-1.96, 1.96]) / np.sqrt(200.0), atol=1e-3)
-
-
-def test_a_stated_noise_is_trusted_further_and_its_spread_is_that_of_many_noisy_estimates() -> None:
-    """Where the sensitivity turns within some millimetres, as at the line that divides two halves."""
-    points = sphere(800)
-    J = np.column_stack([np.tanh(points[:, 0] / 3.0) + 0.3, np.sin(points[:, 1] / 3.0)])
-    stated = stated_covariance(points, SD, LENGTH)
-    weighting, robust = Weighting(stated), Weighting(weighting_covariance(points, SD, LENGTH))
-    white = weighting.whiten(J)
-    draws = np.linalg.cholesky(stated) @ np.random.default_rng(8).standard_normal((len(points), 4000))
-    sds = [np.linalg.lstsq(w.whiten(J), w.whiten(draws), rcond=None)[0].std(axis=1) for w in (weighting, robust)]
-    np.testing.assert_allclose(sds[0], np.sqrt(np.diag(np.linalg.inv(white.T @ white))), rtol=0.05)
-    assert sds[0][0] < 0.75 * sds[1][0] and sds[0][1] < sds[1][1]

@@ -55,9 +55,9 @@ def test_the_element_that_does_not_lock_is_nearer_on_the_same_mesh() -> None:
 
 def test_intervals_hold_the_truth_and_a_blind_one_spans_what_was_allowed() -> None:
     found = coverage(CoverageOptions(30, (0.6, 6.0), ((30.0, 70.0),), SMALL, DATA))
-    rows = {(row["noise_sd_mm"], row["noise_model"]): row for row in found["rows"]}
-    assert 0.85 <= rows[0.6, "assumed"]["covered"] <= 1.0
-    blind = rows[6.0, "assumed"]
+    rows = {row["noise_sd_mm"]: row for row in found["rows"]}
+    assert 0.85 <= rows[0.6]["covered"] <= 1.0
+    blind = rows[6.0]
     assert blind["called_not_identifiable"] > 10
     assert blind["of_these_spanning_what_was_allowed"] > 0.9 * blind["called_not_identifiable"]
     assert drawn(found) == 2

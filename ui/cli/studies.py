@@ -107,10 +107,11 @@ def swarm_text(found: dict[str, Any]) -> str:
             f"swarm of {by_swarm['particles']}, {by_swarm['iterations']} iterations: {_pair(by_swarm['mu_kpa'])} kPa; seconds: {parts}; "
             f"{by_swarm['full_solves']} full solves on {found['workers']} workers",
             f"Gauss-Newton from {descent['starts']} starts: {_pair(descent['mu_kpa'])} kPa; {descent['seconds']:.2f} s, "
+            f"of the processor {descent['cpu_seconds']:.2f}, "
             f"{descent['full_solves']} full solves",
             f"largest difference in ln G: {found['largest_ln_G_difference']:.2g}",
             f"a new deformed surface on the same reduced model: {_pair(again['mu_kpa'])} kPa "
-            f"(truth {_pair(again['truth_mu_kpa'])}); {again['seconds']:.2f} s",
+            f"(truth {_pair(again['truth_mu_kpa'])}); {again['seconds']:.2f} s, of the processor {again['cpu_seconds']:.2f}",
             f"the paper: up to {found['paper']['seconds'] / 3600:.0f} hours on one core",
         ]
     )
@@ -158,11 +159,11 @@ def coverage(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def coverage_text(found: dict[str, Any]) -> str:
-    """A line a level of noise and noise model."""
+    """A line a level of noise."""
     lines = [f"{found['replicates']} pairs each; share of 95 % intervals that hold the truth"]
     for row in found["rows"]:
         lines.append(
-            f"{row['noise_sd_mm']:5g} mm, {row['noise_model']:8} {100 * row['covered']:5.1f} % (standard error "
+            f"{row['noise_sd_mm']:5g} mm {100 * row['covered']:5.1f} % (standard error "
             f"{100 * row['standard_error']:.1f}), median width of ln G {row['median_width_ln_G']:.2f}; "
             f"{row['called_not_identifiable']} called not identifiable, of these {row['of_these_spanning_what_was_allowed']} "
             "span what was allowed"
