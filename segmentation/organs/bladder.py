@@ -35,11 +35,11 @@ REACH_MM, FAR_MM, ROOM_MM = 3.0, 10.0, 15.0
 # A difference of neighbours that is an edge, in units of those in urine; and the prior's pull (see random_walk.py).
 EDGE_SD, PULL = 2.0, 0.05
 # Wall that is added where nothing tells it from its neighbour, and the most that is looked for against fat.
-WALL_MM, THICKEST_MM = 0.5, 2.0
+WALL_MM, THICKEST_MM = 0.0, 2.0
 INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
 SMALLEST_CC, ENOUGH_CC = 6.0, 80.0
 # Notches of this depth in the wall's outer surface are noise. Points and boxes are given this exactly.
-NOTCH_MM, BOX_MM = 1.5, 1.0
+NOTCH_MM, BOX_MM = 1.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
