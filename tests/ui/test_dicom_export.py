@@ -126,7 +126,7 @@ def test_measurements_by_region_with_interval(written: dict[str, Path]) -> None:
         side = group.finding_sites[0].laterality.meaning
         seen[side] = [*(round(float(v), 3) for v in found.values()), float(deviation[0])]
         assert next(iter(found)) == "Small-strain shear modulus G"
-    assert seen == {"Left": [120.0, 100.0, 144.0, 12.0], "Right": [40.0, 33.333, 48.0, 4.0]}
+    assert seen == {"Left": [120.0, 100.0, 144.0, 12.0], "Right": [40.0, 33.33, 48.0, 4.0]}
     texts = [item.TextValue for item in document.ContentSequence if item.ValueType == "TEXT"]
     assert "Research use only" in texts[-1] and "20 kPa" in texts[-1]
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
@@ -24,6 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Exports; see `palpate.ui.export`."""
     no_points(args)
+    if args.folder.exists() and not args.folder.is_dir():
+        raise InputError(f"{args.folder} is a file; give a folder to write into")
     with console.progress(NAME) as progress:
         progress(0.0, exporter(args.to).WRITES)
         files = exporter(args.to).export(CaseFolder(args.case), args.folder)

@@ -303,9 +303,13 @@ def _voxel(volume: Volume | None, at: np.ndarray) -> float | None:
 
 
 def _inside(volume: Volume, labelled: bool) -> tuple[float, float, float]:
-    """The middle of the organ in labels, or of the whole grid."""
+    """The middle of the organ in labels, but of its larger half from side to side; without labels of the whole grid."""
     if labelled:
+        # Into the larger half: where the halves meet a sagittal slice shows neither.
+        halves = [label for label in ORGAN_LABELS if (volume.array == label).any()]
+        larger = max(halves, key=lambda label: int((volume.array == label).sum()), default=ORGAN_LABELS[0])
         x, y, z = (float(c) for c in centre_of(volume, ORGAN_LABELS))
+        x = float(centre_of(volume, (larger,))[0])
     else:
         x, y, z = (float(c) for c in volume.to_lps((np.array([volume.array.shape]) - 1) / 2.0)[0])
     return x, y, z

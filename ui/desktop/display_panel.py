@@ -19,7 +19,7 @@ _OVERLAYS = (
     ("labels", "Labels", "Organs in colour"),
     ("stiffness", "Stiffness", "Shear modulus of each half of the organ, kPa"),
     ("map", "Map", "Shear modulus within the organ at rest, kPa, smoothed; hatched where the scans do not tell it"),
-    ("misfit", "Gap", "Where the model's organ lies off the scan's, mm"),
+    ("misfit", "Misfit", "Where the model's organ lies off the scan's, mm"),
     ("none", "None", "The scan alone"),
 )
 # The loosest setting of the uncertainty mask stands for "no limit but what cannot be told".
@@ -70,7 +70,7 @@ class DisplayPanel(QWidget):
         self.sure = slider(11, _NO_LIMIT_TENTHS, _NO_LIMIT_TENTHS, self._choose_sure,
                            "Stiffness known less well is hatched, not coloured")  # fmt: skip
         self.sure_words = QLabel()
-        form.addRow("Mask", self.sure)
+        form.addRow("Hatch", self.sure)
         form.addRow("", self.sure_words)
         self.outlines = QCheckBox("Outlines of organs")
         self.outlines.toggled.connect(lambda on: self._controller.show(outlines=on))
@@ -117,7 +117,9 @@ class DisplayPanel(QWidget):
         named = next((name for name, preset in PRESETS.items() if preset == display.window), "Custom")
         self.preset.setCurrentText(named)  # only a person's choice is told
         factor = display.surest_factor
-        self.sure_words.setText("all that the pair tells" if factor is None else f"known to a factor of {factor:.1f}")
+        self.sure_words.setText(
+            "what the pair does not tell" if factor is None else f"what is known worse than to a factor of {factor:.1f}"
+        )
         self.blend.setEnabled(display.mode == "blend")
         stiff = case is not None and bool(case.regions)
         self._enable("stiffness", stiff, "Stiffness has not been found yet; run Stiffness")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractButton, QWidget
+from PySide6.QtWidgets import QAbstractButton, QTabBar, QWidget
 
 from palpate.core.errors import InputError
 from palpate.ui.desktop.slice_view import SliceView
@@ -32,11 +32,24 @@ def press(window: QWidget, words: str) -> None:
     """Clicks the visible button that has these words. Raises InputError when there is none or it is off, with its reason."""
     buttons = [b for b in window.findChildren(QAbstractButton) if b.isVisible()]
     found = [b for b in buttons if b.text().strip("0123456789 ").casefold() == words.casefold()]
+    if not found and _turned_to(window, words):
+        return
     if not found:
-        raise InputError(f"no button says {words!r}")
+        said = ", ".join(sorted({b.text().strip("0123456789 ") for b in buttons if b.text().strip("0123456789 ")}))
+        raise InputError(f"no button says {words!r}; there are {said}")
     if not found[0].isEnabled():
         raise InputError(f"the button {words!r} is off: {found[0].toolTip()}")
     QTest.mouseClick(found[0], _LEFT)
+
+
+def _turned_to(window: QWidget, words: str) -> bool:
+    """Whether a tab that can be seen has these words; it is in front then."""
+    for bar in window.findChildren(QTabBar):
+        for k in range(bar.count()):
+            if bar.isVisible() and bar.tabText(k).casefold() == words.casefold():
+                QTest.mouseClick(bar, _LEFT, Qt.KeyboardModifier.NoModifier, bar.tabRect(k).center())
+                return True
+    return False
 
 
 def _pixel(view: SliceView, at: Point) -> QPoint:

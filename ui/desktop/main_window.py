@@ -125,10 +125,10 @@ class MainWindow(QMainWindow):
             self.where.setText(self.place_words())
 
     def place_words(self) -> str:
-        """Crosshair in patient coordinates, what lies there, and the longest stall."""
+        """Crosshair in patient coordinates and what lies there."""
         x, y, z = self.controller.display.crosshair
         place = f"x {x:.1f}  y {y:.1f}  z {z:.1f} mm (LPS)".replace("-", "\N{MINUS SIGN}")
-        return f"{place}   {self.controller.value_at_crosshair()}   longest stall {self.stalls.longest_ms:.0f} ms"
+        return f"{place}   {self.controller.value_at_crosshair()}"
 
     def show_open_page(self) -> None:
         """The first page; the case stays open till another is opened."""

@@ -20,7 +20,9 @@ from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.journal import Journal, content_hash, replay
 from palpate.ui.desktop.strokes import Corrections
 from palpate.ui.pictures.colours import StiffnessScale, map_scale
+from palpate.ui.report.record import read_record
 from palpate.ui.report.regions import RegionStiffness, region_of
+from palpate.ui.report.summary import summary
 
 SESSION, EDITS, LOCK = "desktop/session.json", "desktop/edits.jsonl", "desktop/lock"
 
@@ -81,6 +83,8 @@ class OpenCase:
         self.regions: tuple[RegionStiffness, ...] = tuple(sorted(found, key=lambda region: region.label))
         told = [region.G for region in self.regions if region.told]
         self.scale = StiffnessScale.of(told)
+        self.segmentation = self._json("segmentation.json")
+        self.first_words = summary(read_record(self.folder, {}))[0] if found else ""
         self.gap = self._gap()
         self.stiffness_map = self._map()
         self.map_scale = self.scale if self.stiffness_map is None else map_scale(told, self.stiffness_map)

@@ -42,7 +42,19 @@ class ResultPanel(QWidget):
         has_report = case is not None and case.folder.has("report/report.html")
         self.report.setEnabled(has_report)
         self.report.setToolTip("In the web browser" if has_report else "There is no report yet; run Report")
-        self.words.setText(_found(case) if case is not None and case.regions else _nothing(case))
+        self.words.setText(_doubts(case) + (_found(case) if case is not None and case.regions else _nothing(case)))
+
+
+def _doubts(case: OpenCase | None) -> str:
+    """What the segmentation is not sure of, above everything that stands on it."""
+    notes = (
+        []
+        if case is None
+        else [str(n) for n in case.segmentation.get("notes", ()) if "doubtful" in str(n) or "no prostate" in str(n)]
+    )
+    # The window has its own way to point at an organ.
+    said = [escape(note.split("; ")[0]) + ": look at its outline, correct it or point at it" for note in notes]
+    return "".join(f"<span style='color:{style.WARN}'>{text}</span><br>" for text in said)
 
 
 def _nothing(case: OpenCase | None) -> str:
@@ -63,7 +75,9 @@ def _found(case: OpenCase) -> str:
     misfit = case.result.get("misfit", {})
     expected = misfit.get("expected_noise_rms_mm")
     beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
-    parts = [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
+    # The values stand below it.
+    parts = [escape(case.first_words.split(": G =")[0].rstrip(".") + ".")] if case.first_words else []
+    parts += [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
              f"Misfit {misfit.get('rms_mm', float('nan')):.2f} mm rms{beside}"]  # fmt: skip
     parts += _gap(case)
     parts.append(f"<span style='color:{style.FAINT}'>{_RESEARCH}</span>")

@@ -64,7 +64,8 @@ class StepBar(QWidget):
         blocked = state.state == steps.BLOCKED
         button.setEnabled(not busy and not blocked)
         why = "a step is running; wait for it or cancel it" if busy else state.reason
-        button.setToolTip(f"{state.step.explanation}. {why[:1].upper()}{why[1:]}".rstrip(". ") + ".")
+        told = why if busy or blocked else f"{state.step.explanation}. {why[:1].upper()}{why[1:]}"
+        button.setToolTip(told[:1].upper() + told[1:].rstrip(". ") + ".")
         name = "main" if is_next and not busy else ""
         if button.objectName() != name:
             button.setObjectName(name)

@@ -17,7 +17,7 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     states = [state for state in STATES if case.has_labels(state) and case.has(f"{state}_ct")]
     if not states:
         raise InputError(
-            f"{case.path} has no state with both labels and a CT; a DICOM SEG needs the CT it belongs to: "
+            f"{case.path} has no state with both labels and a CT: run `palpate segment` first, or, where it came without CT, "
             "import the scans as DICOM"
         )
     return [save(label_segmentation(case, state), folder / f"{state}_seg.dcm") for state in states]

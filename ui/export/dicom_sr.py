@@ -79,7 +79,9 @@ def _group(
         finding_type=kind,
         finding_sites=[sr.FindingSite(kind, laterality=side)],
         method=own.STIFFNESS_FROM_PAIR,
-        measurements=[sr.Measurement(name, value, own.KILOPASCAL, derivation=how) for value, how, name in values],
+        measurements=[
+            sr.Measurement(name, float(f"{value:.4g}"), own.KILOPASCAL, derivation=how) for value, how, name in values
+        ],
         qualitative_evaluations=[sr.QualitativeEvaluation(own.TOLD, own.TOLD_YES if region.told else own.TOLD_NO)],
     )
 

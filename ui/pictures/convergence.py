@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 
-def convergence(best: Sequence[float], quantity: str = "best objective so far") -> Figure:
+def convergence(best: Sequence[float], quantity: str = "best misfit so far,\nweighed by the noise") -> Figure:
     """The best objective after each iteration; logarithmic, because the last digits are what matters in the end."""
     figure = Figure(figsize=(4.6, 2.4), layout="constrained")
     axes = figure.subplots()

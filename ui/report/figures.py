@@ -22,11 +22,13 @@ from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.gap_section import gap_pictures
 from palpate.ui.report.moving import moving_view
 from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.summary import tells_apart
 
 _PLANES_CAPTION = (
     "Slices through the organ ({ground}). Above, dotted lines show where the other slices lie; below, the shear modulus "
     "in colour; hatched or grey where this pair does not tell it. The sagittal slice goes through the stiffest region. "
-    "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS)."
+    "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS). "
+    "Lines in the colour bar: the values found.{doubt}"
 )
 
 
@@ -61,14 +63,14 @@ def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], fol
     images = _images(case, record, labels)
     drawn = Drawn()
     progress(0.1, "slices")
-    _slices(drawn, images, folder)
+    _slices(drawn, images, folder, not tells_apart(record))
     if record.result.get("stiffness_map") and case.has("identify/stiffness_map.npz"):
         _map(drawn, case, record, images, folder)
     drawn.pictures.update(gap_pictures(case, images, folder))
     best = record.result.get("convergence")
     if best and len(best) > 1:
-        drawn.add("convergence", folder, convergence(best), "Search for the stiffness: the best objective after each "
-                  "iteration.", "A falling curve of the objective against the iteration.", 0.6)  # fmt: skip
+        drawn.add("convergence", folder, convergence(best), "Search for the stiffness: the best misfit after each "
+                  "iteration, in units of the noise.", "A falling curve of the objective against the iteration.", 0.6)  # fmt: skip
     if case.has("surfaces.npz"):
         progress(0.4, "three dimensions")
         _or_missing(drawn, "the 3D view", lambda: _anatomy(drawn, case, record, images, folder))
@@ -100,12 +102,22 @@ def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume]) 
     return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold)
 
 
-def _slices(drawn: Drawn, images: CaseImages, folder: Path) -> None:
+def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
+    doubt = (
+        " The difference of the colours is within the error: this pair does not tell which half is stiffer."
+        if same
+        else ""
+    )
     ground = "CT at rest, window 40/400 HU" if images.ct is not None else "no CT: labels at rest in grey and colour"
     told = ", ".join(f"label {label}: {G:.3g} kPa" for label, G in images.stiffness_kpa.items())
     says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
     drawn.add(
-        "stiffness_planes", folder, slices.stiffness_planes(images), _PLANES_CAPTION.format(ground=ground), says, 0.8
+        "stiffness_planes",
+        folder,
+        slices.stiffness_planes(images),
+        _PLANES_CAPTION.format(ground=ground, doubt=doubt),
+        says,
+        0.8,
     )
     caption = "Axial slices from the organ's lower to its upper end."
     drawn.add("stiffness_series", folder, slices.stiffness_series(images), caption, f"Six axial slices. {says}")

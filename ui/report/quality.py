@@ -6,15 +6,15 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from palpate.segmentation.labels import LABELS
+from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
 from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
 from palpate.ui.report.record import CaseRecord
 
 # From its first separator to the word after its last one, spaces included.
 _ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")
 _REGION_NOTE = (
-    "Volumes of tissue and bone are those inside the region around the prostate that is modelled; in the deformed scan that region is "
-    "wider, so that nothing leaves it."
+    "The volume of bone is that inside the region around the prostate that is modelled; in the deformed scan that region is wider, "
+    "so that nothing leaves it."
 )
 _DASH = "\N{EN DASH}"
 
@@ -35,7 +35,9 @@ def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
 
 def _label_rows(record: CaseRecord) -> list[tuple[str, ...]]:
     rows = []
-    for name in LABELS.values():
+    for value, name in LABELS.items():
+        if value == SURROUNDING_TISSUE:
+            continue  # what is left within the box: its volume says nothing
         volumes = [record.volumes_cc.get(state, {}).get(name) for state in ("rest", "deformed")]
         if any(v is not None for v in volumes):
             rows.append((name.replace("_", " "), *(_cc(v) for v in volumes), _origin(record.segmentation, name)))

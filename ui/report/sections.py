@@ -79,7 +79,10 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
         ("rms distance of predicted from observed surface", f"{misfit['rms_mm']:.2f} mm"),
         ("95 % of the surface is closer than", f"{misfit['p95_mm']:.2f} mm"),
         ("greatest distance (one-sided Hausdorff)", f"{misfit['hausdorff_mm']:.2f} mm"),
-        ("objective, sum of squared distances (Eq 13)", f"{number(misfit['objective_mm2'])} mm\u00b2"),
+        (
+            "sum of squared distances (Eq 13 of the MaterialCloning paper)",
+            f"{number(misfit['objective_mm2'])} mm\u00b2",
+        ),
     ]
     if "rms_before_mm" in misfit:
         rows.insert(
@@ -93,7 +96,7 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     if expected is not None:
         rows.append(("rms distance that this noise alone would leave", f"{expected:.2f} mm"))
     blocks: list[Block] = [
-        Table(("misfit", ""), rows),
+        Table(("distance of surfaces", ""), rows),
         *_shown(pictures, "deformation_planes", "misfit", "convergence"),
     ]
     return Section("Fit", blocks)
