@@ -96,7 +96,7 @@ def _of_nifti(path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels
     description = path.parent / "labels.txt"
     volume = read_labels(path, label_values(description) if description.is_file() else None)
     present = set(np.unique(volume.array).tolist()) & set(ORGAN_LABELS)
-    notes = ()
+    notes: tuple[str, ...] = ()
     if len(present) == 1:
         value = present.pop()
         notes = (
