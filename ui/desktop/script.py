@@ -19,12 +19,12 @@
 | `until FRACTION [SECONDS]` | until the running step has come so far |
 | `pause SECONDS` | lets time pass |
 | `resize WIDTH HEIGHT` | of the window, pixels |
-| `screenshot FILE` | the window as it is, PNG; relative to the script's folder |
+| `screenshot FILE` | the window as it is, PNG; |
 | `stalls` | tells the longest stall since the last time, ms, and the most processor time the window took at a stretch |
 | `expect NAME VALUE` | ends with exit 3 unless a fact (`state`) has this value |
 | `quit` | closes the window; unsaved corrections stay in the journal |
 
-Empty lines and lines that begin with # are passed over. Every command gives one JSON-able event with the facts after it.
+Paths are relative to the script's folder. Empty lines and lines that begin with # are passed over. Every command gives one JSON-able event with the facts after it.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Driver:
 
     def do_open(self, *paths: str) -> None:
         """One path: a case. Three: rest, deformed, case."""
-        found = [Path(path) for path in paths]
+        found = [self._folder / path for path in paths]
         if len(found) == 1:
             self.controller.open_case(found[0])
         elif len(found) == 3:
