@@ -72,5 +72,5 @@ def text_of(case: CaseFolder, result: dict[str, Any]) -> list[str]:
         edge = ", at the edge of what was allowed" if found["at_bound"] else ""
         lines.append(f"found   {name}: G = {found['G_kpa']:.3g} kPa, {sure}{edge}")
     lines.append(f"misfit  {result['misfit']['rms_mm']:.2f} mm rms")
-    lines += [f"told    {part}" for part in str(result["identifiability"]["verdict"]).split("; ")]
+    lines += [f"says    {part}" for part in str(result["identifiability"]["verdict"]).split("; ")]
     return [*lines, f"result  {case.file('result.json')}"]

@@ -19,7 +19,7 @@
 | `until FRACTION [SECONDS]` | until the running step has come so far |
 | `pause SECONDS` | lets time pass |
 | `resize WIDTH HEIGHT` | of the window, pixels |
-| `screenshot FILE` | the window as it is, PNG; |
+| `screenshot FILE` | the window as it is, PNG |
 | `stalls` | tells the longest stall since the last time, ms, and the most processor time the window took at a stretch |
 | `expect NAME VALUE` | ends with exit 3 unless a fact (`state`) has this value |
 | `quit` | closes the window; unsaved corrections stay in the journal |
