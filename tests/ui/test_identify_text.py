@@ -18,5 +18,5 @@ def test_the_console_says_what_the_pair_tells(tmp_path: Path) -> None:
         "nothing can be identified: the second scan shows the same as the first; no more"
     )
     lines = text_of(case, found)
-    assert "told    nothing can be identified: the second scan shows the same as the first" in lines
-    assert "told    no more" in lines
+    assert "says    nothing can be identified: the second scan shows the same as the first" in lines
+    assert "says    no more" in lines
