@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from scipy.stats import spearmanr
+
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.contoured_scan import ContouredScan
 from palpate.segmentation.dice import JITTERED, MODES, dice_table
@@ -35,6 +37,7 @@ def segmentation_study(
         "wanted": len(judged),
         "slowest_seconds": max(row["seconds"] for row in rows),
         "wanted_seconds": WANTED_SECONDS,
+        "confidence_rank_correlation": _rank_correlation(rows),
     }
 
 
@@ -50,8 +53,20 @@ def study_text(found: dict[str, Any]) -> str:
             f"{row['volume_cc']:8.1f}{row['reference_cc']:8.1f}{row['shift_mm']:8.1f}{sure:>7}{row['seconds']:6.0f}"
             + ("" if row["reached"] else "  not reached")
         )
+    told = ", ".join(f"{organ} {value:.2f}" for organ, value in found["confidence_rank_correlation"].items())
+    lines.append(f"rank correlation of confidence and Dice: {told or 'too few rows'}")
     lines.append(f"reached {found['reached']} of {found['wanted']}; slowest {found['slowest_seconds']:.0f} s")
     return "\n".join(lines)
+
+
+def _rank_correlation(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Spearman's correlation of confidence and Dice for each organ: 1 where the confidence puts all rows in their order."""
+    found = {}
+    for organ in sorted({row["organ"] for row in rows if row["confidence"] is not None}):
+        pairs = [(row["confidence"], row["dice"]) for row in rows if row["organ"] == organ]
+        if len({sure for sure, _ in pairs}) > 1 and len({good for _, good in pairs}) > 1:
+            found[organ] = round(float(spearmanr(*zip(*pairs, strict=True)).statistic), 3)
+    return found
 
 
 def _judged(scan: str, row: dict[str, Any]) -> dict[str, Any]:

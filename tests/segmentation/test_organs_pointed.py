@@ -20,7 +20,7 @@ from palpate.segmentation.organs import pelvis
 from palpate.segmentation.organs.learned import learned_masks
 from palpate.segmentation.organs.random_walk import expected_dice, walk
 from palpate.segmentation.organs.six_points import ellipsoid_of
-from palpate.segmentation.segment_study import segmentation_study, study_text
+from palpate.segmentation.segment_study import _rank_correlation, segmentation_study, study_text
 from palpate.segmentation.volume import Volume
 
 SHEAR = np.array([[400.0, 90.0, -60.0], [90.0, 225.0, 50.0], [-60.0, 50.0, 300.0]])
@@ -125,8 +125,18 @@ def test_the_study_says_what_is_wanted_and_what_is_reached(monkeypatch: pytest.M
     assert by["prostate", "extremes"]["reached"] and not by["bladder", "extremes"]["reached"]
     assert by["bone", "auto"]["reached"] and by["prostate", "jittered"]["wanted"] is None
     assert study["wanted"] == 7 and study["reached"] == 4
+    # Every mode gives the same here: there is nothing to tell apart.
+    assert study["confidence_rank_correlation"] == {}
     text = study_text(study)
     assert text.count("not reached") == 3 and "made up" in text
+
+
+def test_rank_correlation_is_one_where_the_surer_is_the_better() -> None:
+    rows = [
+        {"organ": "prostate", "confidence": sure, "dice": good} for sure, good in ((0.2, 0.5), (0.6, 0.7), (0.5, 0.6))
+    ]
+    assert _rank_correlation(rows) == {"prostate": 1.0}
+    assert _rank_correlation([row | {"dice": -row["dice"]} for row in rows]) == {"prostate": -1.0}
 
 
 def _shifted(mask: Volume, by: int) -> Volume:
