@@ -22,4 +22,4 @@ def finish(axes: Axes, x: str, y: str, title: str = "", legend: bool = True) -> 
     axes.tick_params(labelsize=7)
     axes.grid(alpha=0.3)
     if legend:
-        axes.legend(fontsize=7, frameon=False)
+        axes.legend(fontsize=7, framealpha=1.0, edgecolor="0.8")
