@@ -236,6 +236,14 @@ def test_dropped_folders_find_their_places(tmp_path: Path) -> None:
     assert one_by_one.why_not() == "choose both scans first"
     one_by_one.take([tmp_path / "empty"])
     assert (one_by_one.rest, one_by_one.deformed) == (tmp_path / "third", tmp_path / "empty")
+    for name in ("full.nii.gz", "empty.nii.gz"):
+        (tmp_path / name).touch()
+    pair.take([tmp_path / "full.nii.gz", tmp_path / "empty.nii.gz"])
+    assert (pair.rest_labels, pair.deformed_labels) == (tmp_path / "empty.nii.gz", tmp_path / "full.nii.gz")
+    assert pair.rest == tmp_path / "empty", "contours do not take the place of a scan"
+    alone = Pair()
+    alone.take([tmp_path / "full.nii.gz", tmp_path / "empty.nii.gz"])
+    assert (alone.rest, alone.rest_labels) == (tmp_path / "empty.nii.gz", None)
     case = write_case(tmp_path / "case", result())
     assert pair.take([case.path]) == case.path
     pair.case = tmp_path
@@ -294,3 +302,9 @@ def _gap_of(folder: Path) -> GapMap | None:
         return opened.gap
     finally:
         opened.close()
+
+
+def test_contours_go_to_the_import(tmp_path: Path) -> None:
+    a, b, case = tmp_path / "a", tmp_path / "b", tmp_path / "case"
+    command = commands.import_command(a, b, case, (None, tmp_path / "rs.dcm"))
+    assert command[-2:] == ["--deformed-labels", str(tmp_path / "rs.dcm")] and "--rest-labels" not in command

@@ -28,6 +28,9 @@ from palpate.ui.desktop.recent import remember
 from palpate.ui.desktop.scans import Scan, mapped_labels, mapped_scan
 from palpate.ui.pictures.planes import centre_of
 
+# Files with contours of the scan at rest and of the deformed one.
+Labels = tuple[Path | None, Path | None]
+
 
 class Controller:
     """case : the open case or None. scans : what has been read of its CTs. jobs : the steps. reader : reading of scans.
@@ -45,7 +48,7 @@ class Controller:
         self.said = ""
         self.listeners: list[Callable[[str], None]] = []
         self._scratch = Path(tempfile.mkdtemp(prefix="palpate-window-"))
-        self._pair: tuple[Path, Path, Path] | None = None
+        self._pair: tuple[Path, Path, Path, Labels] | None = None
         self._scratch_number = 0
         self._running: tuple[str, ...] = ()
 
@@ -68,13 +71,19 @@ class Controller:
         self._take(opened)
         self._read({state: opened.folder.file(f"{state}_ct") for state in STATES if opened.folder.has(f"{state}_ct")})
 
-    def open_pair(self, rest: Path, deformed: Path, case: Path) -> None:
-        """Shows two scans as soon as they are read, then makes their case. Raises InputError for paths that are not there."""
+    def open_pair(self, rest: Path, deformed: Path, case: Path, labels: Labels = (None, None)) -> None:
+        """Shows two scans as soon as they are read, then makes their case, with contours of them where there are any.
+
+        Raises InputError for paths that are not there.
+        """
+        for path in labels:
+            if path is not None and not path.is_file():
+                raise InputError(f"{path} is not there; choose the file that holds the contours")
         for path in (rest, deformed):
             if not path.exists():
                 raise InputError(f"{path} is not there; choose the folder that holds the slices of the CT")
         self.close()
-        self._pair = (rest, deformed, case)
+        self._pair = (rest, deformed, case, labels)
         if rest.is_dir() and deformed.is_dir():
             self._read({"rest": rest, "deformed": deformed})
         else:

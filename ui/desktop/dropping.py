@@ -10,18 +10,26 @@ _REST_WORDS, _DEFORMED_WORDS = ("rest", "empty", "before"), ("deform", "full", "
 
 @dataclass
 class Pair:
-    """The two scans and the case to make of them, as far as they are chosen."""
+    """The two scans, contours of them, and the case to make, as far as they are chosen."""
 
     rest: Path | None = None
     deformed: Path | None = None
     case: Path | None = None
+    rest_labels: Path | None = None
+    deformed_labels: Path | None = None
 
     def take(self, paths: list[Path]) -> Path | None:
         """Takes dropped folders. Returns a case among them, which is to be opened; scans fill the free places."""
         for path in paths:
             if (path / "case.json").is_file():
                 return path
-        scans = sorted((path for path in paths if path.exists()), key=_looks_deformed)
+        there = sorted((path for path in paths if path.exists()), key=_looks_deformed)
+        folders = [path for path in there if path.is_dir()] or [
+            p for p in (self.rest, self.deformed) if p and p.is_dir()
+        ]
+        # A file beside scans that are folders holds contours; two files alone are label volumes to make a case of.
+        scans = [path for path in there if path.is_dir() or not folders]
+        self._take_labels([path for path in there if path not in scans])
         if len(scans) >= 2:
             self.rest, self.deformed = scans[0], scans[1]
         elif scans:
@@ -35,14 +43,21 @@ class Pair:
             self.case = case_beside(scans[0])
         return None
 
+    def _take_labels(self, files: list[Path]) -> None:
+        for path in files:
+            if self.rest_labels is None and not (_looks_deformed(path) and self.deformed_labels is None):
+                self.rest_labels = path
+            else:
+                self.deformed_labels = path
+
     def why_not(self) -> str:
         """Why the pair cannot be opened yet; empty when it can."""
         if self.rest is None or self.deformed is None:
             return "choose both scans first"
         if self.case is None:
             return "choose where the case shall be made"
-        for path in (self.rest, self.deformed):
-            if not path.exists():
+        for path in (self.rest, self.deformed, self.rest_labels, self.deformed_labels):
+            if path is not None and not path.exists():
                 return f"{path} is not there"
         if self.rest == self.deformed:
             return "both are the same folder"

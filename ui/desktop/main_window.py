@@ -126,6 +126,8 @@ class MainWindow(QMainWindow):
 
     def place_words(self) -> str:
         """Crosshair in patient coordinates and what lies there."""
+        if self.controller.case is None and not self.controller.scans:
+            return ""
         x, y, z = self.controller.display.crosshair
         place = f"x {x:.1f}  y {y:.1f}  z {z:.1f} mm (LPS)".replace("-", "\N{MINUS SIGN}")
         return f"{place}   {self.controller.value_at_crosshair()}"

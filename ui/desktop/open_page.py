@@ -26,6 +26,15 @@ from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.dropping import Pair, case_beside
 from palpate.ui.desktop.recent import recent_cases
 
+_CONTOURS = "if you have any: RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace, .seg.nrrd"
+_ROWS = (
+    ("rest", "Scan at rest", "drop a folder here"),
+    ("rest_labels", "    its contours", _CONTOURS),
+    ("deformed", "Scan with the organ deformed", "drop a folder here"),
+    ("deformed_labels", "    its contours", _CONTOURS),
+    ("case", "Case folder to make", "a new folder; scans are copied, never changed"),
+)
+
 
 class OpenPage(QWidget):
     """opened : called when something has been opened."""
@@ -67,12 +76,9 @@ class OpenPage(QWidget):
     def _pair_grid(self) -> QGridLayout:
         grid = QGridLayout()
         self.fields: dict[str, QLineEdit] = {}
-        rows = (("rest", "Scan at rest"), ("deformed", "Scan with the organ deformed"), ("case", "Case folder to make"))
-        for row, (name, words) in enumerate(rows):
+        for row, (name, words, hint) in enumerate(_ROWS):
             field = QLineEdit()
-            field.setPlaceholderText(
-                "drop a folder here" if name != "case" else "a new folder; scans are copied, never changed"
-            )
+            field.setPlaceholderText(hint)
             field.textEdited.connect(lambda text, n=name: self._typed(n, text))
             button = QPushButton("Choose \N{HORIZONTAL ELLIPSIS}")
             button.clicked.connect(lambda _=False, n=name: self._choose(n))
@@ -86,11 +92,11 @@ class OpenPage(QWidget):
         self.go.setObjectName("main")
         self.go.setMinimumHeight(32)
         self.go.clicked.connect(self.open_pair)
-        grid.addWidget(self.swap, 3, 0)
-        grid.addWidget(self.go, 3, 1, 1, 2)
+        grid.addWidget(self.swap, len(_ROWS), 0)
+        grid.addWidget(self.go, len(_ROWS), 1, 1, 2)
         line = QFrame()
         line.setFrameShape(QFrame.Shape.NoFrame)
-        grid.addWidget(line, 4, 0)
+        grid.addWidget(line, len(_ROWS) + 1, 0)
         return grid
 
     def refresh(self) -> None:
@@ -120,7 +126,8 @@ class OpenPage(QWidget):
         """Opens what is chosen."""
         pair = self.pair
         assert pair.rest is not None and pair.deformed is not None and pair.case is not None
-        self._try(lambda: self._controller.open_pair(pair.rest, pair.deformed, pair.case))  # type: ignore[arg-type]
+        labels = (pair.rest_labels, pair.deformed_labels)
+        self._try(lambda: self._controller.open_pair(pair.rest, pair.deformed, pair.case, labels))  # type: ignore[arg-type]
 
     def open_case(self, path: Path) -> None:
         """Opens a case folder."""
@@ -144,6 +151,11 @@ class OpenPage(QWidget):
         self.refresh()
 
     def _choose(self, name: str) -> None:
+        if name.endswith("_labels"):
+            chosen, _ = QFileDialog.getOpenFileName(self, "Choose a file with contours")
+            setattr(self.pair, name, Path(chosen) if chosen else None)
+            self.refresh()
+            return
         chosen = QFileDialog.getExistingDirectory(self, "Choose a folder")
         if chosen:
             setattr(self.pair, name, Path(chosen) if name != "case" else case_beside(Path(chosen) / "x"))
@@ -157,5 +169,7 @@ class OpenPage(QWidget):
             self.open_case(Path(chosen))
 
     def _swap(self) -> None:
-        self.pair.rest, self.pair.deformed = self.pair.deformed, self.pair.rest
+        pair = self.pair
+        pair.rest, pair.deformed = pair.deformed, pair.rest
+        pair.rest_labels, pair.deformed_labels = pair.deformed_labels, pair.rest_labels
         self.refresh()

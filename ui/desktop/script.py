@@ -2,7 +2,7 @@
 
 | command | does |
 | --- | --- |
-| `open CASE` or `open REST DEFORMED CASE` | opens a case, or two scans; waits until the scans are read and the case is made |
+| `open CASE` or `open REST DEFORMED CASE [CONTOURS CONTOURS]` | opens a case, or two scans; waits till the case is made |
 | `crosshair X Y Z` | patient coordinates, mm LPS |
 | `show NAME VALUE` | changes how the case is shown; names as in `Display`: mode, overlay, opacity, centre, width, ... |
 | `preset NAME` | window and level |
@@ -24,7 +24,8 @@
 | `expect NAME VALUE` | ends with exit 3 unless a fact (`state`) has this value |
 | `quit` | closes the window; unsaved corrections stay in the journal |
 
-Paths are relative to the script's folder. Empty lines and lines that begin with # are passed over. Every command gives one JSON-able event with the facts after it.
+Paths are relative to the script's folder. Empty lines and lines that begin with # are passed over.
+Every command gives one JSON-able event with the facts after it.
 """
 
 from __future__ import annotations
@@ -113,14 +114,14 @@ class Driver:
         }
 
     def do_open(self, *paths: str) -> None:
-        """One path: a case. Three: rest, deformed, case."""
+        """One path: a case. Three: rest, deformed, case. Five: and contours of both scans."""
         found = [self._folder / path for path in paths]
         if len(found) == 1:
             self.controller.open_case(found[0])
-        elif len(found) == 3:
-            self.controller.open_pair(found[0], found[1], found[2])
+        elif len(found) in (3, 5):
+            self.controller.open_pair(found[0], found[1], found[2], (found[3], found[4]) if found[3:] else (None, None))
         else:
-            raise ValueError("one path or three")
+            raise ValueError("one path, three or five")
         self.window.stack.setCurrentIndex(1)
         self.do_wait()
         if self.controller.case is None:
