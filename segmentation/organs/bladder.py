@@ -2,55 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.special import expit
 
+from palpate.segmentation.organs.bladder_region import urine_of, urine_region
 from palpate.segmentation.organs.edges import mask_to_edges
 from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
 from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.random_walk import walk
 from palpate.segmentation.organs.scene import Found, Scene
 from palpate.segmentation.organs.surface_mesh import Shell, profiles, shell_of_mask
-from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest, opened
+from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest
 from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 
-# What urine without contrast medium can be, and the least and most above it that is half-way to its neighbours.
-LOWEST_HU, ABOVE_HU = -24.0, (10.0, 15.0)
+# What urine without contrast medium can be, and how far above its own median it still counts.
+LOWEST_HU, ABOVE_HU = -24.0, 15.0
 TRIED_HU = (8.0, 16.0, 24.0, 32.0)
 # Erosion that parts the bladder from partial volume between fat and muscle, which has the same HU.
 CORE_MM = 4.0
-# Urine is even: its own noise, measured within it, tells it from everything else of its HU. Window of that measure, how
-# much rougher than the core is still urine, and how far the HU may be off, in units of noise, or at least.
-WINDOW_MM, ROUGHER, LIKE_SD, LIKE_HU, FINE_SIGMA_MM = 6.25, 2.0, 3.0, 10.0, 1.0
-# A ball of this share of the largest one fits everywhere into a bladder, but for bulges as high as given.
-ROUND_SHARE, ROUND_MM, BULGE_MM, SMOOTH_MM = 0.5, (3.0, 9.0), 8.0, 4.0
-# The wall lies about this far from what is even (half the window), and nowhere further than FAR_MM.
-REACH_MM, FAR_MM, ROOM_MM = 3.0, 10.0, 15.0
-# A difference of neighbours that is an edge, in units of those in urine; and the prior's pull (see random_walk.py).
-EDGE_SD, PULL = 2.0, 0.05
 # Wall that is added where nothing tells it from its neighbour, and the most that is looked for against fat.
 WALL_MM, THICKEST_MM = 0.0, 2.0
 INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
-SMALLEST_CC, ENOUGH_CC = 6.0, 80.0
+SMALLEST_CC, ENOUGH_CC, LEAST_CC = 6.0, 80.0, 1.0
 # Notches of this depth in the wall's outer surface are noise. Points and boxes are given this exactly.
 NOTCH_MM, BOX_MM = 1.0, 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Urine:
-    """HU, noise and edge (HU) of the urine of a scan; the picture and its roughness that these are of."""
-
-    hu: float
-    noise: float
-    edge: float
-    fine: NDArray[np.float32]
-    rough: NDArray[np.float64]
 
 
 def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
@@ -61,8 +38,10 @@ def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
     core = _best_core(scene, smooth, allowed) if point is None else _core_at(scene, smooth, allowed, point)
     if core is None:
         return None
-    urine = _urine_of(scene, core)
-    region = _walked(scene, urine, _calm(urine, smooth, core, allowed, scene.step), allowed)
+    urine = urine_of(scene, core)
+    region = urine_region(scene, urine, smooth, core, allowed)
+    if scene.cc(region) < LEAST_CC:
+        return None
     shell, seen = _outer(scene, shell_of_mask(region, scene.grid, 1.5), urine.hu)
     mask = largest(np.asarray(ndimage.binary_fill_holes(shell.voxels(scene.grid))))
     # Noise that looks unlike urine at the wall leaves notches; the wall's outer edge closes them.
@@ -120,66 +99,13 @@ def _core_at(scene: Scene, smooth: NDArray[np.float32], allowed: Mask, point: Fl
     if not around.any():
         return None
     urine = float(np.median(smooth[around]))
-    inner = eroded((np.abs(smooth - urine) < ABOVE_HU[1]) & allowed, CORE_MM, scene.step)
+    inner = eroded((np.abs(smooth - urine) < ABOVE_HU) & allowed, CORE_MM, scene.step)
     parts, count = ndimage.label(inner)
     if count == 0:
         return None
     far, nearest = ndimage.distance_transform_edt(parts == 0, sampling=scene.step, return_indices=True)
     number = parts[tuple(nearest[(slice(None), *at)])]
     return np.asarray(parts == number) if far[at] < 15.0 else None
-
-
-def _urine_of(scene: Scene, core: Mask) -> _Urine:
-    """What the urine of this scan looks like, noise included."""
-    fine = blurred(scene.filled, FINE_SIGMA_MM, scene.step)
-    rough = _roughness(fine, scene.step)
-    steps = [np.diff(fine, axis=a)[core.take(range(1, core.shape[a]), axis=a)] for a in range(3)]
-    edge = EDGE_SD * float(np.sqrt(np.mean(np.concatenate(steps) ** 2)))
-    return _Urine(float(np.median(fine[core])), float(np.median(rough[core])), max(edge, 0.5), fine, rough)
-
-
-def _roughness(values: NDArray[np.float32], step: float) -> NDArray[np.float64]:
-    """Standard deviation about each voxel: low within a fluid, high at walls and where vessels and fat mix to its HU."""
-    width = max(3, round(WINDOW_MM / step) | 1)
-    wide = values.astype(np.float64)
-    square, mean = ndimage.uniform_filter(wide**2, width), ndimage.uniform_filter(wide, width)
-    return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))
-
-
-def _calm(urine: _Urine, smooth: NDArray[np.float32], core: Mask, allowed: Mask, step: float) -> Mask:
-    """What is certainly bladder: of its HU, no rougher than it, and hanging together with where it was found."""
-    like = np.abs(smooth - urine.hu) < max(LIKE_SD * urine.noise, LIKE_HU)
-    calm = opened((urine.rough < ROUGHER * urine.noise) & like & allowed, SMOOTH_MM, step) | core
-    parts, _ = ndimage.label(calm)
-    calm &= np.isin(parts, np.unique(parts[core]))
-    trunk = opened(calm, float(np.clip(ROUND_SHARE * _deepest(calm, step), *ROUND_MM)), step)
-    return np.asarray(ndimage.binary_fill_holes(largest(calm & dilated(trunk, BULGE_MM, step))))
-
-
-def _deepest(mask: Mask, step: float) -> float:
-    return float(ndimage.distance_transform_edt(mask, sampling=step).max())
-
-
-def _walked(scene: Scene, urine: _Urine, calm: Mask, allowed: Mask) -> Mask:
-    """The calm part grown to the edges about it, by random walks."""
-    near = _about(calm, round(ROOM_MM / scene.step))
-    fine, far = urine.fine[near], ndimage.distance_transform_edt(~calm[near], sampling=scene.step)
-    bright = urine.hu + float(np.clip(0.5 * (scene.muscle - urine.hu), *ABOVE_HU))
-    dark = 0.5 * (urine.hu + scene.fat)
-    prior = expit((bright - fine) / urine.noise) * expit((fine - dark) / (3.0 * urine.noise))
-    prior *= expit((REACH_MM - far) / 0.7)
-    outside = ~allowed[near] | (far > FAR_MM) | (fine < scene.fat_edge - 15.0)
-    region = np.zeros_like(calm)
-    region[near] = walk(fine, calm[near], outside, urine.edge, prior, PULL) > 0.5
-    region = np.asarray(ndimage.binary_fill_holes(opened(largest(region), SMOOTH_MM, scene.step)))
-    return largest(region)
-
-
-def _about(mask: Mask, margin: int) -> tuple[slice, ...]:
-    """The part of the grid that holds a mask, and a margin in voxels."""
-    return tuple(
-        slice(max(0, s.start - margin), s.stop + margin) for s in ndimage.find_objects(mask.astype(np.uint8))[0]
-    )
 
 
 def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:
@@ -197,7 +123,7 @@ def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:
     near = crossing(values, found, scene.fat_edge, 2)
     place = np.where(np.isfinite(near), near, found + 0.5)
     move = shell.smoothed(offsets[0] + STEP_MM * place, 4)
-    contrast = against_fat | (values[:, -1] > urine + ABOVE_HU[1])
+    contrast = against_fat | (values[:, -1] > urine + ABOVE_HU)
     return Shell(shell.points + move[:, None] * shell.normals, shell.faces), float(contrast.mean())
 
 

@@ -105,3 +105,16 @@ def test_a_body_without_bone_is_refused() -> None:
     soft[8:-8, 8:-8] = 40
     with pytest.raises(InputError, match="hardly any bone"):
         segment_pelvis(Volume(soft, np.diag([3.0, 3.0, 3.0, 1.0])))
+
+
+@pytest.mark.parametrize("away", [(0.0, 60.0, 0.0), (30.0, 20.0, -40.0), (400.0, 0.0, 0.0)])
+def test_a_click_beside_the_bladder_ends_in_a_bladder_or_in_none(away: tuple[float, float, float]) -> None:
+    point = click_of(truth_of(BLADDER)) + np.array(away)
+    wrong = find_bladder(found().scene, Prompts({"bladder": point}))
+    assert wrong is None or (wrong.mask.any() and 0.0 <= wrong.confidence <= 1.0)
+
+
+def test_a_box_around_next_to_nothing_holds_no_bladder() -> None:
+    corner = click_of(truth_of(BLADDER))
+    tiny = find_bladder(found().scene, Prompts(boxes={"bladder": np.array([corner, corner + 6.0])}))
+    assert tiny is None or tiny.mask.sum() * found().scene.step ** 3 < 1000.0

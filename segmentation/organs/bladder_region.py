@@ -1,0 +1,101 @@
+"""The urine in a bladder: an even fluid, told from its neighbours by its own noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.special import expit
+
+from palpate.segmentation.organs.random_walk import walk
+from palpate.segmentation.organs.scene import Scene
+from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, largest, opened
+
+# The least and most above urine's HU that is half-way to its neighbours.
+ABOVE_HU = (10.0, 15.0)
+# Urine is even: its own noise, measured within it, tells it from everything else of its HU. Window of that measure, how
+# much rougher than the core is still urine, and how far the HU may be off, in units of noise, or at least.
+WINDOW_MM, ROUGHER, LIKE_SD, LIKE_HU, FINE_SIGMA_MM = 6.25, 2.0, 3.0, 10.0, 1.0
+# A ball of this share of the largest one fits everywhere into a bladder, but for bulges as high as given.
+ROUND_SHARE, ROUND_MM, BULGE_MM, SMOOTH_MM = 0.5, (3.0, 9.0), 8.0, 4.0
+# The wall lies about this far from what is even (half the window), and nowhere further than FAR_MM.
+REACH_MM, FAR_MM, ROOM_MM = 3.0, 10.0, 15.0
+# A difference of neighbours that is an edge, in units of those in urine; and the prior's pull (see random_walk.py).
+EDGE_SD, PULL = 2.0, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Urine:
+    """HU, noise and edge (HU) of the urine of a scan; the picture and its roughness that these are of."""
+
+    hu: float
+    noise: float
+    edge: float
+    fine: NDArray[np.float32]
+    rough: NDArray[np.float64]
+
+
+def urine_of(scene: Scene, core: Mask) -> Urine:
+    """What the urine of this scan looks like, noise included."""
+    fine = blurred(scene.filled, FINE_SIGMA_MM, scene.step)
+    rough = _roughness(fine, scene.step)
+    steps = [np.diff(fine, axis=a)[core.take(range(1, core.shape[a]), axis=a)] for a in range(3)]
+    edge = EDGE_SD * float(np.sqrt(np.mean(np.concatenate(steps) ** 2)))
+    # A picture without noise still has its own rounding.
+    noise = max(float(np.median(rough[core])), 0.5)
+    return Urine(float(np.median(fine[core])), noise, max(edge, 0.5), fine, rough)
+
+
+def _roughness(values: NDArray[np.float32], step: float) -> NDArray[np.float64]:
+    """Standard deviation about each voxel: low within a fluid, high at walls and where vessels and fat mix to its HU."""
+    width = max(3, round(WINDOW_MM / step) | 1)
+    wide = values.astype(np.float64)
+    square, mean = ndimage.uniform_filter(wide**2, width), ndimage.uniform_filter(wide, width)
+    return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))
+
+
+def _calm(urine: Urine, smooth: NDArray[np.float32], core: Mask, allowed: Mask, step: float) -> Mask:
+    """What is certainly bladder: of its HU, no rougher than it, and hanging together with where it was found."""
+    like = np.abs(smooth - urine.hu) < max(LIKE_SD * urine.noise, LIKE_HU)
+    calm = opened((urine.rough < ROUGHER * urine.noise) & like & allowed, SMOOTH_MM, step) | core
+    parts, _ = ndimage.label(calm)
+    calm &= np.isin(parts, np.unique(parts[core]))
+    trunk = opened(calm, float(np.clip(ROUND_SHARE * _deepest(calm, step), *ROUND_MM)), step)
+    return np.asarray(ndimage.binary_fill_holes(largest(calm & dilated(trunk, BULGE_MM, step))))
+
+
+def _deepest(mask: Mask, step: float) -> float:
+    return float(ndimage.distance_transform_edt(mask, sampling=step).max())
+
+
+def urine_region(scene: Scene, urine: Urine, smooth: NDArray[np.float32], core: Mask, allowed: Mask) -> Mask:
+    """The urine about a core, grown to the edges around it by random walks; nothing where all is too thin.
+
+    smooth : HU, blurred by 2 mm. allowed : where the bladder may be.
+    """
+    calm = _calm(urine, smooth, core, allowed, scene.step)
+    return _walked(scene, urine, calm, allowed) if calm.any() else calm
+
+
+def _walked(scene: Scene, urine: Urine, calm: Mask, allowed: Mask) -> Mask:
+    """The calm part grown to the edges about it, by random walks."""
+    near = _about(calm, round(ROOM_MM / scene.step))
+    fine, far = urine.fine[near], ndimage.distance_transform_edt(~calm[near], sampling=scene.step)
+    bright = urine.hu + float(np.clip(0.5 * (scene.muscle - urine.hu), *ABOVE_HU))
+    dark = 0.5 * (urine.hu + scene.fat)
+    prior = expit((bright - fine) / urine.noise) * expit((fine - dark) / (3.0 * urine.noise))
+    prior *= expit((REACH_MM - far) / 0.7)
+    outside = ~allowed[near] | (far > FAR_MM) | (fine < scene.fat_edge - 15.0)
+    region = np.zeros_like(calm)
+    region[near] = walk(fine, calm[near], outside, urine.edge, prior, PULL) > 0.5
+    region = np.asarray(ndimage.binary_fill_holes(opened(largest(region), SMOOTH_MM, scene.step)))
+    return largest(region)
+
+
+def _about(mask: Mask, margin: int) -> tuple[slice, ...]:
+    """The part of the grid that holds a mask, and a margin in voxels."""
+    return tuple(
+        slice(max(0, s.start - margin), s.stop + margin) for s in ndimage.find_objects(mask.astype(np.uint8))[0]
+    )
