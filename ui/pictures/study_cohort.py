@@ -15,7 +15,8 @@ _VALUES = {"truth": ("effective_mean_mu_kpa", "what it has"), "clean": ("clean_m
 
 def study_cohort(study: Mapping[str, Any]) -> Figure:
     """A box plot for what the organs have, what is found without noise and with, or for a table's values."""
-    figure, axes = panels(len(study["statistics"]), 2.9, 3.2)
+    count = len(study["statistics"])
+    figure, axes = panels(count, 2.9 if count > 1 else 4.4, 3.4)
     stages = sorted({row["stage"] for row in study["rows"]})
     for panel, (key, told) in zip(axes, study["statistics"].items(), strict=True):
         name, words = _VALUES[key]
@@ -24,15 +25,15 @@ def study_cohort(study: Mapping[str, Any]) -> Figure:
         for k, group in enumerate(groups):
             panel.plot([k] * len(group), group, ".", color="0.4", markersize=4)
         panel.set_xticks(range(len(stages)), [f"T{stage:g}" for stage in stages])
-        panel.set_ylim(0.0, None)
+        panel.set_ylim(0.0, 1.3 * max(max(group) for group in groups))
         finish(panel, "stage", "mean μ of the organ, kPa", words, legend=False)
         panel.annotate(
             f"Pearson {told['pearson']:.2f}, p = {told['pearson_p']:.2g}\nSpearman {told['spearman']:.2f}, p = {told['spearman_p']:.2g}",
             (0.03, 0.97), xycoords="axes fraction", fontsize=7, va="top")  # fmt: skip
-        panel.margins(y=0.35)
     paper = study["paper"]
     figure.suptitle(
-        f"Patients {study['patients']}. The paper, {paper['patients']} patients: Pearson {paper['pearson']}, Spearman {paper['spearman']}",
+        f"Patients {study['patients']}\n"
+        f"the paper, {paper['patients']} patients: Pearson {paper['pearson']}, Spearman {paper['spearman']}",
         fontsize=8,
     )
     return figure

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from palpate.ui.pictures.element_errors import COLOURS
 from palpate.ui.pictures.study_axes import TRUTH, finish, panels
@@ -31,7 +32,9 @@ def study_resolution(study: Mapping[str, Any]) -> Figure:
     )
     finish(left, "tumour's share of its half, %", "error of the normal half, %", "without noise", legend=False)
     finish(right, "tumour's share of its half, %", "μ found of the tumour's half, kPa", "without noise")
-    left.set_yscale("log")
+    for axes in (left, right):
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     left.set_ylim(0.05, None)
     left.axhspan(1.0, 5.0, color="0.9", zorder=0)
     left.annotate("the paper: 1 to 5 %", (share[0], 1.05), fontsize=7, color="0.4", va="bottom")
