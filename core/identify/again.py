@@ -46,7 +46,7 @@ def scene_key(problem: IdentificationProblem, options: IdentifyOptions) -> str:
 def keep_for_again(folder: Path, misfit: Misfit, options: IdentifyOptions, fingerprint: str) -> None:
     """Write folder/again.npz beside the reduced model. fingerprint : that of the reduced model."""
     problem = misfit.scene.problem
-    arrays = {
+    arrays: dict[str, NDArray[np.generic]] = {
         "points": misfit.scene.observation.points,
         "weights": misfit.surface.covariance.astype(np.float32),
         "noise": misfit.noise.astype(np.float32),

@@ -23,10 +23,9 @@ def study_resolution(study: Mapping[str, Any]) -> Figure:
     meshes = sorted({row["nodes"] for row in study["rows"]})
     for row in study["rows"]:
         line = _LINES[meshes.index(row["nodes"]) - len(meshes)]
-        style = {"color": COLOURS[row["element"]], "linestyle": line, "linewidth": 1.1}
         label = f"{row['element']}, {row['nodes']} points"
-        left.plot(share, row["normal_error_percent"], label=label, **style)
-        right.plot(share, row["tumour_mu_kpa"], **style)
+        for axes, values, said in ((left, row["normal_error_percent"], label), (right, row["tumour_mu_kpa"], None)):
+            axes.plot(share, values, label=said, color=COLOURS[row["element"]], linestyle=line, linewidth=1.1)
     right.plot(
         share, study["effective_mu_kpa"], "o", color=TRUTH, markersize=3, label="it has: mean stress over mean strain"
     )

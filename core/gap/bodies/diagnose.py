@@ -181,7 +181,10 @@ def next_state(base: BodyFit, best: Rival) -> str:
     problem = base.model.stage.problem
     told = []
     for factor, words in ((0.0, "no load"), (2.0, "twice the load")):
-        loads = tuple(replace(x, force_n=tuple(factor * f for f in x.force_n)) for x in problem.states[-1].loads)
+        loads = tuple(
+            replace(load, force_n=(factor * load.force_n[0], factor * load.force_n[1], factor * load.force_n[2]))
+            for load in problem.states[-1].loads
+        )
         asked = replace(problem.states[-1], name=words, loads=loads)
         moved = []
         for fit in (base, best.fit):

@@ -128,4 +128,5 @@ def fit_body(model: BodyModel, which: Sequence[int], start: FloatArray) -> BodyF
     white = np.linalg.cholesky(L)
     residual, jacobian = white @ best.residual[:n], white @ best.jacobian[:n]
     volume = -0.5 * float(np.linalg.slogdet(H)[1])
-    return BodyFit(model, tuple(which), best.theta, residual, jacobian, best.misfit, np.linalg.inv(H), volume)
+    covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
+    return BodyFit(model, tuple(which), best.theta, residual, jacobian, best.misfit, covariance, volume)
