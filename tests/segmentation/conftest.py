@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-# What the tests have to show beside passing, printed after them.
-TABLE = pytest.StashKey[list[str]]()
 SHARED = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 
 
@@ -38,12 +36,3 @@ def pelvis_small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def pelvis_005(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder with CT*.dcm and one RS*.dcm."""
     yield next(_unpacked("pelvis_ct_005.tar.xz", tmp_path_factory).rglob("RS*.dcm")).parent
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Prints the table of the hostile DICOM folders."""
-    lines = config.stash.get(TABLE, [])
-    if lines:
-        terminalreporter.section("hostile DICOM folders")
-        for line in lines:
-            terminalreporter.write_line(line)

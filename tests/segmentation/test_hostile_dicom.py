@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pydicom
-import pytest
 import SimpleITK as sitk
-from conftest import TABLE
 
 from palpate.core.errors import InputError
 from palpate.segmentation.dicom_files import DicomFile, read_file
@@ -43,13 +41,13 @@ EXPECTED = {
 }
 
 
-def test_every_folder_reads_or_is_refused_in_one_line(hostile_dicom: Path, pytestconfig: pytest.Config) -> None:
+def test_every_folder_reads_or_is_refused_in_one_line(hostile_dicom: Path, shown: list[str]) -> None:
     base = next(hostile_dicom.rglob("ge_tilt_varspacing")).parent
     folders = {p.parent for p in base.rglob("*") if p.is_file() and p.parent != base} | {base / "DICOMDIR_dangling"}
     assert {str(f.relative_to(base)) for f in folders} == set(EXPECTED)
     for name, expected in EXPECTED.items():
         outcome = _outcome(base / name)
-        pytestconfig.stash.setdefault(TABLE, []).append(f"{name:44s} {outcome.replace(str(base) + '/', '')}")
+        shown.append(f"{name:44s} {outcome.replace(str(base) + '/', '')}")
         assert expected in outcome, name
         assert "\n" not in outcome
 
