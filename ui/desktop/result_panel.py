@@ -93,7 +93,7 @@ def _gap(case: OpenCase) -> list[str]:
     said = {"none": "no gap beyond the noise", "unknown": "a gap of a kind that is not known",
             "ambiguous": f"a gap, by one of: {names}"}  # fmt: skip
     out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
-    if "rms_mm" in gap:
+    if verdict != "none" and "rms_mm" in gap:
         out.append(f"{gap['rms_mm']:.2f} mm rms, noise floor {gap.get('noise_floor_mm', float('nan')):.2f} mm")
     if found.get("next_measurement"):
         out.append(f"Next: {escape(str(found['next_measurement']))}")

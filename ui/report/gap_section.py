@@ -52,7 +52,7 @@ def gap_section(found: Mapping[str, Any], pictures: Mapping[str, Picture]) -> Se
     rows = [
         ("verdict", _VERDICTS.get(verdict, verdict.replace("_", " "))),
         ("gap on the organ's surface, smoothed over the noise", f"{gap['rms_mm']:.2f} mm rms, 95 % below {gap['p95_mm']:.2f} mm"),
-        ("noise alone would leave", f"{floor:.2f} mm rms"),
+        ("noise of the contours alone would leave", f"{floor:.2f} mm rms"),
         ("chance of such a gap without any effect", "below 0.001" if p < 0.001 else f"{p:.3f}"),
     ]  # fmt: skip
     blocks += [
