@@ -69,9 +69,11 @@ def seeds(painter: QPainter, screen: Screen, found: Mapping[str, Sequence[float]
             continue
         tone = style.colour(style.SEED, 255 if away <= _NEAR_MM else 90)
         p = screen.to_pixel(point[screen.plane.across], point[screen.plane.down])
-        painter.setPen(QPen(tone, 2.0))
         painter.setBrush(Qt.BrushStyle.NoBrush)
-        painter.drawEllipse(p, 6.0, 6.0)
+        # Dark around light around colour: to be seen on any label and on bone.
+        for ink, width in ((QColor(0, 0, 0, tone.alpha()), 5.0), (QColor(255, 255, 255, tone.alpha()), 3.6), (tone, 2.0)):
+            painter.setPen(QPen(ink, width))
+            painter.drawEllipse(p, 6.0, 6.0)
         painter.drawPoint(p)
         if away <= _NEAR_MM:
             left = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
