@@ -71,7 +71,11 @@ def seeds(painter: QPainter, screen: Screen, found: Mapping[str, Sequence[float]
         p = screen.to_pixel(point[screen.plane.across], point[screen.plane.down])
         painter.setBrush(Qt.BrushStyle.NoBrush)
         # Dark around light around colour: to be seen on any label and on bone.
-        for ink, width in ((QColor(0, 0, 0, tone.alpha()), 5.0), (QColor(255, 255, 255, tone.alpha()), 3.6), (tone, 2.0)):
+        for ink, width in (
+            (QColor(0, 0, 0, tone.alpha()), 5.0),
+            (QColor(255, 255, 255, tone.alpha()), 3.6),
+            (tone, 2.0),
+        ):
             painter.setPen(QPen(ink, width))
             painter.drawEllipse(p, 6.0, 6.0)
         painter.drawPoint(p)
