@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from palpate.core.identify.coupled import CoupledScene
 from palpate.core.identify.identify import Identification, identify
+from palpate.core.identify.misfit_figures import misfit_figures
 from palpate.core.identify.nothing import nothing_found
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.posterior import verdict
 from palpate.core.identify.rigid_pair import rigid_pair
 from palpate.core.identify.stiffness_map import StiffnessMap, stiffness_map
-from palpate.core.observe.surface_distance import surface_misfit
-from palpate.core.observe.triangle_tree import TriangleTree
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread
@@ -53,7 +52,9 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     found = identify(Path(job.folder), options, fingerprint, reporter)
     save_checkpoint(Path(job.folder) / "fields.npz", _fields(found), fingerprint)
     mapped = _mapped(found, options, reporter)
-    if mapped is not None:
+    if mapped is None:
+        (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)  # an earlier run's
+    else:
         save_checkpoint(Path(job.folder) / MAP_FILE, mapped.arrays(), fingerprint)
     return {**_result(found, options), "stiffness_map": None if mapped is None else _map_facts(mapped)}
 
@@ -134,26 +135,11 @@ def _parameters(found: Identification, names: tuple[str, ...]) -> dict[str, Any]
 
 def _misfit(found: Identification) -> dict[str, Any]:
     """Eqs 10 to 13: every point to its own region's surface, points near the dividing line left out."""
-    observation, deformed = found.scene.observation, found.scene.problem.organ.deformed
-    targets = {
-        r: TriangleTree.of(deformed.points, deformed.faces[deformed.region == r])
-        for r in found.scene.problem.regions
-        if (deformed.region == r).any()
-    }
-    seen = np.isin(observation.region, list(targets))
-    start = surface_misfit(observation.points[seen], observation.region[seen], targets)
+    observation = found.scene.observation
     moved = observation.points + observation.operator @ found.equilibrium.u
-    end = surface_misfit(moved[seen], observation.region[seen], targets)
-    facts = found.scene.problem.facts
     return {
-        "rms_mm": end.rms_mm,
-        "p95_mm": end.p95_mm,
-        "hausdorff_mm": end.hausdorff_mm,
-        "objective_mm2": end.objective_mm2,
-        "points": end.points,
-        "rms_before_mm": start.rms_mm,
+        **misfit_figures(found.scene.problem, observation.points, observation.region, moved),
         "expected_noise_rms_mm": float(np.sqrt(np.trace(found.misfit.noise) / len(observation.points))),
-        "contour_noise_sd_mm": facts.noise_sd_mm,
         "weighted": float(found.residual @ found.residual),
         "weighted_expected": len(found.residual),
     }

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.identify.misfit_figures import misfit_figures
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.parameters import StiffnessParameters
 from palpate.core.identify.posterior import Posterior, laplace
 from palpate.core.identify.rigid_pair import RigidPair
-from palpate.core.observe.surface_distance import surface_misfit
 from palpate.core.observe.surface_observation import sample_surface
-from palpate.core.observe.triangle_tree import TriangleTree
 from palpate.core.problem import IdentificationProblem
 
 FloatArray = NDArray[np.float64]
@@ -72,24 +71,8 @@ def _allowed(prior: Posterior, k: int) -> dict[str, Any]:
 def _misfit(problem: IdentificationProblem, pair: RigidPair) -> dict[str, Any]:
     """Eqs 10 to 13 after the rigid motion."""
     points, _, region, _ = sample_surface(problem.organ.rest, 2.0)
-    deformed = problem.organ.deformed
-    targets = {
-        r: TriangleTree.of(deformed.points, deformed.faces[deformed.region == r])
-        for r in problem.regions
-        if (deformed.region == r).any()
-    }
-    seen = np.isin(region, list(targets))
-    start, end = (surface_misfit(x[seen], region[seen], targets) for x in (points, pair.moved(points)))
-    return {
-        "rms_mm": end.rms_mm,
-        "p95_mm": end.p95_mm,
-        "hausdorff_mm": end.hausdorff_mm,
-        "objective_mm2": end.objective_mm2,
-        "points": end.points,
-        "rms_before_mm": start.rms_mm,
-        "expected_noise_rms_mm": pair.expected_mm["organ"],
-        "contour_noise_sd_mm": problem.facts.noise_sd_mm,
-    }
+    figures = misfit_figures(problem, points, region, pair.moved(points))
+    return {**figures, "expected_noise_rms_mm": pair.expected_mm["organ"]}
 
 
 def _fields(problem: IdentificationProblem, pair: RigidPair, prior: Posterior) -> dict[str, NDArray[np.generic]]:

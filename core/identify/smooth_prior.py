@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from palpate.core.observe.noise import matern_3_2
+
 FloatArray = NDArray[np.float64]
 
 # A region's stiffness differs from the organ's level by a factor of two or less in two cases of three; a focus is about this long.
@@ -37,5 +39,4 @@ class SmoothPrior:
 
     def local_covariance(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """(p, q) of the differences about the level."""
-        s = np.sqrt(3.0) * cdist(a, b) / self.length_mm
-        return np.asarray(self.local_sd**2 * (1.0 + s) * np.exp(-s), dtype=np.float64)
+        return self.local_sd**2 * matern_3_2(cdist(a, b), self.length_mm)

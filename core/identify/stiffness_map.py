@@ -90,8 +90,12 @@ def painted(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> tu
     prior = SmoothPrior(*(float(v) for v in np.asarray(arrays["prior"], dtype=float)))
     centres = np.asarray(arrays["centres"], dtype=float)
     ln_G = prior.mean + prior.covariance(points, centres) @ np.asarray(arrays["weights"], dtype=float)
-    nearest = cdist(points, centres).argmin(axis=1)
-    return np.exp(ln_G), np.asarray(arrays["told"], dtype=bool)[nearest]
+    return np.exp(ln_G), np.asarray(arrays["told"], dtype=bool)[nearest_patch(arrays, points)]
+
+
+def nearest_patch(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> NDArray[np.int64]:
+    """The patch (p,) whose centre is nearest to each of points (p, 3) mm."""
+    return np.asarray(cdist(points, np.asarray(arrays["centres"], dtype=float)).argmin(axis=1), dtype=np.int64)
 
 
 def stiffness_map(
@@ -117,16 +121,18 @@ def stiffness_map(
     state = body.at(m, found)
     if state is None:
         return None
-    step, steps = np.full(patches.n, np.inf), 0
-    while np.abs(step).max() > _CLOSE and steps < _STEPS:
+    settled, stuck, steps = False, False, 0
+    while not (settled or stuck) and steps < _STEPS:
         progress(steps / _STEPS, f"stiffness map, step {steps + 1}")
         r, J = state.residual, body.jacobian(m, state.equilibrium)
         H = J.T @ J + precision
         full = np.asarray(-np.linalg.solve(H, J.T @ r + precision @ (m - prior.mean)), dtype=np.float64)
         m, state, step = body.descend(m, full, state, precision, prior.mean)
+        # Where no step lowers the objective it has settled only if the one that was asked for is small.
+        settled, stuck = bool(np.abs(step if step.any() else full).max() <= _CLOSE), not step.any()
         steps += 1
     J = body.jacobian(m, state.equilibrium)
-    return _judged(body, patches, prior, m, J, C, precision, steps, bool(np.abs(step).max() <= _CLOSE))
+    return _judged(body, patches, prior, m, J, C, precision, steps, settled)
 
 
 def _judged(
@@ -172,9 +178,7 @@ class _Body:
         self._unit = mooney_rivlin_parameters(1.0, bulk_modulus(1.0, facts.organ_poisson_ratio), 0.5)
         regions = scene.problem.mesh.regions[patches.cells]
         self._rows = {r: np.flatnonzero(regions == r) for r in scene.problem.regions}
-        G = facts.tissue_shear_modulus_kpa
-        self._tissue = Material(scene.parameters.materials(np.zeros(scene.parameters.n))[TISSUE].law,
-                                np.array([G, bulk_modulus(G, facts.tissue_poisson_ratio)]))  # fmt: skip
+        self._tissue = scene.parameters.materials(np.zeros(scene.parameters.n))[TISSUE]
 
     def at(self, m: FloatArray, start: Equilibrium) -> _Solved | None:
         """Equilibrium for ln G (n,) of the patches; None where there is none."""

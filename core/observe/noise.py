@@ -34,13 +34,19 @@ def smooth_covariance(points: FloatArray, sd_mm: float, correlation_mm: float) -
     return sd_mm**2 * np.exp(-0.5 * (cdist(points, points) / correlation_mm) ** 2)
 
 
+def matern_3_2(distance: FloatArray, length: float) -> FloatArray:
+    """The Matern kernel of smoothness 3/2 at distances (any shape), 1 at 0; length in the same unit."""
+    a = np.sqrt(3.0) * distance / length
+    return np.asarray((1.0 + a) * np.exp(-a), dtype=np.float64)
+
+
 def contour_covariance(points: FloatArray, sd_mm: float, correlation_mm: float) -> FloatArray:
     """(q, q) mm2, what the noise of a residual between two contours is taken to be: smooth error of both, and extraction.
 
     The extraction's part has the Matern 3/2 kernel. sd_mm : of one contour.
     """
-    a = np.sqrt(3.0) * cdist(points, points) / EXTRACTION_LENGTH_MM
-    return 2.0 * smooth_covariance(points, sd_mm, correlation_mm) + EXTRACTION_MM**2 * (1.0 + a) * np.exp(-a)
+    short = matern_3_2(cdist(points, points), EXTRACTION_LENGTH_MM)
+    return 2.0 * smooth_covariance(points, sd_mm, correlation_mm) + EXTRACTION_MM**2 * short
 
 
 def weighting_covariance(points: FloatArray, sd_mm: float, correlation_mm: float) -> FloatArray:

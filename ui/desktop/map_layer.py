@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF
 from PySide6.QtGui import QImage, QPainterPath, QPolygonF
-from scipy.spatial import cKDTree
 from skimage import measure
 
-from palpate.core.identify.stiffness_map import painted
+from palpate.core.identify.stiffness_map import nearest_patch, painted
 from palpate.segmentation.labels import ORGAN_LABELS
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.sheets import Sheet
@@ -42,8 +41,8 @@ def map_layer(
     points = _places(sheet, plane, position, rows, columns)
     G, told = painted(arrays, points) if len(points) else (np.zeros(0), np.zeros(0, dtype=bool))
     if display.surest_factor is not None and len(points):
-        nearest = cKDTree(np.asarray(arrays["centres"])).query(points)[1]
-        told = told & (np.exp(1.96 * np.asarray(arrays["sd"])[nearest]) <= display.surest_factor)
+        sd = np.asarray(arrays["sd"])[nearest_patch(arrays, points)]
+        told = told & (np.exp(1.96 * sd) <= display.surest_factor)
     low = -np.inf if display.low_kpa is None else display.low_kpa
     high = np.inf if display.high_kpa is None else display.high_kpa
     shown = told & (low <= G) & (high >= G)

@@ -11,7 +11,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from palpate.core.identify.stiffness_map import painted
+from palpate.core.identify.stiffness_map import nearest_patch, painted
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import PLANES, Plane, Slice, Window, share_of_label
@@ -56,9 +56,7 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
 
 def _factor(arrays: Arrays, points: FloatArray) -> FloatArray:
     """exp(sd of ln G) of the nearest patch."""
-    centres = np.asarray(arrays["centres"], dtype=float)
-    nearest = np.linalg.norm(points[:, None] - centres[None], axis=2).argmin(axis=1)
-    return np.asarray(np.exp(np.asarray(arrays["sd"], dtype=float)[nearest]), dtype=np.float64)
+    return np.asarray(np.exp(np.asarray(arrays["sd"], dtype=float)[nearest_patch(arrays, points)]), dtype=np.float64)
 
 
 def _inside(
