@@ -52,7 +52,7 @@ def write_ct_series(folder: Path, volume: Volume, identity: SeriesIdentity, comp
     Returns the paths from lowest k to highest. Raises InputError when the grid is not right-angled or too small, or
     the folder cannot be written.
     """
-    volume = _right_handed(volume)
+    volume = right_handed(volume)
     stored = np.rint(np.clip(volume.array, INTERCEPT_HU, INTERCEPT_HU + 2**BITS - 1)) - INTERCEPT_HU
     pixels = np.ascontiguousarray(np.transpose(stored.astype(np.uint16), (2, 1, 0)))
     names = [f"CT_{number:03d}.dcm" for number in range(1, len(pixels) + 1)]
@@ -62,7 +62,8 @@ def write_ct_series(folder: Path, volume: Volume, identity: SeriesIdentity, comp
     return [folder / name for name in names]
 
 
-def _right_handed(volume: Volume) -> Volume:
+def right_handed(volume: Volume) -> Volume:
+    """The same voxels in the same places with slices in the order that a DICOM series has. Raises InputError as ``write_ct_series``."""
     directions = volume.affine[:3, :3] / volume.spacing
     if np.abs(directions.T @ directions - np.eye(3)).max() > 1e-4:
         raise InputError("the CT's grid is not right-angled, which a DICOM series must be; resample it first")
@@ -91,7 +92,7 @@ def _slice(
     data.InstanceNumber = index + 1
     _add_who(data, identity)
     _add_how(data, identity)
-    _add_where(data, volume, index)
+    place_slice(data, volume, index)
     _add_pixels(data, pixels, compress)
     return data
 
@@ -122,7 +123,8 @@ def _add_how(data: FileDataset, identity: SeriesIdentity) -> None:
     data.DerivationDescription = identity.derivation
 
 
-def _add_where(data: FileDataset, volume: Volume, index: int) -> None:
+def place_slice(data: FileDataset, volume: Volume, index: int) -> None:
+    """States where slice k = index of a right-handed volume lies: rows along i, columns along j; mm, patient coordinates."""
     spacing = volume.spacing
     right, down = (volume.affine[:3, axis] / spacing[axis] for axis in (0, 1))
     corner = volume.to_lps(np.array([[0.0, 0.0, index]]))[0]

@@ -94,7 +94,7 @@ def test_an_oblique_scan_keeps_its_place_and_the_deformed_labels_lie_in_their_ow
 
 
 def test_pydicom_and_simpleitk_see_the_same_pixels(written: dict[str, Path]) -> None:
-    """SimpleITK reads no floating-point pixels, hence no Parametric Map: for ITK there are NIfTI and NRRD."""
+    """SimpleITK reads no floating-point pixels, hence no Parametric Map: for it there is the series (test_dicom_series)."""
     other = sitk.GetArrayFromImage(sitk.ReadImage(str(written["rest_seg.dcm"]))) > 0
     np.testing.assert_array_equal(pydicom.dcmread(written["rest_seg.dcm"]).pixel_array > 0, other)
 

@@ -32,6 +32,7 @@ SERIES_NUMBERS = {
     "deformed seg": 9105,
     "rtstruct": 9106,
     "deformed rtstruct": 9107,
+    "series": 9108,
 }
 
 

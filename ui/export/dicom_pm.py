@@ -8,20 +8,17 @@ import highdicom as hd
 import numpy as np
 
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.volume import Volume
 from palpate.ui.dicom.codes import KILOPASCAL, SHEAR_MODULUS, STIFFNESS_FROM_PAIR, scheme
 from palpate.ui.dicom.making import making, save
 from palpate.ui.dicom.source import read_source, set_thickness
-from palpate.ui.export.stiffness import stiffness_volume
+from palpate.ui.export.stiffness import near_organ, stiffness_volume
 
 WRITES = "DICOM Parametric Map: shear modulus G in kPa, 0 where none was identified"
-# Slices kept on both sides of the organ; the others would hold nothing.
-_MARGIN = 2
 
 
 def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes stiffness_pm.dcm. Raises InputError when the case has no result or no CT at rest, or it cannot write."""
-    G = _near_organ(stiffness_volume(case))
+    G = near_organ(stiffness_volume(case))
     source = read_source(case, "rest")
     made = making(case, "pm", source, ["result.json", "rest.nii.gz", "labels.txt"])
     values = np.unique(G.array[G.array > 0])
@@ -53,12 +50,3 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     set_thickness(found, G)
     made.stamp(found)
     return [save(found, folder / "stiffness_pm.dcm")]
-
-
-def _near_organ(G: Volume) -> Volume:
-    """The slices that hold the organ and some beside them."""
-    slices = np.flatnonzero(G.array.any(axis=(0, 1)))
-    first, last = max(slices[0] - _MARGIN, 0), min(slices[-1] + _MARGIN + 1, G.array.shape[2])
-    affine = G.affine.copy()
-    affine[:3, 3] = G.to_lps(np.array([[0.0, 0.0, first]]))[0]
-    return Volume(G.array[:, :, first:last], affine)

@@ -8,6 +8,9 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.labels import LABEL_VALUES
 from palpate.segmentation.volume import Volume
 
+# Slices kept on both sides of the organ; the others would hold nothing.
+_MARGIN = 2
+
 
 def stiffness_of(case: CaseFolder) -> dict[int, float]:
     """Shear modulus G, kPa, by organ label. Raises InputError when the case has not been identified."""
@@ -22,3 +25,12 @@ def stiffness_volume(case: CaseFolder) -> Volume:
     for label, G in stiffness_of(case).items():
         value[labels.array == label] = G
     return labels.with_array(value)
+
+
+def near_organ(G: Volume) -> Volume:
+    """The slices that hold the organ and some beside them."""
+    slices = np.flatnonzero(G.array.any(axis=(0, 1)))
+    first, last = max(slices[0] - _MARGIN, 0), min(slices[-1] + _MARGIN + 1, G.array.shape[2])
+    affine = G.affine.copy()
+    affine[:3, 3] = G.to_lps(np.array([[0.0, 0.0, first]]))[0]
+    return Volume(G.array[:, :, first:last], affine)

@@ -1,0 +1,92 @@
+"""For viewers that know no DICOM parametric map, and for SimpleITK: stiffness in kPa as a series of single slices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import highdicom as hd
+import numpy as np
+from numpy.typing import NDArray
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
+
+from palpate.segmentation.atomic import atomic_folder
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.dicom_write import place_slice, right_handed
+from palpate.ui.dicom.codes import KILOPASCAL, SHEAR_MODULUS
+from palpate.ui.dicom.making import CHARACTER_SET, MANUFACTURER, MODEL, Making, making, version
+from palpate.ui.dicom.source import SourceScan, read_source, reference_to
+from palpate.ui.export.stiffness import near_organ, stiffness_volume
+
+WRITES = "DICOM series of slices, for viewers and libraries without Parametric Map: shear modulus G in kPa"
+FOLDER = "stiffness_series"
+# kPa per stored unit: the finest that holds the stiffest region in 16 bits.
+_STEPS_KPA = (0.001, 0.01, 0.1, 1.0, 10.0)
+_LARGEST = 2**16 - 1
+
+
+def export(case: CaseFolder, folder: Path) -> list[Path]:
+    """Writes stiffness_series/G_001.dcm ... Raises InputError when the case has no result or no CT at rest, or it cannot write.
+
+    A derived image of the CT's class, as makers of perfusion maps do: values are rounded to the step that RescaleSlope
+    states, RescaleType says that they are no Hounsfield units, and the real-world mapping says what they are.
+    """
+    G = right_handed(near_organ(stiffness_volume(case)))
+    source = read_source(case, "rest")
+    made = making(case, "series", source, ["result.json", "rest.nii.gz", "labels.txt"])
+    step = next((s for s in _STEPS_KPA if G.array.max() <= s * _LARGEST), _STEPS_KPA[-1])
+    stored = np.rint(np.clip(np.transpose(G.array, (2, 1, 0)) / step, 0, _LARGEST)).astype(np.uint16)
+    names = [f"G_{number:03d}.dcm" for number in range(1, len(stored) + 1)]
+    with atomic_folder(folder / FOLDER) as temporary:
+        for index, name in enumerate(names):
+            data = _described(source, made, index)
+            place_slice(data, G, index)
+            _add_pixels(data, stored[index], step, float(G.array.max()))
+            data.save_as(temporary / name, enforce_file_format=True)
+    return [folder / FOLDER / name for name in names]
+
+
+def _described(source: SourceScan, made: Making, index: int) -> FileDataset:
+    """One slice without place and pixels: whose it is, what it is, where it comes from."""
+    uid = generate_uid(entropy_srcs=[made.sop_uid, str(index)])
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = CTImageStorage, uid
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
+    data.SpecificCharacterSet = CHARACTER_SET
+    data.SOPClassUID, data.SOPInstanceUID = CTImageStorage, uid
+    source.copy_identity(data)
+    data.SeriesInstanceUID, data.SeriesNumber, data.InstanceNumber = made.series_uid, made.series_number, index + 1
+    data.SeriesDescription = made.series_description("stiffness G, kPa")
+    data.FrameOfReferenceUID, data.PositionReferenceIndicator = source.header.FrameOfReferenceUID, ""
+    data.Modality, data.Manufacturer, data.ManufacturerModelName = "CT", MANUFACTURER, MODEL
+    data.SoftwareVersions, data.BodyPartExamined = version(), source.body_part
+    data.PatientPosition = source.header.get("PatientPosition") or ""
+    data.ImageType = ["DERIVED", "SECONDARY", "AXIAL", "STIFFNESS"]
+    data.DerivationDescription = "Small-strain shear modulus G from two CT scans of one organ; no Hounsfield units"
+    data.SourceImageSequence = [reference_to(image) for image in source.images]
+    data.ImageComments, data.AcquisitionNumber, data.KVP = made.note, None, None
+    data.ContentDate, data.ContentTime = made.made.strftime("%Y%m%d"), made.made.strftime("%H%M%S")
+    data.BurnedInAnnotation = "NO"
+    made.stamp(data)
+    return data
+
+
+def _add_pixels(data: FileDataset, pixels: NDArray[np.uint16], step: float, largest: float) -> None:
+    data.SamplesPerPixel, data.PhotometricInterpretation = 1, "MONOCHROME2"
+    data.Rows, data.Columns = pixels.shape
+    data.BitsAllocated, data.BitsStored, data.HighBit, data.PixelRepresentation = 16, 16, 15, 0
+    data.RescaleIntercept, data.RescaleSlope, data.RescaleType = "0", f"{step:g}", "US"
+    data.WindowCenter, data.WindowWidth = f"{0.5 * largest:.6g}", f"{largest:.6g}"
+    data.RealWorldValueMappingSequence = [
+        hd.pm.RealWorldValueMapping(
+            lut_label="G_kPa",
+            lut_explanation="Shear modulus G, kPa; research use only; 0: none identified",
+            unit=KILOPASCAL,
+            value_range=(0, _LARGEST),
+            slope=step,
+            intercept=0.0,
+            quantity_definition=SHEAR_MODULUS,
+        )
+    ]
+    data.PixelData = pixels.tobytes()
