@@ -26,7 +26,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     """Write mesh.npz, surfaces.npz, mesh.json and mesh.vtu of a case; return what mesh.json says.
 
     Nothing is done when the labels and options are those of the last run. The mesh depends on the rest labels only and
-    is kept when only the deformed ones have changed, because the mesher never makes the same mesh twice.
+    is kept when only the deformed ones have changed: off Linux the mesher never makes the same mesh twice.
 
     Raises InputError when labels are missing or cannot be meshed, ConvergenceError when the mesher fails.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ LAST_SLACK = 0.06
 GOOD_VOLUME, GOOD_MEAN, GOOD_RMS = 0.015, 0.05, 0.12
 READ_SURFACES = ("organ", "bladder", "rectum")
 MESH_ATTEMPTS = 4
+_SEEDS_APART = 100
 
 
 @dataclass(frozen=True)
@@ -42,13 +43,14 @@ class MeshOptions:
 
     target_tets : number of cells to aim at; not looked at when ``edge_mm`` is given. 7,000 suits quadratic elements.
     edge_mm : wished edge on the organ's surface. far_factor : edges far away are at most this much longer.
-    grading : growth of the edge per mm of distance from the organ.
+    grading : growth of the edge per mm of distance from the organ. seed : of the mesher's random numbers: another is another mesh.
     """
 
     target_tets: int = 7000
     edge_mm: float | None = None
     far_factor: float = 4.0
     grading: float = 0.5
+    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +69,8 @@ class MeshedCase:
 def mesh_labels(labels: Volume, options: MeshOptions | None = None, cache: Path | None = None) -> MeshedCase:
     """Mesh the labels 1, 2, 3 of a volume; bone, bladder, rectum and outside are holes.
 
-    cache : folder in which meshes are kept under the hash of labels and options. The mesher never makes the same mesh
-    twice; with a cache the same input gives the same mesh.
+    cache : folder in which meshes are kept under the hash of labels and options. On Linux the mesher makes the same mesh of the
+    same input; elsewhere it needs a cache for that.
 
     Raises InputError when the labels cannot be meshed, ConvergenceError when the mesher fails.
     """
@@ -90,10 +92,10 @@ def mesh_labels(labels: Volume, options: MeshOptions | None = None, cache: Path 
 def _best_of(
     labels: Volume, partition: Partition, options: MeshOptions
 ) -> tuple[TetMesh, dict[str, IntArray], dict[str, Any]]:
-    """The first mesh that keeps to its labels, or the best of a few: the mesher is not the same twice."""
+    """The first mesh that keeps to its labels, or the best of a few with other random numbers."""
     best: tuple[float, tuple[TetMesh, dict[str, IntArray], dict[str, Any]]] | None = None
     for attempt in range(1, MESH_ATTEMPTS + 1):
-        points, cells, edge_mm = _mesh_to_count(partition, options)
+        points, cells, edge_mm = _mesh_to_count(partition, options, options.seed * _SEEDS_APART + attempt)
         points, cell_labels, surfaces = _fitted(points, cells, partition, edge_mm)
         mesh, boundary = assemble(points, cells, cell_labels)
         quality = describe(mesh, labels) | {
@@ -131,16 +133,16 @@ def assemble(points: FloatArray, cells: IntArray, cell_labels: IntArray) -> tupl
     return mesh, {name: faces[beyond == label] for label, name in names.items() if (beyond == label).any()}
 
 
-def _mesh_to_count(partition: Partition, options: MeshOptions) -> tuple[FloatArray, IntArray, float]:
+def _mesh_to_count(partition: Partition, options: MeshOptions, seed: int) -> tuple[FloatArray, IntArray, float]:
     """Points, cells and organ edge of the mesh whose kept cells are about as many as wanted."""
     scene = make_scene(partition)
     grows = options.far_factor, options.grading
     edge = options.edge_mm or scene.edge_for(options.target_tets, *grows)
-    points, cells = tetrahedralize(scene.soup(edge, *grows))
+    points, cells = tetrahedralize(replace(scene.soup(edge, *grows), seed=seed))
     excess = np.isin(label_cells(points, cells, partition), KEPT).sum() / options.target_tets
     if options.edge_mm is None and not 1.0 / COUNT_TOLERANCE < excess < COUNT_TOLERANCE:
         edge *= excess ** (1.0 / EDGE_POWER)
-        points, cells = tetrahedralize(scene.soup(edge, *grows))
+        points, cells = tetrahedralize(replace(scene.soup(edge, *grows), seed=seed))
     return points, cells, edge
 
 

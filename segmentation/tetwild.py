@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import ConvergenceError
+from palpate.segmentation.fixed_random import fix_random_device
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 # The mesher stops at this energy (its default is 10) and the last bad cells are mended afterwards: a third faster, and
@@ -31,7 +32,7 @@ class Soup:
 
     points (n, 3) mm, faces (f, 3): triangles to be followed. size_points (s, 3), size_cells (t, 4), size_mm (s,):
     a background mesh with the wished edge length. edge_mm: the wish beyond it. epsilon_mm: how far the result may
-    leave the triangles.
+    leave the triangles. seed: of its random numbers.
     """
 
     points: FloatArray
@@ -41,13 +42,14 @@ class Soup:
     size_mm: FloatArray
     edge_mm: float
     epsilon_mm: float
+    seed: int = 0
 
 
 def tetrahedralize(soup: Soup, timeout_s: float = 600.0) -> tuple[FloatArray, IntArray]:
     """All tetrahedra of the bounding box of a soup: points (n, 3) mm, cells (m, 4) of positive volume.
 
-    Nothing is filtered: what is inside is for the caller to say. Raises ConvergenceError when the mesher dies or
-    takes longer than ``timeout_s``.
+    Nothing is filtered: what is inside is for the caller to say. On Linux the same soup gives the same mesh. Raises
+    ConvergenceError when the mesher dies or takes longer than ``timeout_s``.
     """
     with tempfile.TemporaryDirectory(prefix="palpate-mesh-") as folder:
         given, made = Path(folder, "in.npz"), Path(folder, "out.npz")
@@ -75,8 +77,10 @@ def _die_with_parent() -> None:
 def _child(given: str, made: str) -> None:
     _die_with_parent()
     import pytetwild
+    from pytetwild import PyfTetWildWrapper
 
     with np.load(given) as soup:
+        fix_random_device(Path(PyfTetWildWrapper.__file__), int(soup["seed"]))
         diagonal = float(np.linalg.norm(np.ptp(soup["points"], axis=0)))
         points, cells = pytetwild.tetrahedralize(
             soup["points"],
