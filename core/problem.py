@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 
@@ -17,6 +18,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FORMAT = 1
+_DAMAGED: tuple[type[Exception], ...] = (InputError, *DAMAGED_ARCHIVE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,7 @@ class IdentificationProblem:
         try:
             with np.load(path, allow_pickle=False) as data:
                 return cls.from_arrays({k: data[k] for k in data.files})
-        except (OSError, ValueError, KeyError) as error:
+        except _DAMAGED as error:
             raise InputError(f"{path}: not a readable identification problem ({error}); run identify again") from error
 
 

@@ -35,9 +35,17 @@ def is_body(case: CaseFolder) -> bool:
 
 
 def body_inputs(case: CaseFolder) -> tuple[str, ...]:
-    """Names of the files that such a case consists of."""
+    """Names of the files that such a case consists of. Raises InputError when a state names no points."""
     states = case.facts.other.get("states") or ()
-    return ("case.json", str(case.facts.other["body"]), *(str(s["points"]) for s in states))
+    try:
+        names = ("case.json", str(case.facts.other["body"]), *(str(s["points"]) for s in states))
+    except (KeyError, TypeError) as error:
+        raise InputError(
+            f"{case.file('case.json')}: a state names no points file; write it as CASE_FORMAT.md shows"
+        ) from error
+    if not all(name.isprintable() for name in names):
+        raise InputError(f"{case.file('case.json')}: a file's name holds a line break; correct it")
+    return names
 
 
 def body_problem(case: CaseFolder) -> BodyProblem:
@@ -52,10 +60,20 @@ def body_problem(case: CaseFolder) -> BodyProblem:
         raise InputError(f"{source}: a body needs states, at least one; write them as CASE_FORMAT.md shows")
     mesh = _mesh(case)
     held = _held(mesh, facts, source)
-    density = float(facts.get("density_kg_m3", 1000.0))
+    density = _density(facts, source)
     modelled = bool(facts.get("model_gravity", True))
     low, high = case.facts.organ_shear_modulus_bounds_kpa
     return BodyProblem(mesh, held, tuple(_state(case, s) for s in states), density, (low, high), modelled)
+
+
+def _density(facts: Mapping[str, Any], source: str) -> float:
+    try:
+        density = float(facts.get("density_kg_m3", 1000.0))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{source}: density_kg_m3 is no number; correct it") from error
+    if not 0.0 <= density < 1e6:
+        raise InputError(f"{source}: density_kg_m3 is {density:g}; give a density in kg/m3")
+    return density
 
 
 def _state(case: CaseFolder, data: Mapping[str, Any]) -> BodyState:
@@ -74,6 +92,8 @@ def _state(case: CaseFolder, data: Mapping[str, Any]) -> BodyState:
 
 def _vector(value: Any) -> tuple[float, float, float]:
     x, y, z = (float(v) for v in value)
+    if not np.isfinite((x, y, z)).all():
+        raise ValueError("a coordinate is not finite")
     return x, y, z
 
 
@@ -124,7 +144,8 @@ def _held(mesh: TetMesh, facts: Mapping[str, Any], source: str) -> NDArray[np.in
     try:
         for support in facts.get("supports") or ():
             normal = np.array(_vector(support["plane_normal"]))
-            away = (X - np.array(_vector(support["plane_point"]))) @ (normal / np.linalg.norm(normal))
+            normal = normal / max(np.abs(normal).max(), 1e-300)
+            away = (X - np.array(_vector(support["plane_point"]))) @ (normal / max(np.linalg.norm(normal), 1e-9))
             held |= (np.abs(away) < float(support.get("tolerance_mm", 0.5))).all(axis=1)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{source}: a support is not written as CASE_FORMAT.md shows ({error}); correct it") from error

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import struct
-import zipfile
-import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -15,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
 from palpate.segmentation import atomic
 from palpate.segmentation.case_facts import CaseFacts
@@ -26,11 +24,6 @@ from palpate.segmentation.nifti_labels import read_labels, write_labels, write_n
 from palpate.segmentation.volume import Volume
 
 STATES = ("rest", "deformed")
-# What numpy and zipfile raise on an archive that was cut or changed.
-_DAMAGED_ARCHIVE = (
-    *(OSError, ValueError, EOFError, LookupError, ArithmeticError, MemoryError, RuntimeError, SyntaxError, TypeError),
-    *(zipfile.BadZipFile, zlib.error, struct.error),
-)
 
 __all__ = ["STATES", "CaseFacts", "CaseFolder", "Landmarks"]
 
@@ -141,7 +134,7 @@ class CaseFolder:
                 return {key: archive[key] for key in archive.files}
         except FileNotFoundError as error:
             raise InputError(f"{path} is not there; run the step that writes it first") from error
-        except _DAMAGED_ARCHIVE as error:
+        except DAMAGED_ARCHIVE as error:
             raise InputError(f"{path} is damaged; remove it and run the step that writes it again") from error
 
     def has_labels(self, state: str) -> bool:

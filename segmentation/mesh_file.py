@@ -12,12 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.archive import DAMAGED_ARCHIVE
+from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.segmentation.smooth_field import IntArray
 from palpate.segmentation.volume import Volume
 
 # Raised when the way of meshing changes, so that meshes kept from before are not taken for new ones.
 RECIPE_VERSION = 3
+# A file may be whole and hold no mesh.
+_DAMAGED: tuple[type[Exception], ...] = (InputError, *DAMAGED_ARCHIVE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +61,18 @@ def save_mesh(path: Path, mesh: TetMesh, boundary: dict[str, IntArray], quality:
 
 
 def load_mesh(path: Path) -> tuple[TetMesh, dict[str, IntArray], dict[str, Any]]:
-    """The mesh, its named boundary faces and its quality from a file of ``save_mesh``."""
-    with np.load(path) as file:
-        mesh = TetMesh(file["points"], file["cells"], file["regions"])
-        prefix = "boundary_"
-        boundary = {name[len(prefix) :]: file[name] for name in file.files if name.startswith(prefix)}
-        quality = json.loads(str(file["quality"])) if "quality" in file.files else {}
+    """The mesh, its named boundary faces and its quality from a file of ``save_mesh``.
+
+    Raises InputError naming the file when it is missing, damaged or holds no mesh.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            mesh = TetMesh(file["points"], file["cells"], file["regions"])
+            prefix = "boundary_"
+            boundary = {name[len(prefix) :]: file[name] for name in file.files if name.startswith(prefix)}
+            quality = json.loads(str(file["quality"])) if "quality" in file.files else {}
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is not there; run the step that writes it first") from error
+    except _DAMAGED as error:
+        raise InputError(f"{path} is damaged; remove it and run the step that writes it again") from error
     return mesh, boundary, quality

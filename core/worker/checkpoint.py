@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -45,6 +45,6 @@ def load_checkpoint(path: Path, fingerprint: str) -> Arrays | None:
     try:
         with np.load(path, allow_pickle=False) as data:
             arrays: Arrays = {k: data[k] for k in data.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+    except DAMAGED_ARCHIVE:
         return None
     return arrays if str(arrays.pop(_FINGERPRINT, "")) == fingerprint else None

@@ -75,8 +75,10 @@ class Job:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
             if data.pop("format") != FORMAT:
-                raise InputError(f"{path}: job of another version of Palpate; start the command again")
+                raise InputError("made by another version of Palpate")
             return cls(**data)
+        except InputError as error:
+            raise InputError(f"{path}: {error}; start the command again") from error
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path}: not a readable job ({type(error).__name__}); start the command again") from error
 

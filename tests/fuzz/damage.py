@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from hypothesis import strategies as st
 from targets import Target
@@ -16,8 +20,45 @@ _TOKENS = (
 _NUMBERS = (0, 1, 2, 8, 16, 127, 128, 255, 256, 32767, 32768, 65535, 2**31 - 1, 2**32 - 1)
 
 
+_VALUES: tuple[Any, ...] = (
+    None, True, False, 0, -1, 1, 0.5, 1e308, -1e308, float("nan"), float("inf"), 10**30, "", "x", "../x", "1", "rest", [], [0],
+    [1, 2, 3], [None], [[]], {}, {"": None}, {"name": 1}, "\u0000", "a\nb",
+)  # fmt: skip
+
+
 @st.composite
 def damaged(draw: st.DrawFn, good: bytes, is_text: bool) -> bytes:
+    """A good file changed in one to six places: what JSON says, or bytes."""
+    # Almost every changed byte of a JSON file ends in a syntax error: what lies behind is reached by changed values.
+    if is_text and good[:1] == b"{" and draw(st.booleans()):
+        return _damaged_json(draw, good)
+    return _damaged_bytes(draw, good, is_text)
+
+
+def _damaged_json(draw: st.DrawFn, good: bytes) -> bytes:
+    """Values replaced, left out or put in place of others."""
+    data = json.loads(good)
+    for _ in range(draw(st.integers(1, 3))):
+        places = list(_places(data))
+        if not places:
+            break
+        holder, key = draw(st.sampled_from(places))
+        if draw(st.integers(0, 4)) == 0:
+            del holder[key]
+        else:
+            holder[key] = copy.deepcopy(draw(st.sampled_from(_VALUES)))
+    return json.dumps(data).encode()
+
+
+def _places(data: Any) -> Iterator[tuple[Any, Any]]:
+    """Every (object, key) and (list, index) in parsed JSON."""
+    keys = list(data) if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
+    for key in keys:
+        yield data, key
+        yield from _places(data[key])
+
+
+def _damaged_bytes(draw: st.DrawFn, good: bytes, is_text: bool) -> bytes:
     """Bytes changed, put in, taken out, swapped or cut off, where headers are rather than anywhere."""
     data = bytearray(good)
     for _ in range(draw(st.integers(1, 6))):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
+from case_targets import MAKERS, Made
 from dicom_samples import enhanced_ct, save, series, straight, structure_set
 
 from palpate.segmentation.case import CaseFolder
@@ -44,7 +45,7 @@ def all_targets(folder: Path) -> list[Target]:
     """One target for each parser, with files under a new folder."""
     makers = (
         _dicom_slice, _dicom_multi_frame, _rtstruct, _dicom_seg, _nifti, _nifti_gz, _seg_nrrd, _workspace, _label_text,
-        _landmarks, _case_json, _spec, _npz, _prompts,
+        _landmarks, _case_json, _spec, _npz, _prompts, *MAKERS,
     )  # fmt: skip
     found = []
     for make in makers:
@@ -53,9 +54,6 @@ def all_targets(folder: Path) -> list[Target]:
         path, read, is_text = make(place)
         found.append(Target(place.name, path, read, is_text))
     return found
-
-
-Made = tuple[Path, Callable[[], object], bool]
 
 
 def _labels() -> Volume:

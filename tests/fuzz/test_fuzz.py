@@ -12,6 +12,8 @@ from targets import Target, all_targets
 
 CORPUS = Path(__file__).parent / "corpus"
 EXAMPLES = 60
+# A folder is read by its files; what its index says is not looked at.
+SELDOM_REFUSED = ("dicomdir",)
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +24,7 @@ def targets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Target]:
 NAMES = (
     "dicom_slice", "dicom_multi_frame", "rtstruct", "dicom_seg", "nifti", "nifti_gz", "seg_nrrd", "workspace", "label_text",
     "landmarks", "case_json", "spec", "npz", "prompts",
+    "dicom_jpeg2000", "dicom_rle", "dicomdir", "body_json", "cohort_table", "mesh_file", "job_file", "checkpoint",
 )  # fmt: skip
 
 
@@ -42,7 +45,7 @@ def test_damage_is_read_or_refused(name: str, targets: dict[str, Target]) -> Non
     run()
     target.path.write_bytes(good)
     assert not check(target, good)
-    assert refused > 0.1 * EXAMPLES
+    assert refused > 0.1 * EXAMPLES or name in SELDOM_REFUSED
 
 
 def test_every_parser_is_among_them(targets: dict[str, Target]) -> None:
