@@ -40,7 +40,9 @@ def scene_key(problem: IdentificationProblem, options: IdentifyOptions) -> str:
     """Hash of all that the reduced model depends on: of the problem but for what the second scan shows of the organ itself."""
     arrays = problem.arrays()
     kept = [k for k in sorted(arrays) if not k.startswith("organ/deformed") and k != "landmarks"]
-    return scene_hash(options.boundary, options.element, *(part for k in kept for part in (k, arrays[k])))
+    return scene_hash(
+        options.boundary, options.element, float(options.split_mu), *(part for k in kept for part in (k, arrays[k]))
+    )
 
 
 def keep_for_again(folder: Path, misfit: Misfit, options: IdentifyOptions, fingerprint: str) -> None:

@@ -36,8 +36,8 @@ SCOUT = "p1p1"
 class Identification:
     """The answer of one identification.
 
-    theta (t,) = ln G; equilibrium there with the walls settled; posterior; the Gauss-Newton optimum and, with method "swarm",
-    the swarm's outcome. agreement : largest difference between their ln G (0 without a swarm).
+    theta (t,) as in `StiffnessParameters`; equilibrium there with the walls settled; posterior of all of theta; the Gauss-Newton
+    optimum and, with method "swarm", the swarm's outcome. agreement : largest difference between their ln G (0 without a swarm).
     """
 
     scene: Scene
@@ -55,7 +55,14 @@ class Identification:
     @property
     def agreement(self) -> float:
         """Largest |difference| of ln G between swarm and Gauss-Newton."""
-        return 0.0 if self.swarm is None else float(np.abs(self.swarm.theta - self.optimum.fit.theta).max())
+        if self.swarm is None:
+            return 0.0
+        return float(np.abs(self.swarm.theta - self.optimum.fit.theta)[self.scene.parameters.stiffness].max())
+
+    @property
+    def stiffness(self) -> Posterior:
+        """Of the regions' ln G, whatever else was looked for."""
+        return self.posterior.of(self.scene.parameters.stiffness)
 
 
 def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter: Reporter) -> Identification:
@@ -68,7 +75,7 @@ def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter:
     reporter.progress(0.0, "building the model")
     problem = IdentificationProblem.load(folder / "problem.npz")
     scout = _scout(problem, options, count, reporter)
-    scene = make_scene(problem, options.boundary, options.element)
+    scene = make_scene(problem, options.boundary, options.element, options.split_mu)
     reporter.progress(0.15, f"settling the walls, element {options.element}")
     first, misfit = settle_first(scene, scout.fit.theta, count, prolonged(scout.equilibrium.u, scene.space))
     starts = scout.fit.theta[None]
@@ -93,7 +100,7 @@ def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter:
 
 def _scout(problem: IdentificationProblem, options: IdentifyOptions, count: Counter, reporter: Reporter) -> Optimum:
     """Several starts with the cheap element: where the optimum is about, and whether there is one only."""
-    scene = make_scene(problem, options.boundary, SCOUT)
+    scene = make_scene(problem, options.boundary, SCOUT, options.split_mu)
     reporter.progress(0.03, "settling the walls")
     starts = _starts(scene, options)
     first, misfit = _settle_somewhere(scene, starts, count)
@@ -125,7 +132,7 @@ def _swarm(
     if load_checkpoint(reference, fingerprint) is None:
         arrays = {"u": found.u, "p": found.p, "walls_u": scene.linearised_at}
         save_checkpoint(reference, arrays, fingerprint)
-    arguments = (str(folder / "problem.npz"), str(reference), options.boundary, options.element)
+    arguments = (str(folder / "problem.npz"), str(reference), options.boundary, options.element, options.split_mu)
     bounds = scene.parameters.bounds
     with make_executor(options.workers, particles.initialise, arguments) as executor:
         evaluator = Evaluator(misfit, executor)

@@ -17,6 +17,7 @@ from palpate.core.identify.nothing import nothing_found
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.posterior import verdict
 from palpate.core.identify.rigid_pair import rigid_pair
+from palpate.core.identify.split import separable, split_facts
 from palpate.core.identify.stiffness_map import StiffnessMap, stiffness_map
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.checkpoint import save_checkpoint
@@ -84,13 +85,16 @@ def _map_facts(mapped: StiffnessMap) -> dict[str, Any]:
 
 
 def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
+    parameters = found.scene.parameters
     names = tuple(found.scene.problem.region_names[r] for r in found.scene.problem.regions)
     return {
         "parameters": _parameters(found, names),
         "identifiability": {
             "singular_values": found.posterior.singular_values,
-            "mu1_mu2_separable": False,
-            "verdict": verdict(names, found.posterior),
+            "mu1_mu2_separable": separable(parameters, found.posterior),
+            "verdict": verdict(
+                names, found.stiffness, found.posterior.of(parameters.shares) if options.split_mu else None
+            ),
         },
         "misfit": _misfit(found),
         "solver": {
@@ -114,10 +118,11 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
 
 
 def _parameters(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
-    parameters, posterior = found.scene.parameters, found.posterior
+    parameters, posterior = found.scene.parameters, found.stiffness
     G, mu = parameters.shear_moduli(found.theta), parameters.mu(found.theta)
-    low, high = parameters.bounds.T
-    near = (found.theta < low + AT_BOUND) | (found.theta > high - AT_BOUND)
+    low, high = posterior.bounds.T
+    near = (posterior.mean < low + AT_BOUND) | (posterior.mean > high - AT_BOUND)
+    apart = split_facts(parameters, found.posterior)
     return {
         name: {
             "G_kpa": G[k],
@@ -128,6 +133,7 @@ def _parameters(found: Identification, names: tuple[str, ...]) -> dict[str, Any]
             "ci95_kpa": posterior.interval()[k],
             "sd_ln_G": posterior.sd[k],
             "at_bound": bool(near[k]),
+            **apart[k],
         }
         for k, name in enumerate(names)
     }
@@ -150,11 +156,12 @@ def _convergence(found: Identification) -> list[float]:
 
 
 def _agreement(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
+    parameters = found.scene.parameters
     return {
-        "gauss_newton_G_kpa": dict(zip(names, np.exp(found.optimum.fit.theta).tolist(), strict=True)),
+        "gauss_newton_G_kpa": dict(zip(names, parameters.shear_moduli(found.optimum.fit.theta).tolist(), strict=True)),
         "starts_agree": found.optimum.agree,
         "largest_ln_G_difference": found.agreement,
-        "same_optimum": bool(found.agreement < AGREEMENT_SD * found.posterior.sd.max()),
+        "same_optimum": bool(found.agreement < AGREEMENT_SD * found.stiffness.sd.max()),
     }
 
 

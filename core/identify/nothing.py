@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 def prior_of(problem: IdentificationProblem) -> Posterior:
     """What was allowed, as the posterior of data that say nothing."""
-    bounds = StiffnessParameters(problem.regions, problem.facts).bounds
+    bounds = StiffnessParameters(problem.regions, problem.facts).bounds  # of G alone: nothing says more of mu1 and mu2
     return laplace(bounds.mean(axis=1), np.zeros(1), np.zeros((1, len(bounds))), bounds)
 
 

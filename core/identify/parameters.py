@@ -15,14 +15,17 @@ from palpate.core.problem import Facts
 FloatArray = NDArray[np.float64]
 
 TISSUE = 3
+# Of mu1 / (mu1 + mu2): all but a law with one constant alone.
+SHARE_BOUNDS = (0.02, 0.98)
 
 
 @dataclass(frozen=True)
 class StiffnessParameters:
-    """theta = ln G of each organ region, G = 2 (mu1 + mu2) in kPa; or, with `split_mu`, (ln mu1, ln mu2) of each region.
+    """theta = ln G of each organ region, G = 2 (mu1 + mu2) in kPa; or, with `split_mu`, (ln G, mu1 / (mu1 + mu2)) of each region.
 
-    With ln G alone mu1 = mu2, as the paper sets them (its section 3.3); a pair of scans cannot separate them. The organ's bulk
-    modulus follows G by a fixed Poisson ratio: large, and not identified.
+    With ln G alone mu1 = mu2, as the paper sets them (its section 3.3). Small strains depend on G only, so a share beside G is
+    told apart from it, where (mu1, mu2) would be two names of one thing. The organ's bulk modulus follows G by a fixed Poisson
+    ratio: large, and not identified.
     """
 
     regions: tuple[int, ...]
@@ -37,19 +40,28 @@ class StiffnessParameters:
     @property
     def bounds(self) -> FloatArray:
         """(n, 2) lower and upper bound of theta."""
-        low, high = np.log(self.facts.bounds_kpa)
-        shift = np.log(4.0) if self.split_mu else 0.0
-        return np.tile([low - shift, high - shift], (self.n, 1))
+        stiffness = np.log(self.facts.bounds_kpa)
+        rows = [stiffness, SHARE_BOUNDS] if self.split_mu else [stiffness]
+        return np.array(rows * len(self.regions), dtype=float)
+
+    @property
+    def stiffness(self) -> slice:
+        """Where in theta the regions' ln G are."""
+        return slice(0, None, 2) if self.split_mu else slice(None)
+
+    @property
+    def shares(self) -> slice:
+        """Where in theta the regions' mu1 / (mu1 + mu2) are; nowhere without `split_mu`."""
+        return slice(1, None, 2) if self.split_mu else slice(0, 0)
 
     def shear_moduli(self, theta: FloatArray) -> FloatArray:
         """G of each region, (regions,) kPa."""
-        mu = np.exp(np.asarray(theta, dtype=float))
-        return 2.0 * mu.reshape(-1, 2).sum(axis=1) if self.split_mu else mu
+        return np.exp(np.asarray(theta, dtype=float)[self.stiffness])
 
     def mu(self, theta: FloatArray) -> FloatArray:
         """(regions, 2) mu1, mu2 kPa."""
-        value = np.exp(np.asarray(theta, dtype=float))
-        return value.reshape(-1, 2) if self.split_mu else np.repeat(0.25 * value[:, None], 2, axis=1)
+        share = np.asarray(theta, dtype=float)[self.shares] if self.split_mu else np.full(len(self.regions), 0.5)
+        return 0.5 * self.shear_moduli(theta)[:, None] * np.stack([share, 1.0 - share], axis=1)
 
     def materials(self, theta: FloatArray) -> dict[int, Material]:
         """Mooney-Rivlin organ regions in linear tissue."""
@@ -60,13 +72,11 @@ class StiffnessParameters:
 
     def directions(self, theta: FloatArray) -> list[Direction]:
         """For each theta, how the laws' parameters change with it."""
-        if not self.split_mu:
-            return [{r: p} for r, p in zip(self.regions, self._organ(theta), strict=True)]
         out: list[Direction] = []
-        for region, (mu1, mu2) in zip(self.regions, self.mu(theta), strict=True):
-            for d in (np.array([mu1, 0.0]), np.array([0.0, mu2])):
-                K = bulk_modulus(2.0 * float(d.sum()), self.facts.organ_poisson_ratio)
-                out.append({region: np.array([d[0], d[1], 0.5 * K])})
+        for region, p in zip(self.regions, self._organ(theta), strict=True):
+            out.append({region: p})  # of ln G: every law parameter is proportional to G
+            if self.split_mu:
+                out.append({region: np.array([p[0] + p[1], -p[0] - p[1], 0.0])})
         return out
 
     def _organ(self, theta: FloatArray) -> list[FloatArray]:

@@ -38,8 +38,8 @@ class Solved:
 class ParticleSolver:
     """A scene with its walls linearised at a reference, ready for any theta."""
 
-    def __init__(self, problem_file: Path, reference_file: Path, boundary: str, element: str) -> None:
-        self.scene = make_scene(IdentificationProblem.load(problem_file), boundary, element)
+    def __init__(self, problem_file: Path, reference_file: Path, boundary: str, element: str, split_mu: bool) -> None:
+        self.scene = make_scene(IdentificationProblem.load(problem_file), boundary, element, split_mu)
         with np.load(reference_file, allow_pickle=False) as data:
             self.start = State(data["u"], data["p"])
             self.scene.linearise(data["walls_u"])
@@ -59,10 +59,10 @@ class ParticleSolver:
 _SOLVER: ParticleSolver | None = None
 
 
-def initialise(problem_file: str, reference_file: str, boundary: str, element: str) -> None:
+def initialise(problem_file: str, reference_file: str, boundary: str, element: str, split_mu: bool) -> None:
     """Run once in every worker process."""
     global _SOLVER
-    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), boundary, element)
+    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), boundary, element, split_mu)
 
 
 def solve(theta: FloatArray) -> Solved:

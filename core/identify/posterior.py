@@ -41,17 +41,31 @@ class Posterior:
         """(t, 2) interval of G, kPa, of the normal cut at the bounds: central, but from the bound on where the optimum lies
         at it, so that the value found is always within its own interval. Of data that say nothing it is that of the bounds.
         """
+        return np.asarray(np.exp(self.ends(level)), dtype=np.float64)
+
+    def ends(self, level: float = 0.95) -> FloatArray:
+        """(t, 2) the same interval of theta itself."""
         tail = 0.5 * (1.0 - level)
-        sd = self._data_sd
-        low, high = ((self.bounds[:, k] - self.mean) / sd for k in (0, 1))
-        cut = stats.truncnorm(low, high, loc=self.mean, scale=sd)
-        below, above = cut.ppf(tail), cut.ppf(1.0 - tail)
+        below, above = self.quantile(tail), self.quantile(1.0 - tail)
         at_low, at_high = self.mean < below, self.mean > above
-        below, above = np.where(at_high, cut.ppf(1.0 - level), below), np.where(at_low, cut.ppf(level), above)
-        ends = np.stack(
+        below, above = (
+            np.where(at_high, self.quantile(1.0 - level), below),
+            np.where(at_low, self.quantile(level), above),
+        )
+        return np.stack(
             [np.where(at_low, self.bounds[:, 0], below), np.where(at_high, self.bounds[:, 1], above)], axis=1
         )
-        return np.asarray(np.exp(ends), dtype=np.float64)
+
+    def quantile(self, probability: FloatArray | float) -> FloatArray:
+        """Theta (..., t) at a probability () or (..., t), each parameter by itself, cut at its bounds."""
+        sd = self._data_sd
+        low, high = ((self.bounds[:, k] - self.mean) / sd for k in (0, 1))
+        return np.asarray(stats.truncnorm(low, high, loc=self.mean, scale=sd).ppf(probability), dtype=np.float64)
+
+    def of(self, rows: slice) -> Posterior:
+        """What is known of some parameters, whatever the others are."""
+        part = self.covariance[rows, rows]
+        return Posterior(self.mean[rows], part, self.singular_values, self.scale, self.bounds[rows])
 
     @property
     def _data_sd(self) -> FloatArray:
@@ -107,8 +121,11 @@ def unknown(posterior: Posterior) -> NDArray[np.bool_]:
     return posterior.sd > _BLIND * (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
 
 
-def verdict(names: tuple[str, ...], posterior: Posterior) -> str:
-    """In words: which regions' stiffness this pair of scans tells, and how well."""
+def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | None = None) -> str:
+    """In words: which regions' stiffness this pair of scans tells, and how well.
+
+    posterior : of ln G of each region. shares : of mu1 / (mu1 + mu2), where they were looked for.
+    """
     parts = []
     blind = unknown(posterior)
     if blind.all():
@@ -123,6 +140,21 @@ def verdict(names: tuple[str, ...], posterior: Posterior) -> str:
             parts.append(f"{label}: known within {100 * (np.exp(1.96 * sd) - 1):.0f} % (95 %)")
         else:
             parts.append(f"{label}: known within a factor of {np.exp(1.96 * sd):.1f} (95 %)")
-    parts.append("mu1 and mu2 cannot be told apart by one pair; only G = 2 (mu1 + mu2) is identified")
+    if shares is None:
+        parts.append("mu1 and mu2 cannot be told apart by one pair; only G = 2 (mu1 + mu2) is identified")
+    else:
+        parts += _on_shares(names, shares)
     parts.append("all stiffness is relative to the assumed stiffness of the surrounding tissue")
     return "; ".join(parts)
+
+
+def _on_shares(names: tuple[str, ...], shares: Posterior) -> list[str]:
+    parts = []
+    for name, (low, high), untold in zip(names, shares.ends(), unknown(shares), strict=True):
+        label, from_to = name.replace("_", " "), f"{100 * low:.0f} to {100 * high:.0f} %"
+        parts.append(
+            f"{label}: mu1 and mu2 cannot be told apart, mu1 may be {from_to} of their sum; only G = 2 (mu1 + mu2) is identified"
+            if untold
+            else f"{label}: mu1 is {from_to} of mu1 + mu2 (95 %)"
+        )
+    return parts

@@ -40,18 +40,19 @@ class Counter:
 @dataclass(frozen=True, eq=False)
 class Optimum:
     """fit : of the best start. equilibrium : there, walls settled. others : (starts, t) theta of every start that
-    ended. scout : (t,) the best of them when they were made with another element."""
+    ended. scout : (t,) the best of them when they were made with another element. stiffness : where in theta the ln G are."""
 
     fit: GaussNewtonResult
     equilibrium: Equilibrium
     others: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     scout: FloatArray | None = None
+    stiffness: slice = field(default_factory=lambda: slice(None))
 
     @property
     def agree(self) -> bool:
-        """Whether all starts ended at the same optimum."""
+        """Whether all starts ended at the same stiffnesses."""
         centre = self.fit.theta if self.scout is None else self.scout
-        return bool((np.abs(self.others - centre) < SAME_OPTIMUM).all())
+        return bool((np.abs(self.others - centre)[:, self.stiffness] < SAME_OPTIMUM).all())
 
 
 def middle(bounds: FloatArray) -> FloatArray:
@@ -96,7 +97,7 @@ def find_optimum(
             best = fit, walk.best
     if best is None:
         raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
-    return Optimum(best[0], best[1], np.array(ends))
+    return Optimum(best[0], best[1], np.array(ends), stiffness=scene.parameters.stiffness)
 
 
 class Walk:

@@ -11,7 +11,10 @@ from palpate.core.problem import IdentificationProblem
 Scene: TypeAlias = CoupledScene | ContactForceScene
 
 
-def make_scene(problem: IdentificationProblem, boundary: str, element: str) -> Scene:
-    """boundary : "coupled" or "contact-force". Raises InputError or ConvergenceError as the scene's class does."""
-    options = SceneOptions(element=element)
+def make_scene(problem: IdentificationProblem, boundary: str, element: str, split_mu: bool = False) -> Scene:
+    """boundary : "coupled" or "contact-force". split_mu : see `StiffnessParameters`.
+
+    Raises InputError or ConvergenceError as the scene's class does.
+    """
+    options = SceneOptions(element=element, split_mu=split_mu)
     return ContactForceScene(problem, options) if boundary == "contact-force" else CoupledScene(problem, options)

@@ -47,6 +47,7 @@ def run_swarm(
         particles=options.particles, max_iterations=options.iterations, collapse=1e-3, patience=15, keep_positions=True
     )
     swarm = _resume(checkpoint, fingerprint) or Swarm(bounds[:, 0], bounds[:, 1], options.seed, swarm_options)
+    parameters = evaluator.misfit.scene.parameters
     while not swarm.should_stop():
         asked = swarm.ask()
         swarm.tell(evaluator.values(asked))
@@ -57,7 +58,7 @@ def run_swarm(
             f"swarm, iteration {swarm.iteration}, best misfit {swarm.best_value:.5g}",
             best=swarm.best_value,
             iteration=swarm.iteration,
-            particles=np.exp(asked),
+            particles=[parameters.shear_moduli(theta) for theta in asked],
         )
     if not np.isfinite(swarm.best_value):
         raise ConvergenceError("no particle of the swarm has an equilibrium; look at the mesh and at the contours")

@@ -36,6 +36,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        help="of the swarm, at most (default %(default)s)")  # fmt: skip
     group.add_argument("--no-map", dest="stiffness_map", action="store_false",
                        help="regional values only, no map of the stiffness within the organ")  # fmt: skip
+    group.add_argument("--split-mu", action="store_true",
+                       help="look for mu1 and mu2 of every region apart, and say whether this pair tells them")  # fmt: skip
 
 
 def options_of(args: argparse.Namespace) -> IdentifyOptions:
@@ -49,6 +51,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
         seed=random_seed(args),
         workers=workers(args),
         stiffness_map=args.stiffness_map,
+        split_mu=args.split_mu,
     )
 
 
