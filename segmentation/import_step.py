@@ -16,6 +16,7 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.alignment import Alignment, align_ct, align_labels
 from palpate.segmentation.case import STATES, CaseFolder, check_new_case, file_sha256
 from palpate.segmentation.case_facts import Vector
+from palpate.segmentation.contours_swapped import swapped_note
 from palpate.segmentation.dicom_files import list_files
 from palpate.segmentation.dicom_pair import check_pair
 from palpate.segmentation.dicom_series import read_series
@@ -119,6 +120,12 @@ def _import_scans(job: _Job) -> dict[str, Any]:
     for state, (_, facts) in zip(STATES, scans, strict=True):
         outputs += write_scan(case, state, facts.files)
     matrix = write_alignment(case, alignment)
+    swapped = swapped_note(
+        {state: scan[0] for state, scan in zip(STATES, scans, strict=True)},
+        {state: labels.volume for state, labels in drawn.items()},
+        matrix,
+    )
+    notes += [swapped] if swapped else []
     outputs += write_user_labels(case, drawn, matrix) + write_landmarks(case, points, matrix)
     return _finish(job, case, alignment, notes, outputs)
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.ui.cli.arguments import cores
 
@@ -42,7 +43,7 @@ class Check:
 
 def examine(progress: Progress = silent) -> list[Check]:
     """All checks; none raises."""
-    looks: tuple[Callable[[], Check], ...] = (_python, _packages, _solver, _rendering, _disk, _cores, _memory)
+    looks: tuple[Callable[[], Check], ...] = (_python, _packages, _solver, _rendering, _window, _disk, _cores, _memory)
     checks = []
     for done, look in enumerate(looks):
         progress(done / len(looks), look.__name__.strip("_"))
@@ -107,6 +108,18 @@ def _rendering() -> Check:
     except offscreen.OffscreenError as error:
         return Check("off-screen rendering", False, f"{error}; reports lack the 3D views", False, offscreen.REMEDY)
     return Check("off-screen rendering", True, "draws", False)
+
+
+def _window() -> Check:
+    # Here, so that the other checks work where Qt does not load.
+    from palpate.ui.desktop import display_server
+
+    try:
+        display_server.check(headless=False)
+    except InputError as error:
+        why, _, remedy = str(error).partition("; ")
+        return Check("window", False, f"{why}; `palpate open` needs one, nothing else does", False, remedy)
+    return Check("window", True, "opens", False)
 
 
 def _disk() -> Check:

@@ -18,9 +18,8 @@ from palpate.ui.pictures import offscreen
 def test_this_machine_passes(capfd: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["doctor", "--json", "--quiet"]) == 0
     checks = {check["name"]: check for check in json.loads(capfd.readouterr().out)["checks"]}
-    assert {"python", "packages", "PARDISO", "off-screen rendering", "temporary folder", "cores", "memory"} == set(
-        checks
-    )
+    wanted = {"python", "packages", "PARDISO", "off-screen rendering", "window", "temporary folder", "cores", "memory"}
+    assert wanted == set(checks)
     assert "numpy" in checks["packages"]["found"]
     assert all(check["works"] for check in checks.values() if check["needed"])
 
@@ -61,3 +60,11 @@ def test_without_rendering_the_remedy_is_one_line(monkeypatch: pytest.MonkeyPatc
     check = doctor._rendering()
     assert not check.works and not check.needed
     assert check.remedy == "apt-get install libegl1 libgl1-mesa-dri"
+
+
+def test_without_a_display_only_the_window_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    check = doctor._window()
+    assert not check.works and not check.needed
+    assert "there is no display" in check.found and "--headless" in check.remedy

@@ -51,7 +51,7 @@ class Console:
         if self.quiet:
             yield silent
         elif sys.stderr.isatty():
-            layout = "{desc:>9} {percentage:3.0f} %|{bar:24}| {elapsed} {postfix}"
+            layout = "{desc:>9} {percentage:3.0f} %|{bar:24}| {elapsed}, about {remaining} left{postfix}"
             with tqdm(total=1.0, desc=title, bar_format=layout, file=sys.stderr, dynamic_ncols=True) as bar:
                 yield _Bar(bar)
         else:

@@ -17,7 +17,7 @@ from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.slice_marks import text
 from palpate.ui.desktop.solid_client import SolidClient
 
-_AROUND = {BONE: (0.93, 0.89, 0.78, 0.25), BLADDER: (1.0, 0.82, 0.2, 0.45), RECTUM: (0.8, 0.45, 0.25, 0.45)}
+_AROUND = {BONE: (0.93, 0.89, 0.78, 0.25), BLADDER: (1.0, 0.82, 0.2, 0.18), RECTUM: (0.8, 0.45, 0.25, 0.3)}
 _HALVES = {1: (0.86, 0.33, 0.31, 1.0), 2: (0.36, 0.72, 0.42, 1.0)}
 _UNTOLD, _DEFORMED = (0.6, 0.6, 0.6, 1.0), (0.35, 0.65, 1.0, 0.45)
 _AXES = (("L", "R"), ("P", "A"), ("S", "I"))

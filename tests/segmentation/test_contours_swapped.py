@@ -1,0 +1,53 @@
+"""Exchanged contours are noticed by the grey values where the two outlines differ, and right ones raise no alarm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from palpate.segmentation.contours_swapped import swapped_note
+from palpate.segmentation.labels import BLADDER, PROSTATE_LEFT, RECTUM
+from palpate.segmentation.volume import Volume
+
+GRID = np.diag([1.5, 1.5, 2.0, 1.0])
+SHIFT = np.eye(4)
+SHIFT[:3, 3] = (7.0, -4.0, 11.0)
+
+
+def ball(shape: tuple[int, ...], centre: tuple[float, ...], radius: float) -> NDArray[np.bool_]:
+    index = np.moveaxis(np.indices(shape), 0, -1) * np.diag(GRID)[:3]
+    return np.linalg.norm(index - np.array(centre), axis=-1) < radius
+
+
+def state(bladder_radius: float, gas: float, seed: int, moved: bool = False) -> tuple[Volume, Volume]:
+    """A scan and its labels: bladder of water, rectum of gas or stool, prostate, in fat, with noise of 15 HU."""
+    shape = (60, 60, 40)
+    labels = np.zeros(shape, dtype=np.uint8)
+    labels[ball(shape, (45.0, 40.0, 52.0), bladder_radius)] = BLADDER
+    labels[ball(shape, (45.0, 65.0, 30.0), 10.0 + 0.2 * bladder_radius)] = RECTUM
+    labels[ball(shape, (45.0, 43.0, 20.0), 12.0)] = PROSTATE_LEFT
+    hu = np.choose(labels, [-90.0, 45.0, 45.0, -90.0, 300.0, 8.0, gas])
+    hu = hu + np.random.default_rng(seed).normal(0.0, 15.0, shape)
+    affine = np.linalg.inv(SHIFT) @ GRID if moved else GRID
+    return Volume(hu, affine), Volume(labels, affine)
+
+
+@pytest.mark.parametrize("gas", [-800.0, 30.0])
+def test_right_contours_pass_and_exchanged_ones_are_named(gas: float) -> None:
+    (ct_a, labels_a), (ct_b, labels_b) = state(14.0, 30.0, 1), state(18.0, gas, 2, moved=True)
+    scans = {"rest": ct_a, "deformed": ct_b}
+    assert swapped_note(scans, {"rest": labels_a, "deformed": labels_b}, SHIFT) is None
+    exchanged = {"rest": labels_b.moved(SHIFT), "deformed": labels_a.moved(np.linalg.inv(SHIFT))}
+    note = swapped_note(scans, exchanged, SHIFT)
+    assert note is not None and "contours look exchanged" in note
+
+
+def test_outlines_that_hardly_differ_tell_nothing() -> None:
+    (ct_a, labels), (ct_b, _) = state(14.0, 30.0, 1), state(14.0, 30.0, 2)
+    assert swapped_note({"rest": ct_a, "deformed": ct_b}, {"rest": labels, "deformed": labels}, np.eye(4)) is None
+
+
+def test_contours_of_one_scan_alone_tell_nothing() -> None:
+    (ct_a, labels), (ct_b, _) = state(14.0, 30.0, 1), state(18.0, 30.0, 2)
+    assert swapped_note({"rest": ct_a, "deformed": ct_b}, {"rest": labels}, np.eye(4)) is None
