@@ -33,7 +33,10 @@ def swapped_note(
     """
     if not all(state in labels for state in STATES):
         return None
-    to_other = {"rest": np.linalg.inv(deformed_to_rest), "deformed": deformed_to_rest}
+    to_other: dict[str, NDArray[np.float64]] = {
+        "rest": np.linalg.inv(deformed_to_rest).astype(np.float64),
+        "deformed": deformed_to_rest,
+    }
     found = [_where_they_differ(scans, labels, s, to_other[s[0]]) for s in (STATES, STATES[::-1])]
     distances = [pair for pair in found if pair is not None]
     if distances and all(there < _BETTER * here for here, there in distances):
