@@ -93,6 +93,21 @@ def test_an_oblique_scan_keeps_its_place_and_the_deformed_labels_lie_in_their_ow
     assert frames == {"rest_seg.dcm": own["rest"], "stiffness_pm.dcm": own["rest"], "deformed_seg.dcm": own["deformed"]}
 
 
+def test_labels_beyond_the_last_slice_are_left_out(tmp_path: Path) -> None:
+    """The model's labels go on where the scan has ended; a viewer would show them in empty space."""
+    case = pair(tmp_path / "case", affine(), deformed=False)
+    labels, top = case.labels("rest"), sorted(case.file("rest_ct").iterdir())
+    z = {path: float(pydicom.dcmread(path).ImagePositionPatient[2]) for path in top}
+    middle = np.median(sorted(z.values()))
+    for path in [path for path in top if z[path] > middle]:
+        path.unlink()
+    assert (places(labels, labels.array > 0)[:, 2] > middle + 1.5).any()
+    found = hd.seg.segread(exporter("dicom-seg").export(case, tmp_path / "out")[0]).get_volume(combine_segments=True)
+    kept = places(volume_of(found), volume_of(found).array > 0)
+    inside = places(labels, labels.array > 0)
+    assert_same_places(kept, inside[inside[:, 2] < middle + 1.5])
+
+
 def test_pydicom_and_simpleitk_see_the_same_pixels(written: dict[str, Path]) -> None:
     """SimpleITK reads no floating-point pixels, hence no Parametric Map: for it there is the series (test_dicom_series)."""
     other = sitk.GetArrayFromImage(sitk.ReadImage(str(written["rest_seg.dcm"]))) > 0

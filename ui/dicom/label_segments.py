@@ -38,12 +38,25 @@ def label_segmentation(case: CaseFolder, state: str) -> hd.seg.Segmentation:
 
 
 def labels_in_own_scan(case: CaseFolder, state: str) -> Volume:
-    """The labels of a state in the frame of that state's own CT."""
+    """The labels of a state in the frame of that state's own CT, as far as that CT goes.
+
+    The case's labels go on beyond it where the modelled region does; a viewer would show those in empty space.
+    """
     labels = case.labels(state)
     if state == "deformed":
         # A case keeps deformed labels in the frame of the scan at rest; the deformed CT knows nothing of that one.
         labels = labels.moved(np.linalg.inv(case.deformed_to_rest()).astype(np.float64))
-    return labels
+    return _within(labels, case.series(state)[0]) if case.has(f"{state}_ct") else labels
+
+
+def _within(labels: Volume, ct: Volume) -> Volume:
+    """The labels whose voxel centres lie in a voxel of the CT."""
+    voxels = np.argwhere(labels.array)
+    places = ct.to_index(labels.to_lps(voxels.astype(np.float64)))
+    beyond = ((places < -0.5) | (places > np.array(ct.array.shape) - 0.5)).any(axis=1)
+    array = labels.array.copy()
+    array[tuple(voxels[beyond].T)] = 0
+    return labels.with_array(array)
 
 
 def _segmentation(

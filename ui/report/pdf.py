@@ -100,7 +100,7 @@ def _table(block: doc.Table) -> Flowable:
 def _column_widths(block: doc.Table) -> list[float]:
     """Shares of the page by the longest text of each column, within reason."""
     rows = [block.header, *block.rows]
-    lengths = [min(max(len(row[i]) for row in rows), 60) for i in range(len(block.header))]
+    lengths = [min(max(len(row[i]) for row in rows), 66) for i in range(len(block.header))]
     lengths = [max(length + 3, 10) for length in lengths]
     return [_WIDTH * length / sum(lengths) for length in lengths]
 
