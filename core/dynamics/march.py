@@ -1,0 +1,136 @@
+"""Steps one after the other: a step that makes energy, or finds no minimum, is taken again in halves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from palpate.core.dynamics.motion import Energies, Motion
+from palpate.core.dynamics.schemes import DEFAULT_SCHEME, Step, take_step
+from palpate.core.dynamics.system import MovingBody
+from palpate.core.errors import ConvergenceError
+
+_NEWTON = 1e-11  # of the energy scale: what a stage's minimum may still be missed by
+_PATIENCE = 4  # good steps after which a halved one is doubled again
+
+
+@dataclass(frozen=True)
+class MarchOptions:
+    """dt : s, the longest step. energy_tolerance : how far above its lowest value so far the mechanical energy may ever be, relative
+    to `Ledger.scale`. shortest : s, below which a march gives up. scheme : see `schemes`.
+
+    load : fraction of the load of the assembler's terms by time; a load that changes does work, so then energy is not watched.
+    """
+
+    dt: float
+    energy_tolerance: float = 1e-3
+    shortest: float = 1e-7
+    scheme: str = DEFAULT_SCHEME
+    load: Callable[[float], float] | None = None
+
+
+@dataclass
+class Ledger:
+    """What a march has done so far. energies : after every step, the start first; times : s of the same.
+
+    scale : mN mm that tolerances refer to. viscous, friction : mN mm lost to these. rejected : steps taken again.
+    """
+
+    scale: float
+    times: list[float] = field(default_factory=list)
+    energies: list[Energies] = field(default_factory=list)
+    viscous: float = 0.0
+    friction: float = 0.0
+    iterations: int = 0
+    rejected: int = 0
+    dt: float = np.inf
+    good: int = 0
+
+    @property
+    def lowest(self) -> float:
+        """Lowest mechanical energy so far."""
+        return min(e.total for e in self.energies)
+
+    @property
+    def largest_growth(self) -> float:
+        """Most that the mechanical energy was ever above its lowest value before, relative to the scale."""
+        totals = np.array([e.total for e in self.energies])
+        return float(np.max(totals - np.minimum.accumulate(totals), initial=0.0)) / self.scale
+
+    @property
+    def numerical_loss(self) -> float:
+        """Share of the scale that went neither into viscosity nor into friction: what the time steps took."""
+        return (self.energies[0].total - self.energies[-1].total - self.viscous - self.friction) / self.scale
+
+
+def open_ledger(body: MovingBody, motion: Motion, height: float | None = None) -> Ledger:
+    """A ledger that starts with a motion.
+
+    height : mm a body will fall, for the scale; the body's own size by default.
+    """
+    first = body.energies(motion)
+    nodes = body.assembler.space.nodes
+    size = float(np.ptp(nodes, axis=0).max()) if height is None else height
+    weight = float(np.linalg.norm(body.weight.sum(axis=0)))
+    scale = first.kinetic + abs(first.elastic) + weight * size
+    return Ledger(max(scale, 1e-12), [motion.time], [first])
+
+
+def march(
+    body: MovingBody,
+    motion: Motion,
+    until: float,
+    options: MarchOptions,
+    ledger: Ledger | None = None,
+    watch: Callable[[Motion], None] | None = None,
+) -> Motion:
+    """The motion at time `until`, s. watch : called after every step.
+
+    Raises ConvergenceError when even the shortest step fails.
+    """
+    ledger = open_ledger(body, motion) if ledger is None else ledger
+    while until - motion.time > 1e-9 * options.dt:
+        left = until - motion.time
+        dt = left / np.ceil(left / min(options.dt, ledger.dt) - 1e-9)
+        step = take_step(body, motion, dt, _NEWTON * ledger.scale, options.load or _full, options.scheme)
+        after = None if step.motion is None else body.energies(step.motion)
+        if step.motion is None or after is None or _too_much(after, ledger, options):
+            _reject(ledger, step, dt, options)
+            continue
+        motion = step.motion
+        _accept(ledger, step, after, motion.time, options)
+        if watch is not None:
+            watch(motion)
+    return motion
+
+
+def _full(time: float) -> float:
+    return 1.0
+
+
+def _too_much(after: Energies, ledger: Ledger, options: MarchOptions) -> bool:
+    if options.load is not None:
+        return not np.isfinite(after.total)
+    return not after.total <= ledger.lowest + options.energy_tolerance * ledger.scale
+
+
+def _accept(ledger: Ledger, step: Step, after: Energies, time: float, options: MarchOptions) -> None:
+    ledger.times.append(time)
+    ledger.energies.append(after)
+    ledger.viscous += step.viscous
+    ledger.friction += step.friction
+    ledger.iterations += step.iterations
+    ledger.good += 1
+    if ledger.good >= _PATIENCE and ledger.dt < options.dt:
+        ledger.dt, ledger.good = min(2.0 * ledger.dt, options.dt), 0
+
+
+def _reject(ledger: Ledger, step: Step, dt: float, options: MarchOptions) -> None:
+    ledger.rejected += 1
+    ledger.iterations += step.iterations
+    ledger.dt, ledger.good = 0.5 * dt, 0
+    if ledger.dt < options.shortest:
+        why = step.reason or "the energy grows however short the step"
+        raise ConvergenceError(f"the motion stops at {1e3 * ledger.times[-1]:.1f} ms: {why}")
