@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from palpate.core.identify.coupled import CoupledScene
 from palpate.core.identify.identify import Identification, identify
 from palpate.core.identify.misfit_figures import misfit_figures
-from palpate.core.identify.nothing import nothing_found
+from palpate.core.identify.nothing import Untold, moved_as_a_whole, nothing_found
 from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.parameter_facts import parameter_facts
 from palpate.core.identify.posterior import verdict
 from palpate.core.identify.rigid_pair import rigid_pair
-from palpate.core.identify.split import separable, split_facts
+from palpate.core.identify.split import separable
 from palpate.core.identify.stiffness_map import StiffnessMap, stiffness_map
+from palpate.core.identify.unloaded import moved_by_its_surface, surface_is_all
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread
@@ -30,8 +32,6 @@ FloatArray = NDArray[np.float64]
 MAP_FILE = "stiffness_map.npz"
 # Swarm and Gauss-Newton name the same optimum when their ln G differ by less than this share of a standard deviation.
 AGREEMENT_SD = 0.25
-# A stiffness this close to a bound (in ln G) is reported as at the bound.
-AT_BOUND = 0.02
 
 
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:
@@ -44,9 +44,9 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     fingerprint = job.fingerprint()
     began = time.perf_counter()
     problem = IdentificationProblem.load(Path(job.folder) / "problem.npz")
-    pair = rigid_pair(problem)
-    if pair.nothing_deformed:
-        result, fields = nothing_found(problem, pair, options, time.perf_counter() - began)
+    untold = _untold(problem)
+    if untold is not None:
+        result, fields = nothing_found(problem, untold, options, time.perf_counter() - began)
         save_checkpoint(Path(job.folder) / "fields.npz", fields, fingerprint)
         (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)
         return {**result, "stiffness_map": None}
@@ -58,6 +58,14 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     else:
         save_checkpoint(Path(job.folder) / MAP_FILE, mapped.arrays(), fingerprint)
     return {**_result(found, options), "stiffness_map": None if mapped is None else _map_facts(mapped)}
+
+
+def _untold(problem: IdentificationProblem) -> Untold | None:
+    """Why no stiffness need be searched for; None where one must be."""
+    pair = rigid_pair(problem)
+    if pair.nothing_deformed:
+        return moved_as_a_whole(problem, pair)
+    return moved_by_its_surface(problem) if surface_is_all(problem) else None
 
 
 def _mapped(found: Identification, options: IdentifyOptions, reporter: Reporter) -> StiffnessMap | None:
@@ -88,7 +96,7 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
     parameters = found.scene.parameters
     names = tuple(found.scene.problem.region_names[r] for r in found.scene.problem.regions)
     return {
-        "parameters": _parameters(found, names),
+        "parameters": parameter_facts(names, parameters, found.posterior),
         "identifiability": {
             "singular_values": found.posterior.singular_values,
             "mu1_mu2_separable": separable(parameters, found.posterior),
@@ -114,28 +122,6 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
         "convergence": _convergence(found),
         "agreement": _agreement(found, names),
         "notes": _notes(found, names),
-    }
-
-
-def _parameters(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
-    parameters, posterior = found.scene.parameters, found.stiffness
-    G, mu = parameters.shear_moduli(found.theta), parameters.mu(found.theta)
-    low, high = posterior.bounds.T
-    near = (posterior.mean < low + AT_BOUND) | (posterior.mean > high - AT_BOUND)
-    apart = split_facts(parameters, found.posterior)
-    return {
-        name: {
-            "G_kpa": G[k],
-            "mu1_kpa": mu[k, 0],
-            "mu2_kpa": mu[k, 1],
-            "mu_mean_kpa": mu[k].mean(),
-            "sd_kpa": posterior.sd_kpa()[k],
-            "ci95_kpa": posterior.interval()[k],
-            "sd_ln_G": posterior.sd[k],
-            "at_bound": bool(near[k]),
-            **apart[k],
-        }
-        for k, name in enumerate(names)
     }
 
 
@@ -175,7 +161,7 @@ def _notes(found: Identification, names: tuple[str, ...]) -> list[str]:
         notes.append(
             f"the misfit is {found.posterior.scale:.2f} times what the stated noise explains; intervals are widened by that factor"
         )
-    for name, values in _parameters(found, names).items():
+    for name, values in parameter_facts(names, found.scene.parameters, found.posterior).items():
         if values["at_bound"]:
             notes.append(
                 f"{name} lies at the edge of the allowed stiffness: it may absorb an effect that is not modelled"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.reduced import ReducedModel
 from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
+from palpate.core.identify.misfit import LANDMARK_SD_MM
 from palpate.core.identify.posterior import NoiseFacts, Posterior, laplace
 from palpate.core.observe.distance_field import SignedDistanceField
 from palpate.core.observe.noise import Weighting
@@ -26,6 +27,7 @@ class ReducedFit:
     points : (q, 3) mm at rest, those of the model. target : of the deformed surface. weighting : of the residual (q, q).
     noise : (q, q) mm2, what the residual's covariance is taken to be. error_mm : (q,) what the contours err by, taken off the
     residual: for studies that draw it. expected : of the residual's squared weighted length at the truth, where it is known already.
+    landmarks : (k, 6) mm, rest and deformed; the model's points are then the surface's and these.
     """
 
     model: ReducedModel | None
@@ -35,24 +37,34 @@ class ReducedFit:
     noise: FloatArray
     error_mm: FloatArray = field(default_factory=lambda: np.zeros(0))
     expected: float | None = None
+    landmarks: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
 
     def value(self, theta: FloatArray) -> float:
         """Squared length of the weighted residual at theta (t,)."""
-        distance = self.target.value_and_gradient(self.points + self._known.evaluate(theta))[0]
-        return self.weighting.squared(distance - self.error_mm if len(self.error_mm) else distance)
+        v, q = self._known.evaluate(theta), len(self.points)
+        distance = self.target.value_and_gradient(self.points + v[:q])[0]
+        surface = self.weighting.squared(distance - self.error_mm if len(self.error_mm) else distance)
+        return surface + float((self._marks(v[q:]) ** 2).sum())
 
     def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted residual (q,) and Jacobian (q, t) at theta (t,)."""
+        """Weighted residual (q + 3 k,) and Jacobian (q + 3 k, t) at theta (t,)."""
         return self.linearised(self._known.evaluate(theta), self._known.gradient(theta))
 
     def linearised(self, v: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same from the points' displacements v (q, 3) mm and their derivatives (t, q, 3)."""
-        distance, normal = self.target.value_and_gradient(self.points + v)
+        """The same from the points' displacements v (q + k, 3) mm and their derivatives (t, q + k, 3)."""
+        q = len(self.points)
+        distance, normal = self.target.value_and_gradient(self.points + v[:q])
         if len(self.error_mm):
             distance = distance - self.error_mm
-        slopes = np.einsum("tqi,qi->qt", slopes, normal)
-        both = self.weighting.whiten(np.column_stack([distance, slopes]))
+        along = np.einsum("tqi,qi->qt", slopes[:, :q], normal)
+        both = self.weighting.whiten(np.column_stack([distance, along]))
+        marks = np.column_stack([self._marks(v[q:]), slopes[:, q:].reshape(len(slopes), -1).T / LANDMARK_SD_MM])
+        both = np.vstack([both, marks])
         return both[:, 0], both[:, 1:]
+
+    def _marks(self, v: FloatArray) -> FloatArray:
+        """Weighted residual (3 k,) of landmarks that move by v (k, 3)."""
+        return np.asarray((self.landmarks[:, :3] + v - self.landmarks[:, 3:]).ravel() / LANDMARK_SD_MM)
 
     def fit(self, starts: FloatArray, bounds: FloatArray) -> GaussNewtonResult:
         """The best optimum from starts (s, t) within bounds (t, 2). Raises ConvergenceError where none ends."""
@@ -64,8 +76,9 @@ class ReducedFit:
 
     def posterior(self, found: GaussNewtonResult, bounds: FloatArray) -> Posterior:
         """Laplace's approximation at an optimum, see `posterior.laplace`."""
-        back = self.weighting.unwhiten_adjoint(found.jacobian)
-        noise = NoiseFacts(back.T @ self.noise @ back, self._expected)
+        q = len(self.points)
+        back, marks = self.weighting.unwhiten_adjoint(found.jacobian[:q]), found.jacobian[q:]
+        noise = NoiseFacts(back.T @ self.noise @ back + marks.T @ marks, self._expected)
         return laplace(found.theta, found.residual, found.jacobian, bounds, noise)
 
     @property
@@ -78,4 +91,4 @@ class ReducedFit:
     def _expected(self) -> float:
         if self.expected is not None:
             return self.expected
-        return float(np.trace(self.weighting.apply(self.noise)))
+        return float(np.trace(self.weighting.apply(self.noise))) + 3.0 * len(self.landmarks)

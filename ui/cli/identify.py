@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from palpate.core.fem.elements import ELEMENTS
@@ -18,6 +19,9 @@ NAME, HELP = "identify", "mesh and surfaces to stiffness with its uncertainty"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """CASE, and how to search."""
     add_case(parser)
+    parser.add_argument("--again", type=Path, metavar="LABELS",
+                        help="only the organ's contours on the deformed scan are new: labels drawn on it. Answers in a second from "
+                        "the model that the case's last swarm left; writes again.json, result.json stays")  # fmt: skip
     add_options(parser)
 
 
@@ -56,17 +60,21 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
-    """Identifies; see `identify_step.run`."""
-    from palpate.segmentation import identify_step  # here, because VTK takes seconds to load
+    """Identifies; see `identify_step.run` and `again_step.run`."""
+    from palpate.segmentation import again_step, identify_step  # here, because VTK takes seconds to load
 
     no_points(args)
     case = CaseFolder(args.case)
+    if args.again is not None:
+        with recorded(case, args), console.progress(NAME) as progress:
+            result = again_step.run(case, args.again, progress)
+        return result, "\n".join(text_of(case, result, "again.json"))
     with recorded(case, args), console.progress(NAME) as progress:
         result = identify_step.run(case, identify_step.IdentifyStepOptions(options_of(args)), progress)
     return result, "\n".join(text_of(case, result))
 
 
-def text_of(case: CaseFolder, result: dict[str, Any]) -> list[str]:
+def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.json") -> list[str]:
     """What a person reads of an identification."""
     lines = []
     for name, found in result["parameters"].items():
@@ -76,4 +84,4 @@ def text_of(case: CaseFolder, result: dict[str, Any]) -> list[str]:
         lines.append(f"found   {name}: G = {found['G_kpa']:.3g} kPa, {sure}{edge}")
     lines.append(f"misfit  {result['misfit']['rms_mm']:.2f} mm rms")
     lines += [f"says    {part}" for part in str(result["identifiability"]["verdict"]).split("; ")]
-    return [*lines, f"result  {case.file('result.json')}"]
+    return [*lines, f"result  {case.file(written)}"]
