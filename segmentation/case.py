@@ -20,7 +20,7 @@ from palpate.segmentation.dicom_series import SeriesFacts, read_series
 from palpate.segmentation.grid import in_lps_order
 from palpate.segmentation.itksnap import label_description, label_values
 from palpate.segmentation.landmarks import Landmarks, read_landmarks
-from palpate.segmentation.nifti_labels import read_labels, write_labels, write_nifti
+from palpate.segmentation.nifti_labels import read_labels, read_nifti, write_labels, write_nifti
 from palpate.segmentation.volume import Volume
 
 STATES = ("rest", "deformed")
@@ -157,6 +157,14 @@ class CaseFolder:
     def series(self, state: str) -> tuple[Volume, SeriesFacts]:
         """The CT of a state in its scanner's own frame, slices in the files' order, and what else its files say."""
         return read_series(self.file(f"{_known(state)}_ct"))
+
+    def bones(self, state: str) -> Volume | None:
+        """Which bone (values of BONE_PARTS) each bone voxel of a state is, rest frame; None where no bone was told apart."""
+        name = f"{_known(state)}_bones.nii.gz"
+        if not self.has(name):
+            return None
+        found = in_lps_order(read_nifti(self.file(name)))
+        return found.with_array(found.array.astype(np.uint8)) if found.array.any() else None
 
     def user_labels(self, state: str) -> Volume | None:
         """What a person drew on a state's CT (rest frame, LPS order), None where nothing; user_labels.json says more."""

@@ -78,11 +78,13 @@ def meaning_of(names: Mapping[int, str], source: str) -> dict[int, int]:
     return meaning if any(meaning.values()) else {value: value for value in LABELS}
 
 
-def label_description() -> str:
-    """The text of the label description file of a case."""
+def label_description(
+    names: Mapping[int, str] = LABELS, colours: Mapping[int, tuple[int, int, int, float]] = LABEL_COLOURS
+) -> str:
+    """The text of the label description file of a case, or of another set of labels."""
     lines = []
-    for value, name in LABELS.items():
-        red, green, blue, opacity = LABEL_COLOURS[value]
+    for value, name in {0: LABELS[0], **names}.items():
+        red, green, blue, opacity = colours[value]
         shown = int(value != 0)
         lines.append(f'{value:5d} {red:5d} {green:4d} {blue:4d} {opacity:11g} {shown:3d} {shown:2d}    "{name}"\n')
     return _HEADER + "".join(lines)

@@ -28,3 +28,25 @@ LABEL_COLOURS: dict[int, tuple[int, int, int, float]] = {
     5: (255, 255, 0, 1.0),
     6: (160, 90, 40, 1.0),
 }
+
+# The parts of label 4 in STATE_bones.nii.gz: rigid as one in the model, told apart for the eye and for the alignment.
+BONE_PARTS: dict[int, str] = {
+    1: "femur_left",
+    2: "femur_right",
+    3: "hip_left",
+    4: "hip_right",
+    5: "sacrum",
+    6: "spine",
+}
+
+BONE_PART_VALUES: dict[str, int] = {name: value for value, name in BONE_PARTS.items()}
+
+BONE_PART_COLOURS: dict[int, tuple[int, int, int, float]] = {
+    0: (0, 0, 0, 0.0),
+    1: (31, 119, 180, 1.0),
+    2: (255, 127, 14, 1.0),
+    3: (44, 160, 44, 1.0),
+    4: (214, 39, 40, 1.0),
+    5: (148, 103, 189, 1.0),
+    6: (140, 86, 75, 1.0),
+}

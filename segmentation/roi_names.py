@@ -30,6 +30,7 @@ _ORGAN_WORDS: dict[str, frozenset[str]] = {
         }
         | {"huftkopf", "hueftkopf", "femorales", "bone", "bones", "osso", "ossa", "knochen", "hueso", "huesos"}
         | {"sacrum", "sacro", "pubis", "pube", "ischium", "ilium", "coxal", "acetabulum", "pelvis", "bacino", "becken"}
+        | {"hip", "hips", "coccyx", "coccige", "steissbein", "coxae"}
     ),
 }
 ORGANS = (*_ORGAN_WORDS, "prostate_left", "prostate_right")

@@ -53,6 +53,10 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: NDArra
             name: {"method": found.method, "confidence": found.confidence, "volume_cc": whole[name]}
             for name, found in organs.items()
         },
+        "bones": {
+            name: {"volume_cc": round(part.segmentation.bones.volume_cc(name), 2), "confidence": confidence}
+            for name, confidence in part.segmentation.bones.confidence.items()
+        },
         "bone": {"method": "threshold" if part.drawn is None or part.drawn.bone is None else "threshold and user"},
         "volume_in_region_cc": cc,
         "split": {"point": plane.point, "normal": plane.normal, "source": plane.source},

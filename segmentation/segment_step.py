@@ -13,7 +13,9 @@ from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import STATES, CaseFolder
 from palpate.segmentation.drawn_labels import drawn_labels
-from palpate.segmentation.labels import ORGAN_LABELS
+from palpate.segmentation.itksnap import label_description
+from palpate.segmentation.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LABELS
+from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.organs.pelvis import segment_pelvis
 from palpate.segmentation.organs.prompts import Prompts, check_inside
 from palpate.segmentation.organs.split import Plane, halves, midline_normal, split_plane
@@ -22,7 +24,10 @@ from palpate.segmentation.segment_report import SegmentedState, notes_on, state_
 from palpate.segmentation.volume import Volume
 
 STEP = "segment"
-OUTPUTS = ("rest.nii.gz", "deformed.nii.gz", "labels.txt", "segmentation.json")
+OUTPUTS = (
+    *("rest.nii.gz", "deformed.nii.gz", "labels.txt", "segmentation.json"),
+    *("rest_bones.nii.gz", "deformed_bones.nii.gz", "bones.txt"),
+)
 INPUTS = ("rest_ct", "deformed_ct", "alignment.json", "rest_user.nii.gz", "deformed_user.nii.gz", "user_labels.json")
 # The deformed labels reach this far beyond the region that is modelled at rest, so that every surface is whole there.
 DEFORMED_ROOM_MM = 10.0
@@ -56,6 +61,8 @@ class SegmentOptions:
 
 def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
     """Writes rest.nii.gz, deformed.nii.gz (both in the rest frame), labels.txt and segmentation.json; returns the last.
+
+    STATE_bones.nii.gz (names in bones.txt) says of each bone voxel which bone it is.
 
     Labels that a person drew (STATE_user.nii.gz) are taken as they are; only what is missing is found. Nothing is done
     when scans, drawn labels and options are those of the last run, or when the case came with label volumes.
@@ -121,6 +128,11 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
     # The report first: labels without one are taken as a person's own, and a killed run's are not.
     case.write_json("segmentation.json", report)
     for state, labels in volumes.items():
+        with case.atomic_path(f"{state}_bones.nii.gz") as path:
+            write_labels(path, bones_of(found[state], labels))
+    with case.atomic_path("bones.txt") as path:
+        path.write_text(label_description(BONE_PARTS, BONE_PART_COLOURS), encoding="utf-8")
+    for state, labels in volumes.items():
         case.write_labels(state, labels)
     return case.read_json("segmentation.json")
 
@@ -135,6 +147,11 @@ def labels_of(part: SegmentedState, plane: Plane, box: NDArray[np.float64]) -> V
     pick = near.array
     chosen = {name: mask.ravel()[pick] for name, mask in masks.items()}
     return near.with_array(label_array(sides.ravel()[pick], chosen, body.ravel()[pick]))
+
+
+def bones_of(part: SegmentedState, labels: Volume) -> Volume:
+    """Which bone (values of BONE_PARTS) each voxel labelled bone is."""
+    return labels.with_array(part.segmentation.bones.on(labels, labels.array == BONE))
 
 
 def _labels_alone(case: CaseFolder, progress: Progress) -> dict[str, Any]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.organs.bladder import find_bladder
+from palpate.segmentation.organs.bone_parts import BoneParts, bone_parts
 from palpate.segmentation.organs.learned import learned_masks
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.prostate import find_prostate
@@ -28,6 +30,11 @@ class Segmentation:
 
     scene: Scene
     organs: Mapping[str, Found] = field(default_factory=dict)
+
+    @cached_property
+    def bones(self) -> BoneParts:
+        """Femurs, hip bones, sacrum and spine told apart."""
+        return bone_parts(self.scene.whole_hu, self.scene.whole_bone, self.scene.pelvis)
 
     def mask(self, organ: str, grid: Volume) -> Mask:
         """An organ, "bone" or "body" on another grid."""

@@ -52,7 +52,7 @@ class Scene:
     """The CT ready for segmentation; all arrays on ``grid``.
 
     grid : even and upright. hu : HU cut to LOW_HU..HIGH_HU. filled : the same with gas as soft tissue. gas, body, bone :
-    masks. whole_bone : bone of the whole scan on a 2 mm grid. fat, muscle : typical HU of this scan.
+    masks. whole_bone, whole_hu : bone and HU of the whole scan on a 2 mm grid. fat, muscle : typical HU of this scan.
     """
 
     grid: Volume
@@ -63,6 +63,7 @@ class Scene:
     bone: Mask
     pelvis: Pelvis
     whole_bone: Volume
+    whole_hu: Volume
     fat: float
     muscle: float
 
@@ -117,7 +118,7 @@ def make_scene(ct: Volume, prompts: Prompts | None = None, step_mm: float = FINE
     filled, gas = gas_filled(np.where(inside, hu, np.float32(LOW_HU)), step_mm)
     fat, muscle = _typical(for_bone.array, mask_on(body, for_bone))
     bone = mask_on(whole_bone, grid)
-    return Scene(grid, hu, filled, gas & inside, inside, bone, pelvis, whole_bone, fat, muscle)
+    return Scene(grid, hu, filled, gas & inside, inside, bone, pelvis, whole_bone, for_bone, fat, muscle)
 
 
 def _region(ct: Volume, pelvis: Pelvis, prompts: Prompts) -> tuple[FloatArray, FloatArray]:

@@ -59,6 +59,13 @@ def test_labels_of_both_states(case: CaseFolder) -> None:
     assert volumes["prostate_left"] + volumes["prostate_right"] == pytest.approx(73.9, rel=0.03)
     true = truth_of(1).array
     assert dice(np.isin(_at(rest, truth()), 1), true) > 0.94
+    bones = case.bones("rest")
+    assert bones is not None
+    assert np.array_equal(bones.affine, rest.affine)
+    assert np.array_equal(bones.array > 0, rest.array == 4)
+    known = report["states"]["rest"]["bones"]
+    assert set(known) == {"femur_left", "femur_right", "hip_left", "hip_right", "sacrum"}
+    assert known["femur_left"]["volume_cc"] == pytest.approx(known["femur_right"]["volume_cc"], rel=0.1)
 
 
 def _at(labels: Volume, grid: Volume) -> np.ndarray:

@@ -9,11 +9,12 @@ from palpate.segmentation.case import STATES, CaseFolder
 from palpate.segmentation.grid import labels_on
 from palpate.segmentation.itksnap import label_description
 from palpate.segmentation.itksnap_workspace import LABEL_LAYER, MAIN, OVERLAY, Layer, workspace_text
+from palpate.segmentation.labels import BONE_PART_COLOURS, BONE_PARTS
 from palpate.segmentation.nifti_labels import write_nifti
 from palpate.segmentation.volume import Volume
 from palpate.ui.export.stiffness import stiffness_volume
 
-WRITES = "NIfTI: scans, label volumes, stiffness in kPa; labels.txt; a workspace of each scan with all of it"
+WRITES = "NIfTI: scans, label volumes, bones, stiffness in kPa; labels.txt, bones.txt; a workspace of each scan with all of it"
 _STIFFNESS = "stiffness_kpa.nii.gz"
 
 
@@ -25,6 +26,9 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
         labels = case.labels(state) if case.has_labels(state) else None
         if labels is not None:
             written.append(_write(folder / f"{state}_labels.nii.gz", labels))
+        bones = case.bones(state)
+        if bones is not None:
+            written.append(_write(folder / f"{state}_bones.nii.gz", bones))
         if case.has(f"{state}_ct"):
             ct = case.ct(state)
             sizes[state] = ct.array.shape
@@ -35,6 +39,8 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     if case.has("result.json"):
         written.append(_write(folder / _STIFFNESS, stiffness_volume(case)))
     texts = {"labels.txt": label_description()}
+    if any(path.name.endswith("_bones.nii.gz") for path in written):
+        texts["bones.txt"] = label_description(BONE_PARTS, BONE_PART_COLOURS)
     texts |= {f"{s}.itksnap": workspace_text(_layers(s, folder, written), folder, size) for s, size in sizes.items()}
     for name, text in texts.items():
         with atomic_path(folder / name) as path:

@@ -8,11 +8,12 @@ import SimpleITK as sitk
 
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import STATES, CaseFolder
+from palpate.segmentation.labels import BONE_PART_COLOURS, BONE_PARTS
 from palpate.segmentation.seg_nrrd import write_seg_nrrd
 from palpate.segmentation.volume import Volume
 from palpate.ui.export.stiffness import stiffness_volume
 
-WRITES = "NRRD: scans, label volumes as .seg.nrrd, stiffness in kPa"
+WRITES = "NRRD: scans, labels and bones as .seg.nrrd, stiffness in kPa"
 
 
 def export(case: CaseFolder, folder: Path) -> list[Path]:
@@ -25,6 +26,10 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
             written.append(folder / f"{state}_labels.seg.nrrd")
             with atomic_path(written[-1]) as path:
                 write_seg_nrrd(path, case.labels(state))
+        if (bones := case.bones(state)) is not None:
+            written.append(folder / f"{state}_bones.seg.nrrd")
+            with atomic_path(written[-1]) as path:
+                write_seg_nrrd(path, bones, BONE_PARTS, BONE_PART_COLOURS)
     if case.has("result.json"):
         written.append(_write(folder / "stiffness_kpa.nrrd", stiffness_volume(case)))
     return written
