@@ -3,10 +3,11 @@
 Li et al. 2020, Incremental potential contact (ACM Trans. Graph. 39:49), per area as in Li et al. 2023, Convergent incremental potential
 contact. In a layer of thickness d0 before a wall the pressure at distance d = x d0 is
 
-    p = -(stiffness / 2) d/dx [ -(x^2 - 1)^2 ln x^2 ],
+    p = -(stiffness / 4) d/dx [ -(x^2 - 1)^2 ln x^2 ],
 
-nothing at the layer's edge and without bound at the wall, so that a wall is never crossed. Nodes meet the wall's faces; where the
-wall is flat or hollow, what lies between nodes on the body's facets is then free of it too.
+nothing at the layer's edge, about the stiffness at half its thickness and without bound at the wall, so that a wall is never
+crossed. Nodes meet the wall's faces; where the wall is flat or hollow, what lies between nodes on the body's facets is then
+free of it too. A node's area is that of all its faces: pass only the faces that can meet the wall where a body has edges.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import ipctk
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.dynamics.rigid import RigidSurface
+from palpate.core.dynamics.rigid import RigidSurface, depth
 from palpate.core.errors import InputError
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.wall import wall_points
@@ -33,7 +34,7 @@ _KEEP_AWAY = ipctk.AdditiveCCD()  # the toolkit's default takes seconds where ed
 
 @dataclass(frozen=True)
 class Layer:
-    """thickness mm and stiffness kPa of the layer before a wall.
+    """thickness mm and stiffness kPa of the layer before a wall; half way into it the pressure is about the stiffness.
 
     friction : Coulomb's coefficient. sticking : mm/s, slower than this a contact counts as sticking and friction falls to zero.
     """
@@ -46,7 +47,7 @@ class Layer:
     def pressure(self, distance: FloatArray) -> FloatArray:
         """kPa at distances (mm) from a flat wall."""
         x = np.clip(np.asarray(distance, dtype=float) / self.thickness, 1e-300, 1.0)
-        return 0.5 * self.stiffness * (4.0 * x * (x**2 - 1.0) * np.log(x**2) + 2.0 * (x**2 - 1.0) ** 2 / x)
+        return 0.25 * self.stiffness * (4.0 * x * (x**2 - 1.0) * np.log(x**2) + 2.0 * (x**2 - 1.0) ** 2 / x)
 
 
 class Contact:
@@ -59,6 +60,10 @@ class Contact:
         if not (layer.thickness > 0.0 and layer.stiffness > 0.0 and layer.friction >= 0.0 and layer.sticking > 0.0):
             raise InputError(f"a contact layer needs positive thickness, stiffness and sticking speed; got {layer}")
         points = wall_points(space.face_nodes(faces), space.nodes)
+        if not depth(wall, space.nodes[points.nodes[:, 0]]) < 0.0:
+            raise InputError(
+                "the body touches the rigid surface, or lies behind it, before it moves; start it further away"
+            )
         self.layer, self.wall = layer, wall
         self.nodes: IntArray = points.nodes[:, 0]
         self._rest = np.asfortranarray(np.vstack([space.nodes[self.nodes], wall.points]))

@@ -1,4 +1,4 @@
-"""Steps one after the other: a step that makes energy, or finds no minimum, is taken again in halves."""
+"""Steps one after the other: a step that makes energy, or finds no minimum, is taken again in halves, at last by backward Euler."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from palpate.core.dynamics.system import MovingBody
 from palpate.core.errors import ConvergenceError
 
 _NEWTON = 1e-11  # of the energy scale: what a stage's minimum may still be missed by
+_ROUNDING = 1e-9  # of the energy scale, a step
+# After so many halvings backward Euler takes the step: first order, but it loses energy where the other may gain some.
+_HALVINGS = 3
 _PATIENCE = 4  # good steps after which a halved one is doubled again
 
 
@@ -36,6 +39,7 @@ class Ledger:
     """What a march has done so far. energies : after every step, the start first; times : s of the same.
 
     scale : mN mm that tolerances refer to. viscous, friction : mN mm lost to these. rejected : steps taken again.
+    dt : s, the step now allowed, after `good` steps in a row that were taken, or `refused` ones that were not.
     """
 
     scale: float
@@ -47,6 +51,7 @@ class Ledger:
     rejected: int = 0
     dt: float = np.inf
     good: int = 0
+    refused: int = 0
 
     @property
     def lowest(self) -> float:
@@ -93,8 +98,9 @@ def march(
     ledger = open_ledger(body, motion) if ledger is None else ledger
     while until - motion.time > 1e-9 * options.dt:
         left = until - motion.time
-        dt = left / np.ceil(left / min(options.dt, ledger.dt) - 1e-9)
-        step = take_step(body, motion, dt, _NEWTON * ledger.scale, options.load or _full, options.scheme)
+        dt = left / max(1.0, float(np.ceil(left / min(options.dt, ledger.dt) - 1e-9)))
+        scheme = options.scheme if ledger.refused < _HALVINGS else "backward-euler"
+        step = take_step(body, motion, dt, _NEWTON * ledger.scale, options.load or _full, scheme)
         after = None if step.motion is None else body.energies(step.motion)
         if step.motion is None or after is None or _too_much(after, ledger, options):
             _reject(ledger, step, dt, options)
@@ -113,7 +119,10 @@ def _full(time: float) -> float:
 def _too_much(after: Energies, ledger: Ledger, options: MarchOptions) -> bool:
     if options.load is not None:
         return not np.isfinite(after.total)
-    return not after.total <= ledger.lowest + options.energy_tolerance * ledger.scale
+    # No step may use up more than half of what is left: with nothing left, rounding alone would stop the march.
+    above = (ledger.energies[-1].total - ledger.lowest) / ledger.scale
+    allowed = max(0.5 * (options.energy_tolerance - above), min(_ROUNDING, options.energy_tolerance))
+    return not after.total <= ledger.energies[-1].total + allowed * ledger.scale
 
 
 def _accept(ledger: Ledger, step: Step, after: Energies, time: float, options: MarchOptions) -> None:
@@ -122,7 +131,7 @@ def _accept(ledger: Ledger, step: Step, after: Energies, time: float, options: M
     ledger.viscous += step.viscous
     ledger.friction += step.friction
     ledger.iterations += step.iterations
-    ledger.good += 1
+    ledger.good, ledger.refused = ledger.good + 1, 0
     if ledger.good >= _PATIENCE and ledger.dt < options.dt:
         ledger.dt, ledger.good = min(2.0 * ledger.dt, options.dt), 0
 
@@ -130,7 +139,7 @@ def _accept(ledger: Ledger, step: Step, after: Energies, time: float, options: M
 def _reject(ledger: Ledger, step: Step, dt: float, options: MarchOptions) -> None:
     ledger.rejected += 1
     ledger.iterations += step.iterations
-    ledger.dt, ledger.good = 0.5 * dt, 0
+    ledger.dt, ledger.good, ledger.refused = 0.5 * dt, 0, ledger.refused + 1
     if ledger.dt < options.shortest:
         why = step.reason or "the energy grows however short the step"
         raise ConvergenceError(f"the motion stops at {1e3 * ledger.times[-1]:.1f} ms: {why}")

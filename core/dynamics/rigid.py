@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from palpate.core.observe.closest_point import closest_points
+from palpate.core.observe.triangle_tree import TriangleTree
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -17,6 +21,21 @@ class RigidSurface:
 
     points: FloatArray
     faces: IntArray
+
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """For distances."""
+        return TriangleTree.of(self.points, self.faces)
+
+
+def depth(surface: RigidSurface, x: FloatArray) -> float:
+    """How far the deepest of points x (q, 3) lies behind the surface, mm; negative: how near the nearest in front comes.
+
+    A point whose nearest part is the surface's rim is beside it, neither behind nor in front.
+    """
+    found = closest_points(surface.tree, x)
+    beside = surface.tree.rim[found.triangle, found.part]
+    return float(np.max(np.where(beside, -found.distance, -found.signed)))
 
 
 def plane(point: ArrayLike, normal: ArrayLike, reach: float = 1000.0) -> RigidSurface:
