@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from palpate.core.gap.diagnose import CaseData
-from palpate.core.gap.job import arrays
+from palpate.core.errors import ConvergenceError
+from palpate.core.gap.case_data import CaseData, arrays
+from palpate.core.gap.remeshed import Remeshed
 from palpate.core.problem import Surface, SurfacePair
 from palpate.core.worker.job import Job
 from palpate.core.worker.process import run_job
@@ -18,6 +19,7 @@ from palpate.segmentation.body_case import body_inputs, body_problem, is_body
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.identify_step import problem_of
 from palpate.segmentation.mesh_step import load_surfaces
+from palpate.segmentation.meshing import MeshOptions, mesh_labels
 from palpate.segmentation.surfaces import TriSurface
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
@@ -28,10 +30,14 @@ _KIND, _BODY_KIND = "palpate.core.gap.job:run", "palpate.core.gap.bodies.diagnos
 
 @dataclass(frozen=True)
 class DiagnoseOptions:
-    """effects : folder of a user's own effects. seed : of bootstraps and placebos. cancel : set it to stop."""
+    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : how many to average over.
+
+    cancel : set it to stop.
+    """
 
     effects: Path | None = None
     seed: int = 1
+    meshes: int = 3
     cancel: threading.Event | None = None
 
 
@@ -47,14 +53,19 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
     if not body and not case.has("mesh.json"):
         mesh_step.run(case, progress=part(progress, 0.0, 0.2))
     own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
-    inputs = case.inputs_sha256(body_inputs(case) if body else INPUTS, {"seed": options.seed, "effects": own})
+    chosen = {"seed": options.seed, "effects": own, "meshes": options.meshes}
+    inputs = case.inputs_sha256(body_inputs(case) if body else INPUTS, chosen)
     if case.step_is_done("diagnose", inputs):
         done: dict[str, Any] = case.read_json(DIAGNOSIS)
         return done
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
-    case.write_npz(f"{_FOLDER}/data.npz", **(body_problem(case).arrays() if body else arrays(data_of(case))))
+    if body:
+        given = body_problem(case).arrays()
+    else:
+        given = arrays(replace(data_of(case), remeshed=remeshed(case, options.meshes - 1, part(progress, 0.2, 0.4))))
+    case.write_npz(f"{_FOLDER}/data.npz", **given)
     found = run_job(
-        _job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.2, 1.0)), options.cancel
+        _job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)), options.cancel
     )
     found["where"]["map"] = f"{_FOLDER}/{found['where']['map']}"
     if case.facts.other.get("simulated"):
@@ -71,6 +82,26 @@ def data_of(case: CaseFolder) -> CaseData:
         SurfacePair(_plain(rest["bone"]), _plain(deformed["bone"])) if "bone" in rest and "bone" in deformed else None
     )
     return CaseData(problem_of(case), bones, (case.facts.gravity_rest, case.facts.gravity_deformed))
+
+
+def remeshed(case: CaseFolder, count: int, progress: Progress = silent) -> tuple[Remeshed, ...]:
+    """So many other meshes of the case's labels at rest, as fine as its own; none where it has a mesh but no labels.
+
+    A mesh that cannot be made is left out.
+    """
+    if not case.has_labels("rest"):
+        return ()
+    asked = case.read_json("mesh.json").get("options", {})
+    own = MeshOptions(**{key: value for key, value in asked.items() if key in MeshOptions.__dataclass_fields__})
+    out = []
+    for k in range(count):
+        progress(k / count, f"mesh {k + 2} of {count + 1}")
+        try:
+            made = mesh_labels(case.labels("rest"), replace(own, seed=own.seed + k + 1), case.file(_FOLDER) / "meshes")
+        except ConvergenceError:
+            continue
+        out.append(Remeshed(made.mesh, made.boundary))
+    return tuple(out)
 
 
 def _plain(surface: TriSurface) -> Surface:

@@ -32,7 +32,7 @@ def fix_random_device(library: Path, seed: int) -> bool:
         return False
     callback = _GETVAL(_counter(seed))
     _kept.append(callback)
-    address = ctypes.cast(callback, ctypes.c_void_p).value
+    address = ctypes.cast(callback, ctypes.c_void_p).value or 0
     for slot in slots:
         ctypes.c_uint64.from_address(base + slot).value = address
     return True

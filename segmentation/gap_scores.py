@@ -11,6 +11,8 @@ import numpy as np
 Truth: TypeAlias = Mapping[str, Any]
 Found: TypeAlias = Mapping[str, Any] | None
 _MOST = 3
+# What the two stiffnesses leave of an effect that the shared cases call identifiable, rms mm.
+IDENTIFIABLE_MM = 0.3
 
 
 def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
@@ -35,7 +37,9 @@ def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
         "brier": _brier(single),
         "baseline_commonest": commonest[0][1] / len(single) if single else None,
         "baseline_best_evidence": _rate(single, lambda t, d: d["ranking"][0]["effect"] == t["effects"][0]),
+        "large": _large(single),
         "location_error_mm": _location(single),
+        "shrinkage": _shrinkage(single),
         "stiffness_bias_ratio": _bias_ratio(single),
         "stiffness_95_without": _coverage(single, "without_effect"),
         "stiffness_95_with": _coverage(single, "with_effect"),
@@ -81,6 +85,34 @@ def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
     return float(np.mean(inside)) if inside else None
 
 
+def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+    """Top-1 and set accuracy of effects that move the surface by more than twice the contours' noise, and of those of which the two
+    stiffnesses leave as much as the two sets of shared cases call identifiable.
+    """
+    out: dict[str, Any] = {}
+    for name, key, least in (("twice_noise", "effect_mm", None), ("identifiable", "effect_left_mm", IDENTIFIABLE_MM)):
+        few = [p for p in pairs if p[0].get(key, 0.0) > (2.0 * p[0].get("noise_mm", 0.0) if least is None else least)]
+        out[name] = {
+            "cases": len(few),
+            "top1": _rate(few, lambda t, d: d["verdict"] == t["effects"][0]),
+            "in_candidates": _rate(few, lambda t, d: t["effects"][0] in d["candidates"][:_MOST]),
+        }
+    return out
+
+
+def _shrinkage(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+    """What is said of the shrinkage against what the true effect achieves (`gap_achieved`), where there is both."""
+    errors, inside = [], []
+    for truth, found in pairs:
+        said, true = None if found is None else found["shrinkage"], truth.get("achieved")
+        if found is None or found["verdict"] == "none" or not said or not true:
+            continue
+        errors.append(abs(said["noise_corrected_fraction"] - true[0]))
+        inside.append(said["ci95"][0] <= true[0] <= said["ci95"][1])
+    rate = float(np.mean(inside)) if inside else None
+    return {"cases": len(errors), "error": float(np.median(errors)) if errors else None, "ci95_covers": rate}
+
+
 def _location(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
     """Median distance (mm) from where the gap is said to come from to the true centre, of effects that have one."""
     away = []
@@ -119,6 +151,9 @@ def _confusion(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, dict[str, int]
 
 def _row(truth: Truth, found: Found) -> dict[str, Any]:
     row = {"case": truth["name"], "truth": truth["effects"], "sizes": truth["sizes"], "verdict": None, "candidates": []}
+    row |= {key: truth.get(key) for key in ("effect_mm", "effect_left_mm", "achieved")}
     if found is not None:
         row |= {"verdict": found["verdict"], "candidates": found["candidates"], "p_value": found["gap"]["p_value"]}
+        said = found.get("shrinkage") or {}
+        row |= {"shrinkage": said.get("noise_corrected_fraction"), "shrinkage_ci95": said.get("ci95")}
     return row

@@ -6,10 +6,13 @@ written before the first diagnosis, and of every diagnosis, written before the f
 
 from __future__ import annotations
 
+import itertools
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,27 +20,24 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import ConvergenceError, InputError
-from palpate.core.worker.progress import Progress, silent
+from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.atomic import atomic_path
-from palpate.segmentation.case import check_new_case, file_sha256
-from palpate.segmentation.gap_cases import IN_LIBRARY, OUTSIDE_LIBRARY, Recipe, make_case
+from palpate.segmentation.case import file_sha256
+from palpate.segmentation.gap_achieved import achieved
+from palpate.segmentation.gap_cases import Recipe, make_case
 from palpate.segmentation.gap_scores import scores
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, SIZES
 
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
-# Strength of each effect from weak to strong: about one to ten times the noise floor.
-_SIZES: Mapping[str, tuple[float, float]] = {
-    "inclusion": (3.0, 25.0), "tissue_heterogeneity": (3.0, 12.0), "tissue_stiffening": (3.0, 15.0),
-    "volume_change": (0.05, 0.2), "compressible_organ": (0.42, 0.28), "contour_bias": (0.4, 1.5),
-    "uneven_growth": (0.1, 0.3), "tissue_fibres": (2.0, 8.0),
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """cases : how many. seed : of everything random. timeout_s : for one diagnosis."""
+    """cases : how many. seed : of everything random. workers : processes at a time. timeout_s : for one diagnosis."""
 
     cases: int = 60
     seed: int = 1
+    workers: int = 1
     timeout_s: float = 900.0
 
 
@@ -50,56 +50,90 @@ def run(folder: Path, options: StudyOptions | None = None, progress: Progress = 
     cases, answers = folder / "cases", folder / "answers"
     cases.mkdir(parents=True, exist_ok=True)
     recipes = recipes_of(options)
-    for k, recipe in enumerate(recipes):
-        progress(0.4 * k / len(recipes), f"making {recipe.name}")
-        _made(recipe, cases, answers, folder / "meshes")
+    _make_all(folder, recipes, options.workers, part(progress, 0.0, 0.4))
     ledger = _sealed(folder, [r.name for r in recipes if (answers / f"{r.name}.json").exists()])
-    for k, name in enumerate(ledger["answers"]):
-        progress(0.4 + 0.58 * k / len(ledger["answers"]), f"diagnosing {name}")
-        diagnosis = cases / name / "diagnosis.json"
-        if not diagnosis.exists():
-            _diagnosed(cases / name, options.timeout_s)
-        ledger["diagnoses"][name] = file_sha256(diagnosis) if diagnosis.exists() else None
-        _write(folder / "ledger.json", ledger)
+    _diagnose_all(folder, ledger, options, part(progress, 0.4, 0.98))
     _unchanged(answers, ledger["answers"])
     pairs = [_pair(cases / name, answers / f"{name}.json") for name in ledger["answers"]]
     return scores(pairs) | {"seed": options.seed, "ledger": str(folder / "ledger.json")}
 
 
 def recipes_of(options: StudyOptions) -> list[Recipe]:
-    """A fifth without an effect, a fifth outside the library, a tenth with two effects, the others with one."""
+    """A fifth without an effect, a fifth outside the library, a tenth with two effects, the others with one; all effects take turns."""
     rng = np.random.default_rng(options.seed)
+    inside, outside = (itertools.cycle(rng.permutation(sorted(names)).tolist()) for names in (LIBRARY, OUTSIDE))
     out = []
     for k in range(options.cases):
-        kind = k % 10
         chosen: Sequence[str] = ()
-        if kind in (2, 7):
-            chosen = (str(rng.choice(OUTSIDE_LIBRARY)),)
-        elif kind == 4:
-            chosen = tuple(rng.choice(IN_LIBRARY, 2, replace=False).tolist())
-        elif kind not in (0, 5):
-            chosen = (str(rng.choice(IN_LIBRARY)),)
-        effects = {name: _size(name, rng) for name in chosen}
-        G = tuple(np.exp(rng.uniform(np.log(10.0), np.log(100.0), 2)).round(2).tolist())
-        rectum, balance = float(rng.uniform(6.0, 9.5)), float(rng.uniform(0.5, 1.0))
-        out.append(Recipe(f"gap_{k:03d}", int(rng.integers(2**31)), effects, (G[0], G[1]), rectum, balance))
+        if k % 10 in (2, 7):
+            chosen = (next(outside),)
+        elif k % 10 == 4:
+            chosen = tuple(rng.choice(sorted(LIBRARY), 2, replace=False).tolist())
+        elif k % 10 not in (0, 5):
+            chosen = (next(inside),)
+        out.append(_recipe(f"gap_{k:03d}", chosen, rng))
     return out
 
 
-def _size(name: str, rng: np.random.Generator) -> float:
-    low, high = _SIZES[name]
-    return float(low * (high / low) ** rng.uniform())
+def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recipe:
+    G = np.exp(rng.uniform(np.log(10.0), np.log(100.0), 2)).round(2).tolist()
+    return Recipe(
+        name,
+        int(rng.integers(2**31)),
+        {effect: float(SIZES[effect][0] * (SIZES[effect][1] / SIZES[effect][0]) ** rng.uniform()) for effect in chosen},
+        (G[0], G[1]),
+        float(rng.uniform(6.0, 9.5)),
+        float(rng.uniform(0.5, 1.0)),
+        marks=bool(rng.random() < 0.5),
+    )
 
 
-def _made(recipe: Recipe, cases: Path, answers: Path, meshes: Path) -> None:
-    """Make a case that is not there; one that cannot be solved is left out, and counted as missing by its absence."""
-    if (answers / f"{recipe.name}.json").exists():
+def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
+    """Cases that are not there; one that cannot be solved is left out, and counted as missing by its absence."""
+    todo = [r for r in recipes if not (folder / "answers" / f"{r.name}.json").exists()]
+    if workers < 2:
+        for k, recipe in enumerate(todo):
+            progress(k / len(todo), f"making {recipe.name}")
+            _made(recipe, folder)
         return
-    check_new_case(cases / recipe.name)
+    with ProcessPoolExecutor(workers) as pool:
+        running = [pool.submit(_made, recipe, folder) for recipe in todo]
+        for k, done in enumerate(as_completed(running)):
+            done.result()
+            progress((k + 1) / len(todo), f"made {k + 1} of {len(todo)}")
+
+
+def _made(recipe: Recipe, folder: Path) -> None:
+    case = folder / "cases" / recipe.name
+    if case.exists():  # a run that was stopped while it made this one
+        shutil.rmtree(case)
     try:
-        make_case(recipe, cases / recipe.name, answers, meshes)
+        make_case(recipe, case, folder / "answers", folder / "meshes")
     except ConvergenceError:
         return
+
+
+def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, progress: Progress) -> None:
+    """Every case that has no diagnosis yet; the ledger gets each one's hash as it is written."""
+    cases = {name: folder / "cases" / name for name in ledger["answers"]}
+    with ThreadPoolExecutor(options.workers) as pool:
+        running = {
+            pool.submit(_diagnosed, case, options.timeout_s): name
+            for name, case in cases.items()
+            if not (case / "diagnosis.json").exists()
+        }
+        for k, done in enumerate(as_completed(running)):
+            done.result()
+            _note(folder, ledger, running[done])
+            progress((k + 1) / len(running), f"diagnosed {k + 1} of {len(running)}")
+    for name in cases:
+        _note(folder, ledger, name)
+
+
+def _note(folder: Path, ledger: dict[str, Any], name: str) -> None:
+    diagnosis = folder / "cases" / name / "diagnosis.json"
+    ledger["diagnoses"][name] = file_sha256(diagnosis) if diagnosis.exists() else None
+    _write(folder / "ledger.json", ledger)
 
 
 def _sealed(folder: Path, names: Sequence[str]) -> dict[str, Any]:
@@ -142,8 +176,15 @@ def _unchanged(answers: Path, hashes: Mapping[str, str]) -> None:
 
 def _pair(case: Path, answer: Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
     diagnosis = case / "diagnosis.json"
-    found = json.loads(diagnosis.read_text(encoding="utf-8")) if diagnosis.exists() else None
-    return json.loads(answer.read_text(encoding="utf-8")), found
+    truth = json.loads(answer.read_text(encoding="utf-8"))
+    if not diagnosis.exists():
+        return truth, None
+    found = json.loads(diagnosis.read_text(encoding="utf-8"))
+    surface, maps = answer.with_name(f"{answer.stem}_surface.npz"), case / str(found["where"]["map"])
+    if surface.exists() and maps.exists() and len(truth["effects"]) == 1:
+        with np.load(surface) as true, np.load(maps) as seen:
+            truth["achieved"] = achieved(seen, true["points"], true["faces"], truth["effects"][0])
+    return truth, found
 
 
 def _write(path: Path, data: Any) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from palpate.core.fem.space import Space
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 
@@ -32,6 +32,18 @@ _NEWTON_STEPS = 12
 _ENOUGH_MM = 1e-4
 
 
+class QuadraticCells(Protocol):
+    """Cells of ten nodes: corners, then the mid-edges 01, 12, 02, 03, 13, 23."""
+
+    @property
+    def nodes(self) -> FloatArray:
+        """(n, 3) mm at rest."""
+
+    @property
+    def cell_nodes(self) -> IntArray:
+        """(m, 10)."""
+
+
 @dataclass(frozen=True, eq=False)
 class BackwardMap:
     """Rest positions of points of the deformed body.
@@ -42,7 +54,7 @@ class BackwardMap:
     space, u : mesh of quadratic cells and displacement (n, 3) mm of its nodes. boundary : name -> its nodes. motions : of walls.
     """
 
-    space: Space
+    space: QuadraticCells
     u: FloatArray
     boundary: Mapping[str, IntArray]
     motions: Mapping[str, WallMotion]

@@ -13,8 +13,9 @@ from palpate.core.fem.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.effects.base import Effect, Variant
-from palpate.core.gap.scene import GapScene, Stage
+from palpate.core.gap.scene import GapScene
 from palpate.core.gap.sight import Sight
+from palpate.core.gap.stage import Stage
 from palpate.core.identify.coupled import prolonged
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +43,10 @@ class Trial:
     def composition(self, plain: Composition, phi: FloatArray) -> Composition:
         """The composition at phi (n,)."""
         return plain if self.variant is None else self.variant.applied(plain, phi)
+
+
+PLAIN = Trial()
+NOTHING = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)

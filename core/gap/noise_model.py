@@ -66,11 +66,14 @@ class NoiseParts:
         contour = tuple(_contour(scene, sight, walls, length) for length in LENGTHS_MM)
         return cls(contour, _along(scene, sight, u), own, marks, floor)
 
-    def covariance(self, sizes: NoiseSizes, mesh: FloatArray) -> FloatArray:
-        """(n, n); mesh : (n,) difference of the residual between two elements. The nearest of LENGTHS_MM is taken."""
+    def covariance(self, sizes: NoiseSizes, left: FloatArray) -> FloatArray:
+        """(n, n); left : (n, m) columns whose outer products are what meshes and elements leave uncertain (`remeshed`).
+
+        The nearest of LENGTHS_MM is taken.
+        """
         contour = self.contour[int(np.argmin(np.abs(np.array(LENGTHS_MM) - sizes.length)))]
         out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
-        return out + sizes.landmark**2 * self.marks + self.floor + sizes.mesh**2 * np.outer(mesh, mesh)
+        return out + sizes.landmark**2 * self.marks + self.floor + left @ left.T
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ from palpate.core.fem.sensitivity import factorise_at, response_to_forces
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import face_points
-from palpate.core.gap.scene import GapScene, Stage
+from palpate.core.gap.scene import GapScene
+from palpate.core.gap.stage import Stage
 
 FloatArray = NDArray[np.float64]
 

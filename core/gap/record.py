@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.gap.confirm import Refit
-from palpate.core.gap.diagnose import Diagnosis
+from palpate.core.gap.fit import Point
+from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.shrinkage import shrinkage
 from palpate.core.gap.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.gap.where import regions
@@ -64,17 +65,37 @@ def _peak(found: Diagnosis) -> list[float] | None:
 
 
 def maps(found: Diagnosis) -> dict[str, FloatArray]:
-    """Arrays of MAP_FILE: points, normals, residual_mm, standardised (surface); nodes_mm, force_kpa_per_mm (around it)."""
-    where = found.where
-    return {
-        "points": where.points,
-        "normals": where.normals,
-        "region": where.region.astype(float),
-        "residual_mm": where.residual,
-        "standardised": where.standardised,
-        "nodes": where.nodes,
-        "force_kpa_per_mm": where.force,
+    """Arrays of MAP_FILE: points, normals, residual_mm, standardised (surface); nodes_mm, force_kpa_per_mm (around it).
+
+    predicted/ID (q, 3) mm : where the surface's points go by the plain model ("plain") and by each refitted effect; correction_mm (q,)
+    is what better element and other meshes add along the normal, offset/ID (1,) by how much the effect has the contour too wide.
+    """
+    where, sight = found.where, found.fit.bench.sight
+    models = {"plain": found.fit.point} | {
+        f.trial.effect.id: f.point for f in found.refits if f.trial.effect is not None
     }
+    predicted = {f"predicted/{name}": _predicted(point) for name, point in models.items()}
+    offsets = {f"offset/{name}": np.array([p.scene.composition.observation]) for name, p in models.items()}
+    correction = sight.modes @ found.fit.bench.correction[: sight.n_modes]
+    return (
+        predicted
+        | offsets
+        | {
+            "correction_mm": correction,
+            "points": where.points,
+            "normals": where.normals,
+            "region": where.region.astype(float),
+            "residual_mm": where.residual,
+            "standardised": where.standardised,
+            "nodes": where.nodes,
+            "force_kpa_per_mm": where.force,
+        }
+    )
+
+
+def _predicted(point: Point) -> FloatArray:
+    seen = point.scene.observation
+    return np.asarray(seen.points + seen.operator @ point.scene.seen(point.equilibrium.u))
 
 
 def _gap(found: Diagnosis) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.gap.confirm import Refit
-from palpate.core.gap.diagnose import Diagnosis
+from palpate.core.gap.judge import Diagnosis
 
 FloatArray = NDArray[np.float64]
 

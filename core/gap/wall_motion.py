@@ -26,8 +26,8 @@ LENGTHS_MM = (10.0, 12.0, 14.0, 17.0, 20.0, 24.0, 29.0, 35.0)
 SIZES_MM = (1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0)
 # Correlation length of the contours' noise, and what voxels add to it point by point, mm.
 _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
-# Points of a wall that its motion is learnt from; kernel's share of variance that is kept.
-_POINTS, _SHARE = 300, 0.98
+# Points of a wall that its motion is learnt from, at most; kernel's share of variance that is kept.
+POINTS, _SHARE = 400, 0.98
 # Normals turn as the wall moves: how often they are taken anew.
 _ROUNDS = 3
 # Stiffness along the wall over the tissue's shear modulus, 1/mm: tissue moves a wall by some hundredths of a millimetre.
@@ -51,7 +51,7 @@ class WallMotion:
     @classmethod
     def of(cls, wall: SlidingWall, noise_sd_mm: float) -> WallMotion:
         """From a wall at rest that lies where the first scan shows it; noise_sd_mm : of one contour."""
-        chosen = np.random.default_rng(0).permutation(len(wall.rest))[:_POINTS]
+        chosen = np.random.default_rng(0).permutation(len(wall.rest))[:POINTS]
         X = wall.rest[chosen]
         noise = 2.0 * smooth_covariance(X, noise_sd_mm, _NOISE_LENGTH_MM) + _VOXELS_MM**2 * np.eye(len(X))
         v = np.zeros_like(wall.rest)

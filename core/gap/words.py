@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.core.gap.diagnose import Diagnosis
+from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.verdict import AMBIGUOUS, NONE, UNKNOWN
 
 _GENERAL = "a second deformed scan with another bladder and rectum filling, and matched points inside the organ"

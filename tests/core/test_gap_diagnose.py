@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from synthetic_case import problem
 
+from palpate.core.gap.better import GOOD
+from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
-from palpate.core.gap.diagnose import CaseData, Diagnosis, diagnose
+from palpate.core.gap.diagnose import diagnose
 from palpate.core.gap.effects import library
-from palpate.core.gap.job import arrays, load
-from palpate.core.gap.plain import GOOD
+from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.record import maps, record
-from palpate.core.gap.scene import Stage
+from palpate.core.gap.stage import Stage
 from palpate.core.problem import Surface, SurfacePair
 
 KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}

@@ -12,13 +12,12 @@ from synthetic_case import problem
 from palpate.core.errors import InputError
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.effects import Surroundings, library
-from palpate.core.gap.fit import Bench, Point, Trial
+from palpate.core.gap.fit import PLAIN, Bench, Point, Trial
 from palpate.core.gap.opened import open_problem
 from palpate.core.gap.pairs import joined, together
-from palpate.core.gap.plain import PLAIN
 from palpate.core.gap.pressure_fields import pressure_fields
-from palpate.core.gap.scene import Stage
 from palpate.core.gap.sight import Sight
+from palpate.core.gap.stage import Stage
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN
 from palpate.core.laws.check import derivative_errors, random_deformation_gradients
 from palpate.core.laws.fibre import with_fibres

@@ -1,40 +1,126 @@
-"""The blind check's generator: what it hides is there, in the size it says."""
+"""The blind check's simulator: its laws and element are right by themselves, and what it hides is there."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from palpate.core.fem.materials import group_by_law
 from palpate.core.fem.meshes import sphere_in_cube
+from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN
 from palpate.core.mesh import TetMesh
-from palpate.segmentation.gap_cases import CHANGES, widened
-from palpate.segmentation.simulate_solve import Stiffness
+from palpate.segmentation.gap_cases import widened
+from palpate.segmentation.gap_truth.anatomy import Rigid
+from palpate.segmentation.gap_truth.body import Body, equilibrium, slopes_in
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, Simulated
+from palpate.segmentation.gap_truth.laws import Organ, Tissue
+from palpate.segmentation.gap_truth.states import effect_mm, held_nodes, shown, true_surface
 from palpate.segmentation.volume import Volume
 
 RADII = np.array([12.0, 9.0, 15.0])
 CENTRE = np.array([3.0, -2.0, 5.0])
+ONE = np.ones(4)
 
 
 @pytest.fixture(scope="module")
-def mesh() -> TetMesh:
-    found = sphere_in_cube(4, 2, 3, 12.0, 30.0)
-    left = found.points[found.cells].mean(axis=1)[:, 0] > 0.0
-    return TetMesh(found.points, found.cells, np.where(found.regions == 3, 3, np.where(left, 1, 2)))
+def body() -> Body:
+    mesh = sphere_in_cube(4, 2, 3, 12.0, 30.0)
+    left = mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.0
+    return Body(mesh.points, mesh.cells, np.where(mesh.regions == 3, 3, np.where(left, 1, 2)))
 
 
-@pytest.mark.parametrize("name", sorted(CHANGES))
-def test_every_hidden_effect_changes_the_body_it_is_in(name: str, mesh: TetMesh) -> None:
-    plain = Stiffness({1: 20.0, 2: 50.0}).materials()
-    changed = CHANGES[name](mesh, dict(plain), 0.3, np.random.default_rng(3))
-    assert set(changed) == set(plain)
-    before, after = (group_by_law(mesh.regions, m) for m in (plain, changed))
-    same = len(before) == len(after) and all(
-        a.law is b.law and a.values.shape == b.values.shape and np.array_equal(a.values, b.values)
-        for a, b in zip(before, after, strict=True)
-    )
-    assert not same
-    assert all(np.isfinite(g.values).all() for g in after)
+@pytest.fixture(scope="module")
+def boundary(body: Body) -> dict[str, np.ndarray]:
+    """The cube's faces: one is a wall, the others the region's edge."""
+    faces, _ = TetMesh(body.points, body.cells, body.regions).region_boundary((1, 2, 3))
+    wall = (body.points[faces][:, :, 1] > 29.9).all(axis=1)
+    return {"rectum": faces[wall], "outer": faces[~wall]}
+
+
+@pytest.fixture
+def plain(body: Body) -> Simulated:
+    faces, _ = TetMesh(body.points, body.cells, body.regions).region_boundary((1, 2))
+    return Simulated.plain(body, faces, {1: 20.0, 2: 50.0})
+
+
+LAWS = [
+    Organ(20 * ONE, 400 * ONE, 1.1 * ONE, 5 * ONE, (0.6, 0.0, 0.8)),
+    Organ(20 * ONE, 400 * ONE, ONE, 0 * ONE),
+    Tissue(20 * ONE, 400 * ONE, 1.05 * ONE, 7 * ONE, 3.0, (0.6, 0.0, 0.8)),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=["grown fibrous organ", "organ", "stiffening tissue"])
+def test_the_tangent_is_the_stress_s_derivative(law: Organ | Tissue) -> None:
+    F = np.eye(3) + 0.2 * np.random.default_rng(0).standard_normal((4, 3, 3))
+    _, A = law.response(F)
+    h = 1e-6
+    for k in range(3):
+        for m in range(3):
+            step = np.zeros((3, 3))
+            step[k, m] = h
+            slope = (law.response(F + step)[0] - law.response(F - step)[0]) / (2.0 * h)
+            np.testing.assert_allclose(A[..., k, m], slope, atol=1e-6 * np.abs(A).max())
+
+
+def test_the_organ_s_law_is_the_program_s_though_written_apart() -> None:
+    F = np.eye(3) + 0.15 * np.random.default_rng(1).standard_normal((4, 3, 3))
+    ours = Organ(20 * ONE, 400 * ONE, ONE, 0 * ONE).response(F)[0]
+    np.testing.assert_allclose(ours, MOONEY_RIVLIN.stress(F, [5.0, 5.0, 200.0]), rtol=1e-10, atol=1e-9)
+
+
+def test_a_body_whose_boundary_moves_evenly_is_strained_evenly(body: Body, boundary: dict[str, np.ndarray]) -> None:
+    """The patch test: one material, u = H X on the boundary."""
+    H = np.array([[0.03, 0.02, 0.0], [-0.01, -0.02, 0.04], [0.02, 0.0, 0.01]])
+    held = np.full((len(body.nodes), 3), np.nan)
+    for faces in boundary.values():
+        nodes = np.unique(body.face_nodes(faces))
+        held[nodes] = body.nodes[nodes] @ H.T
+    q = 4 * len(body.cells)
+    one = Organ(np.full(q, 20.0), np.full(q, 300.0), np.ones(q), np.zeros(q))
+    u = equilibrium(Body(body.points, body.cells, np.ones_like(body.regions)), {1: one}, held)
+    np.testing.assert_allclose(u, body.nodes @ H.T, atol=1e-7)
+
+
+class Bulge:
+    """The wall moves in by 4 mm in its middle."""
+
+    def displacement(self, points: np.ndarray) -> np.ndarray:
+        depth = np.exp(-((points[:, 0] / 15.0) ** 2) - (points[:, 2] / 15.0) ** 2)
+        return np.column_stack([0.0 * depth, -4.0 * depth, 0.0 * depth])
+
+
+@pytest.mark.parametrize("name", sorted(LIBRARY | OUTSIDE))
+def test_every_hidden_effect_moves_or_redraws_the_organ(
+    name: str, plain: Simulated, body: Body, boundary: dict[str, np.ndarray]
+) -> None:
+    hidden = Simulated.plain(body, plain.organ_faces, {1: 20.0, 2: 50.0})
+    (LIBRARY | OUTSIDE)[name](hidden, 0.3, np.random.default_rng(3))
+    parts = boundary if name != "bone_motion" else {"bone": boundary["outer"], "rectum": boundary["rectum"]}
+    rest, deformed = shown(hidden, parts, {"rectum": Bulge()})
+    done, left = effect_mm(hidden, plain, parts, rest, deformed)
+    assert done > 1e-3
+    assert left <= done
+    points, faces = true_surface(hidden, deformed)
+    assert np.isfinite(points).all()
+    assert faces.max() < len(points)
+
+
+def test_a_stiffness_s_slope_is_the_difference_quotient(
+    plain: Simulated, body: Body, boundary: dict[str, np.ndarray]
+) -> None:
+    held = held_nodes(body, boundary, {"rectum": Bulge()})
+    there = [equilibrium(body, plain.laws({1: f}), held) for f in (np.exp(-0.05), 1.0, np.exp(0.05))]
+    slope = slopes_in(body, lambda t: plain.laws({1: float(np.exp(t))}), there[1], held)
+    expected = (there[2] - there[0]) / 0.1
+    assert np.abs(slope - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def test_a_rigid_motion_keeps_distances() -> None:
+    X = np.random.default_rng(4).standard_normal((6, 3)) * 20.0
+    motion = Rigid(np.array([1.0, -2.0, 0.5]), np.array([0.1, 0.2, -0.3]), np.array([3.0, 4.0, 5.0]))
+    Y = X + motion.displacement(X)
+    distances = [np.linalg.norm(Z[:, None] - Z, axis=2) for Z in (X, Y)]
+    np.testing.assert_allclose(distances[0], distances[1], atol=1e-10)
 
 
 def ball(points: np.ndarray) -> np.ndarray:
@@ -49,7 +135,7 @@ def test_a_widened_contour_lies_that_far_outside(offset: float) -> None:
     affine = np.diag([-1.0, 1.1, 1.5, 1.0])  # an axis that runs the other way
     affine[:3, 3] = [25.0, -22.0, -20.0]
     grid = Volume(np.zeros((45, 40, 34), dtype=np.uint8), affine)
-    labels = widened(ball, grid, offset)
+    labels = widened(ball, grid, lambda normals: np.full(len(normals), offset))
     along = np.eye(3)
     for axis in range(3):
         for sign in (-1.0, 1.0):
@@ -57,3 +143,13 @@ def test_a_widened_contour_lies_that_far_outside(offset: float) -> None:
             inner, outer = edge - 0.45 * sign * along[axis], edge + 0.45 * sign * along[axis]
             assert labels(inner[None])[0] in (1, 2), (axis, sign)
             assert labels(outer[None])[0] == 3, (axis, sign)
+
+
+def test_a_contour_widened_on_one_side_stays_on_the_other() -> None:
+    affine = np.diag([1.0, 1.0, 1.0, 1.0])
+    affine[:3, 3] = [-18.0, -20.0, -18.0]
+    grid = Volume(np.zeros((44, 38, 48), dtype=np.uint8), affine)
+    labels = widened(ball, grid, lambda normals: 2.0 * np.clip(normals[:, 0], 0.0, None) ** 2)
+    beside = np.array([0.0, 0.6, 0.0])
+    assert labels(CENTRE + [[RADII[0] + 1.4, 0.0, 0.0]] + beside)[0] == 1
+    assert labels(CENTRE - [[RADII[0] + 0.6, 0.0, 0.0]] + beside)[0] == 3

@@ -13,9 +13,11 @@ from phantoms import write_case
 from palpate.core.errors import InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
-from palpate.segmentation.gap_cases import CHANGES, IN_LIBRARY, Recipe
+from palpate.segmentation.gap_achieved import achieved
+from palpate.segmentation.gap_cases import Recipe
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_study import StudyOptions, recipes_of
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 
 STIFFNESS = {"prostate_left": {"G_kpa": 21.0, "sd_ln_G": 0.2}, "prostate_right": {"G_kpa": 90.0, "sd_ln_G": 0.1}}
 
@@ -28,7 +30,9 @@ def truth(*effects: str, library: bool = True) -> dict[str, Any]:
 def found(verdict: str, *candidates: str) -> dict[str, Any]:
     ranking = [{"effect": "inclusion", "probability": 0.7}, {"effect": "prestress", "probability": 0.3}]
     return {"verdict": verdict, "candidates": list(candidates), "ranking": ranking, "gap": {"p_value": 0.01},
-            "stiffness": {"without_effect": STIFFNESS, "with_effect": None}, "where": {"peak_lps_mm": [1.0, 2.0, 3.0]}}  # fmt: skip
+            "stiffness": {"without_effect": STIFFNESS, "with_effect": None},
+            "shrinkage": {"noise_corrected_fraction": 0.7, "ci95": [0.4, 0.9]},
+            "where": {"map": "diagnose/gap_maps.npz", "peak_lps_mm": [1.0, 2.0, 3.0]}}  # fmt: skip
 
 
 def test_scores_count_what_they_say() -> None:
@@ -62,13 +66,44 @@ def test_places_and_biases_are_scored_where_there_are_any() -> None:
     assert scores([(truth(), found("none"))])["location_error_mm"] is None
 
 
+def test_shrinkage_is_held_against_what_the_true_effect_achieves() -> None:
+    pairs = [
+        (truth("inclusion") | {"achieved": (0.8, 0.5, 0.1)}, found("inclusion", "inclusion")),
+        (truth("prestress") | {"achieved": (0.2, 0.5, 0.4)}, found("ambiguous", "prestress")),
+        (truth("prestress") | {"achieved": (0.2, 0.5, 0.4)}, found("none")),
+        (truth("prestress"), found("prestress", "prestress")),
+    ]
+    assert scores(pairs)["shrinkage"] == {"cases": 2, "error": pytest.approx(0.3), "ci95_covers": 0.5}
+
+
+def test_accuracy_of_effects_that_can_be_seen_is_counted_apart() -> None:
+    seen, hidden = ({"effect_mm": mm, "effect_left_mm": 0.5 * mm, "noise_mm": 0.35} for mm in (0.9, 0.2))
+    pairs = [(truth("inclusion") | seen, found("inclusion", "inclusion")), (truth("prestress") | hidden, found("none"))]
+    large = scores(pairs)["large"]
+    assert large["twice_noise"] == {"cases": 1, "top1": 1.0, "in_candidates": 1.0}
+    assert large["identifiable"]["cases"] == 1
+
+
+def test_what_an_effect_achieves_is_measured_to_the_surface_without_noise() -> None:
+    """A flat organ's surface at z = 0, predicted 2 mm off by the plain model and 0.5 mm with the effect."""
+    points, faces = np.array([[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 12.0, 0.0]]), np.array([[0, 1, 2]])
+    at = np.array([[0.0, 0.0, 0.0], [1.0, -1.0, 0.0]])
+    up = np.array([0.0, 0.0, 1.0])
+    maps = {
+        "predicted/plain": at + 1.6 * up, "predicted/inclusion": at - 0.3 * up, "correction_mm": np.full(2, 0.4),
+        "offset/plain": np.zeros(1), "offset/inclusion": np.full(1, 0.4),
+    }  # fmt: skip
+    assert achieved(maps, points, faces, "inclusion") == pytest.approx((0.75, 2.0, 0.5))
+    assert achieved(maps, points, faces, "prestress") is None
+
+
 def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> None:
     recipes = recipes_of(StudyOptions(60, 3))
     assert recipes == recipes_of(StudyOptions(60, 3))
     assert sum(not r.effects for r in recipes) == 12
-    assert sum(any(e not in IN_LIBRARY for e in r.effects) for r in recipes) == 12
+    assert sum(any(e in OUTSIDE for e in r.effects) for r in recipes) == 12
     assert sum(len(r.effects) == 2 for r in recipes) == 6
-    assert {e for r in recipes for e in r.effects} <= {*CHANGES, "contour_bias"}
+    assert {e for r in recipes for e in r.effects} == {*LIBRARY, *OUTSIDE}
 
 
 @pytest.fixture

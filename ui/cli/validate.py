@@ -135,7 +135,8 @@ def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from palpate.segmentation.gap_study import StudyOptions
     from palpate.segmentation.gap_study import run as gap_study
 
-    return gap_study(args.folder, StudyOptions(cases=args.cases, seed=random_seed(args)), progress)
+    options = StudyOptions(cases=args.cases, seed=random_seed(args), workers=args.workers or 1)
+    return gap_study(args.folder, options, progress)
 
 
 def _drawn_by(name: str) -> Callable[[dict[str, Any]], Figure]:

@@ -16,7 +16,7 @@ from palpate.core.fem.terms.loads import PointForce, body_force
 from palpate.core.gap.bodies.problem import BodyProblem, BodyState
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.fit import out_of_balance
-from palpate.core.gap.scene import dead_load
+from palpate.core.gap.scene_parts import dead_load
 from palpate.core.identify.parameters import StiffnessParameters
 
 FloatArray = NDArray[np.float64]

@@ -1,0 +1,166 @@
+"""From refits to an answer: prediction of what was left out, placebos, what remains, pairs; and all that was found, as one value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.gap.confirm import Refit
+from palpate.core.gap.detect import GapTest, gap_test
+from palpate.core.gap.evidence import projected
+from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.heldout import Gain, Linear, Split, gain
+from palpate.core.gap.pairs import JOINED, refit_pairs
+from palpate.core.gap.placebo import moved_gains, placebo_gains
+from palpate.core.gap.plain import PlainFit
+from palpate.core.gap.screen import Screened
+from palpate.core.gap.verdict import REMAINDER_LEVEL, Judged, Verdict, decide, probabilities
+from palpate.core.gap.where import Where
+
+FloatArray = NDArray[np.float64]
+
+# So many of the best effects are compared with placebos.
+_PLACEBO_TESTED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """All that was found; `palpate.core.gap.record` writes it down.
+
+    refits : best first. gains : of each refit, by effect id; placebo : median share gained by placebos of the best one's size.
+    """
+
+    fit: PlainFit
+    test: GapTest
+    screened: Sequence[Screened]
+    refits: Sequence[Refit]
+    verdict: Verdict
+    where: Where
+    split: Split
+    left_out: Mapping[str, FloatArray]
+    gains: Mapping[str, Gain]
+    ceiling: Gain
+    placebo: float
+
+
+def judge(
+    fit: PlainFit,
+    test: GapTest,
+    screened: Sequence[Screened],
+    refits: Sequence[Refit],
+    where: Where,
+    forces: ForceFields,
+    unknown: float,
+    seed: int,
+) -> Diagnosis:
+    split = Split.of(fit)
+    plain = plain_model(fit)
+    models = {"": plain, "ceiling": _saturated_model(plain, forces)}
+    models |= {_name(f): _effect_model(f) for f in refits}
+    left_out = dict(zip(models, split.left_out(list(models.values())), strict=True))
+    before = left_out[""]
+    gains = {name: gain(split, before, after) for name, after in left_out.items()}
+    ceiling = gains.pop("ceiling")
+    gains.pop("")
+    by_id = {s.effect.id: s for s in screened}
+    bench = _Placebos(split, plain, before, forces, seed)
+    all_judged, shares = [], [0.0]
+    for rank, f in enumerate(refits):
+        name = _name(f)
+        p, share = bench.against(fit, f, by_id[name], gains[name]) if rank < _PLACEBO_TESTED else (1.0, 0.0)
+        shares += [share]
+        all_judged.append(_judged(fit, f, refits[0], gains[name], ceiling, p, forces, seed))
+    pairs = refit_pairs(fit, screened, refits) if all_judged and all_judged[0].remainder_p < REMAINDER_LEVEL else []
+    pair = None if not pairs or pairs[0].trial.effect is None else (pairs[0].trial.effect.id, pairs[0].log_evidence)
+    verdict = decide(
+        test.detected, all_judged, unknown, None if pair is None else (tuple(pair[0].split(JOINED)), pair[1])
+    )
+    if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
+        verdict = replace(verdict, probability=probabilities({s.effect.id: s.log_evidence for s in screened}, unknown))
+    return Diagnosis(fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Placebos:
+    """What placebo effects are compared on."""
+
+    split: Split
+    plain: Linear
+    before: FloatArray
+    forces: ForceFields
+    seed: int
+
+    def against(self, fit: PlainFit, found: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
+        """Share of placebos that gain as much as g, of random loads or of other places, and the median share random loads gain."""
+        loads = placebo_gains(self.split, self.plain, self.before, self.forces, _size(fit, found), self.seed)
+        p = _share_as_good(loads, g)
+        variant = found.trial.variant
+        if variant is not None and variant.where is not None:
+            p = max(p, _share_as_good(moved_gains(self.split, self.plain, self.before, screened, variant.where), g))
+        return p, float(np.median([q.share for q in loads]))
+
+
+def _judged(
+    fit: PlainFit, f: Refit, best: Refit, g: Gain, ceiling: Gain, placebo_p: float, forces: ForceFields, seed: int
+) -> Judged:
+    share = g.mean_mm2 / ceiling.mean_mm2 if ceiling.mean_mm2 > 0.0 else 1.0
+    remainder = fit.weighting.whiten(f.point.residual)
+    J = fit.weighting.whiten(np.hstack([f.point.in_theta, f.in_phi]))
+    p_left = gap_test(remainder, J, fit.weighting.whiten(forces.response), seed=seed).p_value
+    return Judged(_name(f), f.log_evidence, g, placebo_p, share, p_left, _imitation(fit, best, f))
+
+
+def _name(found: Refit) -> str:
+    assert found.trial.effect is not None
+    return found.trial.effect.id
+
+
+def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
+    return float(np.mean([q.mean_mm2 >= g.mean_mm2 for q in placebos])) if placebos else 0.0
+
+
+def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
+    """Cosine between the change that the best effect makes, the stiffness projected out, and its image in the other's directions."""
+    J = fit.weighting.whiten(best.point.in_theta)
+    done = projected(J, fit.weighting.whiten(best.in_phi @ best.phi))
+    could = projected(J, fit.weighting.whiten(other.in_phi))
+    left = projected(could, done)
+    length = max(float(done @ done), 1e-30)
+    return float(np.sqrt(max(1.0 - float(left @ left) / length, 0.0)))
+
+
+def _size(fit: PlainFit, found: Refit) -> float:
+    """rms change of the data vector, mm, that the effect makes where it fits best."""
+    k = fit.bench.sight.n_modes
+    change = (found.point.residual - fit.point.residual)[:k]
+    return float(np.sqrt((change**2).sum() / len(found.point.residual)))
+
+
+def plain_model(fit: PlainFit) -> Linear:
+    """The plain model around its fit."""
+    t = fit.point.in_theta.shape[1]
+    return Linear(fit.point.residual, fit.point.in_theta, np.zeros(t), np.full(t, 1e-4))
+
+
+def _saturated_model(plain: Linear, forces: ForceFields) -> Linear:
+    k = forces.response.shape[1]
+    return replace(
+        plain,
+        J=np.hstack([plain.J, forces.response]),
+        value=np.zeros(plain.J.shape[1] + k),
+        precision=np.concatenate([plain.precision, np.ones(k)]),
+    )
+
+
+def _effect_model(found: Refit) -> Linear:
+    assert found.trial.effect is not None
+    t, scales = len(found.point.theta), found.trial.effect.scales
+    return Linear(
+        found.point.residual,
+        np.hstack([found.point.in_theta, found.in_phi]),
+        np.concatenate([np.zeros(t), found.phi]),
+        np.concatenate([np.full(t, 1e-4), 1.0 / scales**2]),
+    )

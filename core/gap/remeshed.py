@@ -1,0 +1,61 @@
+"""The same problem on other meshes: what a mesh adds to a prediction is averaged, and what is left of it is known.
+
+A mesh is one of many that the labels allow. Where its edges fall moves the predicted organ by some hundredths of a millimetre
+smoothly, which looks like an effect. Independent meshes differ in that alone, so their mean is nearer to the truth
+and their scatter says by how much it may still be off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.mesh import TetMesh
+from palpate.core.problem import IdentificationProblem
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Remeshed:
+    """Another mesh of the same labels. boundary : as in `IdentificationProblem`."""
+
+    mesh: TetMesh
+    boundary: dict[str, NDArray[np.int64]]
+
+    def problem(self, like: IdentificationProblem) -> IdentificationProblem:
+        """The problem on this mesh."""
+        return replace(like, mesh=self.mesh, boundary=self.boundary)
+
+    def arrays(self, prefix: str) -> dict[str, NDArray[np.generic]]:
+        """For numpy.savez, names beginning with `prefix`; `all_from` is the inverse."""
+        mesh = {"points": self.mesh.points, "cells": self.mesh.cells, "cell_regions": self.mesh.regions}
+        out: dict[str, NDArray[np.generic]] = {f"{prefix}/{key}": array for key, array in mesh.items()}
+        return out | {f"{prefix}/boundary/{name}": faces for name, faces in self.boundary.items()}
+
+
+def all_from(found: dict[str, NDArray[np.generic]], prefix: str) -> tuple[Remeshed, ...]:
+    """Every mesh written as prefix/0, prefix/1, ... Raises KeyError when one is not whole."""
+    out: list[Remeshed] = []
+    while f"{prefix}/{len(out)}/points" in found:
+        here = f"{prefix}/{len(out)}"
+        mesh = TetMesh(*(np.asarray(found[f"{here}/{key}"]) for key in ("points", "cells", "cell_regions")))
+        faces = {k.split("/")[-1]: np.asarray(v) for k, v in found.items() if k.startswith(f"{here}/boundary/")}
+        out.append(Remeshed(mesh, faces))
+    return tuple(out)
+
+
+def what_is_left(differences: FloatArray, share: float) -> FloatArray:
+    """(n, 1 + M) mm, columns whose outer products are what the mean of M meshes leaves uncertain; one mesh: (n, 1).
+
+    differences : (M, n) of every mesh's better element from the one quick prediction. share : of their mean that the better
+    element may still be wrong by. The scatter of a mean is that of one over the square root of M.
+    """
+    mean = differences.mean(axis=0)
+    M = len(differences)
+    if M == 1:
+        return share * mean[:, None]
+    scatter = (differences - mean).T / np.sqrt(M * (M - 1.0))
+    return np.column_stack([share * mean, scatter])

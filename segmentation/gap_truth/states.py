@@ -1,0 +1,144 @@
+"""The states that the two scans show of a simulated body, and how much of an effect is there to be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.core.errors import ConvergenceError
+from palpate.segmentation.gap_truth.body import Body, equilibrium, slopes_in
+from palpate.segmentation.gap_truth.hidden import Simulated
+from palpate.segmentation.labels import ORGAN_LABELS
+from palpate.segmentation.simulate_motion import WallMotion
+from palpate.segmentation.simulate_warp import BackwardMap
+from palpate.segmentation.smooth_field import FloatArray, IntArray
+
+# Cells whose volume changes by more than this cannot be drawn.
+_FLAT = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One state: its hollows' and bones' motions from the stress-free body, and u (n, 3) mm of the nodes."""
+
+    motions: Mapping[str, WallMotion]
+    u: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A share of a motion."""
+
+    motion: WallMotion
+    share: float
+
+    def displacement(self, points: FloatArray) -> FloatArray:
+        """See `WallMotion.displacement`."""
+        return self.share * self.motion.displacement(points)
+
+
+def shown(s: Simulated, boundary: Mapping[str, IntArray], walls: Mapping[str, WallMotion]) -> tuple[Shown, Shown]:
+    """The states at rest and deformed. boundary : name -> faces (f, 3). Raises ConvergenceError when one has no equilibrium."""
+    still = Shown({}, np.zeros_like(s.body.nodes))
+    rest = still
+    if s.filled:
+        before = {name: Part(walls[name], share) for name, share in s.filled.items() if name in walls}
+        rest = _state(s, boundary, before, None)
+    motions = dict(walls)
+    if s.filled:  # what the walls do between the scans comes on top of what they did before
+        motions = {name: Part(walls[name], 1.0 + s.filled.get(name, 0.0)) for name in walls}
+    if s.bone is not None:
+        motions["bone"] = s.bone
+    return rest, _state(s, boundary, motions, s.load)
+
+
+def _state(
+    s: Simulated, boundary: Mapping[str, IntArray], motions: Mapping[str, WallMotion], load: FloatArray | None
+) -> Shown:
+    held = held_nodes(s.body, boundary, motions)
+    u = equilibrium(s.body, s.laws(), held, load)
+    ratio = np.linalg.det(s.body.gradients(u))
+    if ratio.min() < _FLAT:
+        raise ConvergenceError(f"the simulated tissue folds (volume ratio {ratio.min():.2f}); make the walls move less")
+    return Shown(motions, u)
+
+
+def held_nodes(body: Body, boundary: Mapping[str, IntArray], motions: Mapping[str, WallMotion]) -> FloatArray:
+    """(n, 3) mm where the boundary holds a node, NaN elsewhere; bone has the last word but for the region's edge."""
+    held = np.full((len(body.nodes), 3), np.nan)
+    for name in sorted(boundary, key=("rectum", "bladder", "bone", "outer").index):
+        nodes = np.unique(body.face_nodes(boundary[name]))
+        held[nodes] = motions[name].displacement(body.nodes[nodes]) if name in motions else 0.0
+    return held
+
+
+def backward(s: Simulated, boundary: Mapping[str, IntArray], state: Shown) -> BackwardMap:
+    """Where each point of a state was in the stress-free body."""
+    nodes = {name: np.unique(s.body.face_nodes(faces)) for name, faces in boundary.items()}
+    return BackwardMap(s.body, state.u, nodes, dict(state.motions))
+
+
+def effect_mm(
+    s: Simulated, plain: Simulated, boundary: Mapping[str, IntArray], rest: Shown, deformed: Shown
+) -> tuple[float, float]:
+    """rms along the organ's normal of what the effect does, all of it and what no change of the two stiffnesses can do, mm.
+
+    The plain body starts from the shape that the scan at rest shows.
+    """
+    v = len(s.body.points)
+    body = Body(s.body.points + rest.u[:v], s.body.cells, s.body.regions)
+    model = Simulated(body, plain.organ_faces, plain.G, plain.K, plain.growth, plain.fibre)
+    known = {name: motion for name, motion in deformed.motions.items() if name != "bone"}
+    driven = held_nodes(s.body, boundary, known) - np.nan_to_num(held_nodes(s.body, boundary, rest.motions))
+    u = equilibrium(body, model.laws(), driven)
+    nodes, normals, area = _surface(body.nodes + u, body.face_nodes(s.organ_faces))
+    done = ((s.body.nodes + deformed.u - body.nodes - u)[nodes] * normals).sum(axis=1)
+    if s.offset is not None:
+        done = done + s.offset(normals)
+    columns = []
+    for label in ORGAN_LABELS:
+        moved = slopes_in(body, lambda t, label=label: model.laws({label: float(np.exp(t))}), u, driven)  # type: ignore[misc]
+        columns.append((moved[nodes] * normals).sum(axis=1))
+    w = np.sqrt(area / area.sum())
+    D = np.stack(columns, axis=1) * w[:, None]
+    left = w * done - D @ np.linalg.lstsq(D, w * done, rcond=None)[0]
+    return float(np.linalg.norm(w * done)), float(np.linalg.norm(left))
+
+
+def true_surface(s: Simulated, deformed: Shown) -> tuple[FloatArray, IntArray]:
+    """Points (k, 3) mm and faces (f, 3) of the organ as the scan would show it without noise."""
+    faces = s.body.face_nodes(s.organ_faces)
+    nodes, normals, _ = _surface(s.body.nodes + deformed.u, faces)
+    points = (s.body.nodes + deformed.u)[nodes]
+    if s.offset is not None:
+        points = points + s.offset(normals)[:, None] * normals
+    number = np.full(len(s.body.nodes), -1)
+    number[nodes] = np.arange(len(nodes))
+    four = faces[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
+    return points, number[four]
+
+
+def _surface(at: FloatArray, faces: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Nodes of quadratic faces (f, 6), their mean unit normals (k, 3) and areas (k,) mm2, for nodes lying at (n, 3)."""
+    X = at[faces[:, :3]]
+    cross = 0.5 * np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+    total, area = np.zeros_like(at), np.zeros(len(at))
+    for column in faces.T:
+        np.add.at(total, column, cross)
+        np.add.at(area, column, np.linalg.norm(cross, axis=1) / 6.0)
+    nodes = np.unique(faces)
+    return nodes, total[nodes] / np.linalg.norm(total[nodes], axis=1)[:, None], area[nodes]
+
+
+def landmarks(s: Simulated, rest: Shown, deformed: Shown, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Four points at rest and deformed, each (4, 3) mm, inside the organ; seen with 0.3 mm of error an axis in either scan."""
+    corners = np.unique(s.body.cells[s.in_organ])
+    inside = np.setdiff1d(corners, np.unique(s.organ_faces))
+    chosen = rng.permutation(inside if len(inside) >= 4 else corners)[:4]
+    at = s.body.points[chosen]
+    return (
+        at + rest.u[chosen] + rng.normal(0.0, 0.3, at.shape),
+        at + deformed.u[chosen] + rng.normal(0.0, 0.3, at.shape),
+    )
