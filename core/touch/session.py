@@ -1,0 +1,153 @@
+"""Touching a body as a person does: put the probe somewhere, press or pull, slide along; every answer is kept for the curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.fem.state import State
+from palpate.core.touch.body import Body
+from palpate.core.touch.full import FullTouch
+from palpate.core.touch.probe import Contact
+from palpate.core.touch.quick import QuickOptions, QuickTouch
+from palpate.core.touch.surface import Touched
+
+FloatArray = NDArray[np.float64]
+
+# How far the probe may go: of its own radius, and of the body's.
+_DEEPEST_OF_PROBE, _DEEPEST_OF_BODY = 0.65, 0.3
+# A pull holds the surface within this share of the probe's radius.
+_GRIP = 0.7
+# Two answers give a stiffness when their indentations differ by this, mm; the next one counts only as near as this.
+_LEAST_CHANGE, _NEAR_CHANGE = 0.02, 0.6
+
+_N = 1e-3  # newton per millinewton (kPa mm2)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What the probe feels.
+
+    touch : number of the touch, from 1. region : id behind the touched face. point, normal : (3,) of the surface at rest.
+    indentation_mm : how far the probe reaches in beyond the surface at rest; negative when it pulls. force_n : against it, newton, negative when
+    the body pulls back. force : (3,) newton on the probe. error_n : estimate. full : whether a full solve was needed.
+    stiffness_n_per_mm : slope of force against indentation along this touch, None before there are two answers.
+    ok : False where no equilibrium was found; then the force is that of the last state and `reason` says why. u : (n, 3) mm.
+    """
+
+    touch: int
+    region: int
+    point: FloatArray
+    normal: FloatArray
+    indentation_mm: float
+    force_n: float
+    force: FloatArray
+    error_n: float
+    full: bool
+    stiffness_n_per_mm: float | None
+    ok: bool
+    reason: str
+    u: FloatArray
+
+
+@dataclass(eq=False)
+class Session:
+    """A body under the hand. radius : of the probe, mm. answers : all so far. correct : whether full solves are made where needed."""
+
+    body: Body
+    radius: float = 8.0
+    options: QuickOptions | None = None
+    correct: bool = True
+    answers: list[Answer] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not 0.5 <= self.radius <= 50.0:
+            raise InputError(f"a probe's radius of {self.radius:g} mm is out of range; give 0.5 to 50")
+        self.quick = QuickTouch(self.body, self.options)
+        self._full: FullTouch | None = None
+        self._state: State | None = None
+        self._at: Touched | None = None
+        self._touches = 0
+
+    @property
+    def deepest(self) -> float:
+        """mm; the probe goes no farther in or out."""
+        return min(_DEEPEST_OF_PROBE * self.radius, _DEEPEST_OF_BODY * self.body.radius)
+
+    @property
+    def at(self) -> Touched | None:
+        """Where the probe touches the surface at rest."""
+        return self._at
+
+    def touch(self, point: FloatArray) -> Touched:
+        """Puts the probe on the surface at rest, nearest to a point (3,) mm. A new touch begins. Raises InputError when it is no point."""
+        point = np.asarray(point, dtype=float)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise InputError(f"{point.tolist()} is no point; give three coordinates in mm")
+        self._at, self._state = self.body.surface.nearest(point), None
+        self._touches += 1
+        return self._at
+
+    def slide(self, point: FloatArray) -> Touched:
+        """The same touch goes on at the place of the surface at rest nearest to a point (3,) mm."""
+        if self._at is None:
+            return self.touch(point)
+        self._at = self.body.surface.nearest(np.asarray(point, dtype=float))
+        return self._at
+
+    def press(self, indentation_mm: float) -> Answer:
+        """The probe reaches so far in, mm, or pulls so far out where that is negative; no farther than `deepest`.
+
+        Raises InputError before a touch and for what is no number.
+        """
+        if self._at is None:
+            raise InputError("the probe touches nothing yet; touch a point first")
+        if not np.isfinite(indentation_mm):
+            raise InputError(f"{indentation_mm} mm is no indentation")
+        depth = float(np.clip(indentation_mm, -self.deepest, self.deepest))
+        found = self._answer(self._at, depth)
+        self.answers.append(found)
+        return found
+
+    def contact(self, at: Touched, depth: float) -> Contact:
+        """The probe at a place of the surface and a depth, mm; a negative one grips and pulls."""
+        if depth < 0.0:
+            return self.body.grip(at.point, _GRIP * self.radius, -depth * at.normal)
+        start = at.point + self.radius * at.normal
+        return self.body.press(start - depth * at.normal, self.radius, start)
+
+    def _answer(self, at: Touched, depth: float) -> Answer:
+        contact = self.contact(at, depth)
+        quick = self.quick.answer(contact, self._state)
+        if not quick.good and self._state is not None:
+            quick = self.quick.answer(contact)  # the neighbour was too far away
+        state, force, error, ok, reason, full = quick.state, quick.force, quick.estimate, quick.good, "", False
+        if not ok and self.correct:
+            self._full = self._full or FullTouch(self.body)
+            solved = self._full.solve(contact, self._state)
+            state, force, ok, reason, full = solved.state, solved.force, solved.converged, solved.reason, True
+            error = 0.0 if ok else np.inf
+        elif not ok:
+            reason = "the quick answer did not settle"
+        self._state = state if ok else None
+        force_n = float(force @ at.normal) * _N
+        return Answer(
+            touch=self._touches, region=self.body.region_of(at.face), point=at.point, normal=at.normal, indentation_mm=depth,
+            force_n=force_n, force=force * _N, error_n=error * _N, full=full,
+            stiffness_n_per_mm=self._slope(depth, force_n), ok=ok, reason=reason, u=state.u,
+        )  # fmt: skip
+
+    def _slope(self, depth: float, force_n: float) -> float | None:
+        for before in reversed(self.answers):
+            if before.touch != self._touches:
+                break
+            change = depth - before.indentation_mm
+            if before.ok and np.array_equal(before.point, self._at.point if self._at else None):
+                if abs(change) > _NEAR_CHANGE:
+                    break
+                if abs(change) >= _LEAST_CHANGE:
+                    return (force_n - before.force_n) / change
+        return None

@@ -1,0 +1,106 @@
+"""The outside of a body of linear tetrahedra, as contact needs it: faces, areas, and the nearest point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.mesh import TetMesh
+from palpate.core.observe.closest_point import closest_points
+from palpate.core.observe.triangle_tree import TriangleTree
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Touched:
+    """A point of the surface at rest. point, normal (3,) mm and outward; face : its index; signed : mm, of the place asked about."""
+
+    point: FloatArray
+    normal: FloatArray
+    face: int
+    signed: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSurface:
+    """points : (n, 3) mm, of the mesh. nodes : (s,) vertices on the outside. faces : (f, 3) vertices, outward; owner : (f,) cell behind.
+
+    local_faces : (f, 3) the same as indices into `nodes`.
+    """
+
+    points: FloatArray
+    nodes: IntArray
+    faces: IntArray
+    owner: IntArray
+    local_faces: IntArray
+
+    @classmethod
+    def of(cls, mesh: TetMesh) -> ContactSurface:
+        """All of a mesh's boundary."""
+        faces, owner = mesh.boundary
+        nodes, local = np.unique(faces, return_inverse=True)
+        return cls(mesh.points, nodes, faces, owner, np.ascontiguousarray(local.reshape(-1, 3), dtype=np.int64))
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """(s, 3) mm, positions of the nodes at rest."""
+        return np.ascontiguousarray(self.points[self.nodes])
+
+    @cached_property
+    def unknowns(self) -> IntArray:
+        """(f, 9) displacement unknowns of each face's corners."""
+        return (3 * self.faces[:, :, None] + np.arange(3)).reshape(-1, 9)
+
+    @cached_property
+    def face_area(self) -> FloatArray:
+        """(f,) mm2."""
+        return 0.5 * np.asarray(np.linalg.norm(self._cross, axis=1))
+
+    @cached_property
+    def node_area(self) -> FloatArray:
+        """(s,) mm2, a third of the faces around each."""
+        return np.bincount(self.local_faces.ravel(), np.repeat(self.face_area / 3.0, 3), len(self.nodes))
+
+    @cached_property
+    def edge(self) -> float:
+        """Typical edge of a face, mm."""
+        return float(np.median(self.face_edge))
+
+    @cached_property
+    def face_edge(self) -> FloatArray:
+        """(f,) mm, edge of the regular triangle of each face's area."""
+        return np.asarray(np.sqrt(self.face_area * 4.0 / np.sqrt(3.0)))
+
+    @cached_property
+    def longest_edge(self) -> float:
+        """mm."""
+        X = self.points[self.faces]
+        return float(np.linalg.norm(X - np.roll(X, 1, axis=1), axis=2).max())
+
+    @cached_property
+    def node_normals(self) -> FloatArray:
+        """(s, 3) outward, weighted by area."""
+        out = np.zeros((len(self.nodes), 3))
+        np.add.at(out, self.local_faces, self._cross[:, None])
+        return np.asarray(out / np.linalg.norm(out, axis=1)[:, None])
+
+    def nearest(self, x: FloatArray) -> Touched:
+        """The point of the surface at rest nearest to x (3,) mm, with a normal that turns smoothly over edges."""
+        found = closest_points(self._tree, np.asarray(x, dtype=float)[None])
+        face = int(found.triangle[0])
+        normal = found.barycentric[0] @ self.node_normals[self.local_faces[face]]
+        return Touched(found.point[0], normal / np.linalg.norm(normal), face, float(found.signed[0]))
+
+    @cached_property
+    def _tree(self) -> TriangleTree:
+        return TriangleTree.of(self.points, self.faces)
+
+    @cached_property
+    def _cross(self) -> FloatArray:
+        X = self.points[self.faces]
+        return np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
