@@ -58,12 +58,17 @@ def _choices(groups: dict[str, list[DicomFile]]) -> str:
     for number, uid in enumerate(sorted(groups), start=1):
         header = groups[uid][0].header
         size = f"{header.get('Columns')} x {header.get('Rows')}"
-        date = str(header.get("SeriesDate") or header.get("AcquisitionDate") or "no date")
+        date = _printable(header.get("SeriesDate") or header.get("AcquisitionDate") or "no date")
         lines.append(f"{number} ({date}, {len(groups[uid])} files of {size}, UID ends in {uid[-12:]})")
     shown = lines[:20] + ([f"and {len(lines) - 20} more"] if len(lines) > 20 else [])
     return ", ".join(shown)
 
 
 def _summary(files: Sequence[DicomFile]) -> str:
-    kinds = [str(file.header.get("Modality") or "unnamed") for file in files]
+    kinds = [_printable(file.header.get("Modality") or "unnamed") for file in files]
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
+
+
+def _printable(value: object) -> str:
+    """A header's short value for a message of one line: a damaged one may hold line ends."""
+    return "".join(c for c in str(value) if c.isprintable())[:16]

@@ -88,7 +88,7 @@ def _open(path: Path) -> Any:
         raise InputError(f"{path} is not there; give the path of a NIfTI file (.nii or .nii.gz)")
     try:
         image = nib.load(path)
-    except (ImageFileError, HeaderDataError, OSError, EOFError, ValueError, zlib.error) as error:
+    except (ImageFileError, HeaderDataError, OSError, EOFError, OverflowError, ValueError, zlib.error) as error:
         raise InputError(f"{path} is not a readable NIfTI file; save it again as .nii.gz") from error
     if not isinstance(image, nib.Nifti1Image):
         raise InputError(f"{path} is {type(image).__name__}, not NIfTI; save it as .nii.gz")
@@ -105,7 +105,7 @@ def _pixels(image: Any, path: Path) -> NDArray[Any]:
         )
     try:
         array = np.asarray(image.dataobj).reshape(shape)
-    except (OSError, EOFError, ValueError, zlib.error) as error:
+    except (OSError, EOFError, OverflowError, ValueError, zlib.error) as error:
         raise InputError(f"{path} ends before its voxels do; copy or save it again") from error
     if array.dtype.kind not in "iuf":
         raise InputError(
