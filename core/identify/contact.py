@@ -16,21 +16,16 @@ from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibriu
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
-from palpate.core.fem.terms.base import PointSet
-from palpate.core.fem.terms.springs import Springs
-from palpate.core.fem.terms.wall import SlidingWall, wall_points
+from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.identify.coupled import CoupledScene, SceneOptions, Settled, prolonged
 from palpate.core.identify.parameters import TISSUE, StiffnessParameters
+from palpate.core.identify.sliding_match import slide_onto
 from palpate.core.laws import LINEAR, bulk_modulus
-from palpate.core.observe.distance_field import SignedDistanceField
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-# Rounds in which the organ's surface slides onto the deformed one.
-_ROUNDS = 8
 
 
 class ContactForceScene:
@@ -50,7 +45,10 @@ class ContactForceScene:
         organ_mesh, vertices = problem.mesh.submesh(problem.regions)
         self.space = Space.of(organ_mesh, options.element)
         faces, _ = organ_mesh.region_boundary(problem.regions)
-        u_s = _matched(self.space, faces, problem) if interface is None else prolonged(interface[vertices], self.space)
+        if interface is None:
+            u_s = slide_onto(self.space, faces, problem.organ, problem.facts.tissue_shear_modulus_kpa)
+        else:
+            u_s = prolonged(interface[vertices], self.space)
         nodes = np.unique(self.space.face_nodes(faces))
         motion = InterfaceMotion(nodes, u_s[nodes])
         force = self._reaction(motion, options)
@@ -94,31 +92,6 @@ class ContactForceScene:
         G = facts.tissue_shear_modulus_kpa
         material = {TISSUE: Material(LINEAR, np.array([G, bulk_modulus(G, facts.tissue_poisson_ratio)]))}
         return tissue_reaction(tissue, material, InterfaceMotion(shared, motion.u), held, walls)
-
-
-def _matched(space: Space, faces: IntArray, problem: IdentificationProblem) -> FloatArray:
-    """(n, 3) displacement that slides the organ's rest surface onto the deformed one, of a uniform linear organ."""
-    points = wall_points(space.face_nodes(faces), space.nodes)
-    rest = points.positions(space.nodes)
-    at_rest, deformed = (
-        SignedDistanceField.from_surface(s.points, s.faces) for s in (problem.organ.rest, problem.organ.deformed)
-    )
-    G = problem.facts.tissue_shear_modulus_kpa
-    wall = SlidingWall.between(points, rest, at_rest.value_and_gradient, deformed.value_and_gradient, 50.0 * G)
-    # A round organ could spin or slide freely within its own surface: softly held to the motion of its centre.
-    shift = problem.organ.deformed.points.mean(axis=0) - problem.organ.rest.points.mean(axis=0)
-    every = PointSet(np.arange(space.n_nodes)[:, None], np.ones((space.n_nodes, 1)), np.ones(space.n_nodes))
-    hold = Springs(every, 1e-4 * G * np.eye(3), np.tile(shift, (space.n_nodes, 1)))
-    material = {r: Material(LINEAR, np.array([G, bulk_modulus(G, 0.4)])) for r in problem.regions}
-    assembler = Assembler(space, np.ones(space.n_displacements, dtype=bool), [wall, hold])
-    u = np.tile(shift, (space.n_nodes, 1))
-    for k in range(_ROUNDS):
-        assembler.terms = (wall.linearised(u, min(1.0, (k + 1) / 4.0)), hold)
-        found = solve_equilibrium(assembler, material)
-        if not found.converged:
-            raise ConvergenceError(f"the organ's two surfaces cannot be matched: {found.reason}")
-        u = found.u
-    return u
 
 
 def _same_points(nodes: FloatArray, wanted: FloatArray, required: bool = True) -> IntArray:

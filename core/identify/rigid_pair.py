@@ -79,12 +79,36 @@ class RigidPair:
 
 def rigid_pair(problem: IdentificationProblem) -> RigidPair:
     """The rigid motion of all surfaces of a problem together, and what it leaves over."""
-    centre = problem.organ.rest.points.mean(axis=0)
     parts = {name: _Part.of(pair) for name, pair in _pairs(problem)}
-    rotation, shift = np.eye(3), problem.organ.deformed.points.mean(axis=0) - centre
+    rotation, shift, centre = _motion(list(parts.values()), problem.organ)
+    found = RigidPair(rotation, centre + shift - rotation @ centre, centre, {}, _expected(problem))
+    left = {name: _rms(part.met(found.moved(part.points))[1]) for name, part in parts.items()}
+    if len(problem.landmarks):
+        left["landmarks"] = _rms(found.moved(problem.landmarks[:, :3]) - problem.landmarks[:, 3:])
+    return RigidPair(found.rotation, found.translation, centre, left, found.expected_mm)
+
+
+def rigid_motion(pair: SurfacePair, start: FloatArray | None = None) -> FloatArray:
+    """(4, 4) the rigid motion that takes the rest surface of one pair best onto its deformed one, mm.
+
+    start : rotation (3, 3) to begin with; none by default.
+    """
+    rotation, shift, centre = _motion([_Part.of(pair)], pair, start)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, centre + shift - rotation @ centre
+    return matrix
+
+
+def _motion(
+    parts: list[_Part], about: SurfacePair, start: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rotation, shift and the centre they are about (of `about` at rest) that take all parts together onto their targets."""
+    centre = about.rest.points.mean(axis=0)
+    rotation = np.eye(3) if start is None else start
+    shift = about.deformed.points.mean(axis=0) - centre
     for _ in range(_ROUNDS):
         rows, values = [], []
-        for part in parts.values():
+        for part in parts:
             x = (part.points - centre) @ rotation.T + centre + shift
             x, distance, normal = part.met(x)
             rows.append(np.hstack([np.cross(x - centre - shift, normal), normal]))
@@ -95,11 +119,7 @@ def rigid_pair(problem: IdentificationProblem) -> RigidPair:
         shift = shift + step[3:]
         if np.abs(step * np.array([10.0, 10.0, 10.0, 1.0, 1.0, 1.0])).max() < _STILL:
             break
-    found = RigidPair(rotation, centre + shift - rotation @ centre, centre, {}, _expected(problem))
-    left = {name: _rms(part.met(found.moved(part.points))[1]) for name, part in parts.items()}
-    if len(problem.landmarks):
-        left["landmarks"] = _rms(found.moved(problem.landmarks[:, :3]) - problem.landmarks[:, 3:])
-    return RigidPair(found.rotation, found.translation, centre, left, found.expected_mm)
+    return rotation, shift, centre
 
 
 @dataclass(frozen=True, eq=False)
