@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,9 @@ from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.labels import LABELS
 from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
-from palpate.segmentation.surfaces import TriSurface
+from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
+from palpate.segmentation.partition import HOLE_NAMES
+from palpate.segmentation.surfaces import TriSurface, organ_surfaces, wall_surface
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 # Standard deviation of a contour when nobody says: about what two observers of one CT differ by (DESIGN.md).
@@ -63,13 +65,15 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
     if not case.has("mesh.json"):
         mesh_step.run(case, progress=lambda f, m: progress(0.1 * f, m))
     chosen = {k: v for k, v in asdict(options.identify).items() if k != "workers"}
-    inputs = case.inputs_sha256(INPUTS, chosen)
+    inputs = case.inputs_sha256((*INPUTS, *_state_files(case)), chosen)
     if case.step_is_done("identify", inputs):
         done: dict[str, Any] = case.read_json("result.json")
         return done
     folder = case.file("identify")
-    _write_problem(case, folder)
-    found = run_job(_job(case, options.identify), lambda m: _tell(m, progress, options.on_message), options.cancel)
+    paths = _write_problems(case, folder)
+    found = run_job(
+        _job(case, options.identify, paths), lambda m: _tell(m, progress, options.on_message), options.cancel
+    )
     result = {**found, "versions": versions(), "inputs_sha256": _input_hashes(case)}
     if case.facts.other.get("simulated"):
         result["simulated"] = True
@@ -128,18 +132,44 @@ def _plain(surface: TriSurface) -> Surface:
     return Surface(surface.points, surface.faces, surface.region)
 
 
-def _write_problem(case: CaseFolder, folder: Path) -> None:
+def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[IdentificationProblem]:
+    """Those of the case's further deformed states: the mesh, walls and organ at rest of the first, what each shows of itself."""
+    out = []
+    for state in further_states(case):
+        labels, marks = state_labels(case, state), state_landmarks(case, state)
+        seen = {name: _plain(wall_surface(labels, label)) for label, name in HOLE_NAMES.items() if name in first.walls}
+        walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in seen.items() if len(surface.faces)}
+        organ = SurfacePair(first.organ.rest, _plain(organ_surfaces(labels)))
+        landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
+        out.append(replace(first, walls=walls, organ=organ, landmarks=landmarks))
+    return out
+
+
+def _state_files(case: CaseFolder) -> list[str]:
+    return [name for state in further_states(case) for name in state.files]
+
+
+def _write_problems(case: CaseFolder, folder: Path) -> dict[str, str]:
+    """problem.npz, and problem_2.npz and so on for further states; their paths by role. Those of states that are gone go too."""
     folder.mkdir(parents=True, exist_ok=True)
-    case.write_npz("identify/problem.npz", **problem_of(case).arrays())
+    first = problem_of(case)
+    problems = {"problem": first}
+    problems |= {f"problem_{k}": problem for k, problem in enumerate(state_problems(case, first), 2)}
+    for old in folder.glob("problem_*.npz"):
+        if old.stem not in problems:
+            case.remove(f"identify/{old.name}")
+    for name, problem in problems.items():
+        case.write_npz(f"identify/{name}.npz", **problem.arrays())
+    return {name: str(folder / f"{name}.npz") for name in problems}
 
 
-def _job(case: CaseFolder, options: IdentifyOptions) -> Job:
+def _job(case: CaseFolder, options: IdentifyOptions, paths: dict[str, str]) -> Job:
     chosen = {k: v for k, v in asdict(options).items() if k not in ("seed", "workers")}
     folder = case.file("identify")
     job = Job(
         "palpate.core.identify.job:run",
         str(folder),
-        {"problem": str(folder / "problem.npz")},
+        paths,
         chosen,
         options.seed,
         options.workers,
@@ -161,5 +191,5 @@ def _tell(message: Message, progress: Progress, on_message: Callable[[Message], 
 
 
 def _input_hashes(case: CaseFolder) -> dict[str, str]:
-    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS)
+    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS, *_state_files(case))
     return {name: case.inputs_sha256([name]) for name in names if case.has(name)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,19 +12,15 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton import Equilibrium
-from palpate.core.identify import particles
-from palpate.core.identify.again import keep_for_again
 from palpate.core.identify.coupled import prolonged
-from palpate.core.identify.evaluation import Evaluator
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.posterior import NoiseFacts, Posterior, laplace
-from palpate.core.identify.reference import Counter, Optimum, Walk, find_optimum, middle, settle_first
+from palpate.core.identify.posterior import Posterior, laplace
+from palpate.core.identify.reference import Counter, Optimum, Posed, Walk, find_optimum, middle, noise_of, settle_first
 from palpate.core.identify.scene import Scene, make_scene
-from palpate.core.identify.search import SwarmOutcome, run_swarm
+from palpate.core.identify.search import SwarmOutcome
+from palpate.core.identify.swarm_stage import search_with_swarm
 from palpate.core.problem import IdentificationProblem
-from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
-from palpate.core.worker.executors import make_executor
 from palpate.core.worker.messages import Reporter
 
 FloatArray = NDArray[np.float64]
@@ -36,14 +33,12 @@ SCOUT = "p1p1"
 class Identification:
     """The answer of one identification.
 
-    theta (t,) as in `StiffnessParameters`; equilibrium there with the walls settled; posterior of all of theta; the Gauss-Newton
-    optimum and, with method "swarm", the swarm's outcome. agreement : largest difference between their ln G (0 without a swarm).
+    states : the deformed states, each with its equilibrium at theta, walls settled. theta (t,) as in `StiffnessParameters`. residual,
+    jacobian : of all states. posterior : of all of theta. optimum : by Gauss-Newton; swarm : its outcome with that method.
     """
 
-    scene: Scene
-    misfit: Misfit
+    states: tuple[Posed, ...]
     theta: FloatArray
-    equilibrium: Equilibrium
     residual: FloatArray
     jacobian: FloatArray
     posterior: Posterior
@@ -53,8 +48,23 @@ class Identification:
     seconds: float
 
     @property
+    def scene(self) -> Scene:
+        """Of the first state: what pictures show."""
+        return self.states[0].scene
+
+    @property
+    def misfit(self) -> Misfit:
+        """Of the first state."""
+        return self.states[0].misfit
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """Of the first state."""
+        return self.states[0].equilibrium
+
+    @property
     def agreement(self) -> float:
-        """Largest |difference| of ln G between swarm and Gauss-Newton."""
+        """Largest |difference| of ln G between swarm and Gauss-Newton; 0 without a swarm."""
         if self.swarm is None:
             return 0.0
         return float(np.abs(self.swarm.theta - self.optimum.fit.theta)[self.scene.parameters.stiffness].max())
@@ -65,46 +75,64 @@ class Identification:
         return self.posterior.of(self.scene.parameters.stiffness)
 
 
-def identify(folder: Path, options: IdentifyOptions, fingerprint: str, reporter: Reporter) -> Identification:
-    """Identify the problem in folder/problem.npz; checkpoints go beside it, and a rerun with the same fingerprint goes on.
+def identify(
+    folder: Path, files: Sequence[Path], options: IdentifyOptions, fingerprint: str, reporter: Reporter
+) -> Identification:
+    """Identify the problems in files, deformed states of one mesh: one stiffness for all, their misfits added up.
 
-    Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
+    Checkpoints go into folder, and a rerun with the same fingerprint goes on. Raises InputError for a problem that cannot be
+    posed, ConvergenceError when nothing can be solved.
     """
     began = time.perf_counter()
     count = Counter()
     reporter.progress(0.0, "building the model")
-    problem = IdentificationProblem.load(folder / "problem.npz")
-    scout = _scout(problem, options, count, reporter)
-    scene = make_scene(problem, options.boundary, options.element, options.split_mu)
+    problems = [IdentificationProblem.load(file) for file in files]
+    scout = _scout(problems, options, count, reporter)
     reporter.progress(0.15, f"settling the walls, element {options.element}")
-    first, misfit = settle_first(scene, scout.fit.theta, count, prolonged(scout.equilibrium.u, scene.space))
+    states = [_posed(p, scout, k, options, count) for k, p in enumerate(problems)]
+    parameters = states[0].scene.parameters
     starts = scout.fit.theta[None]
-    optimum = find_optimum(scene, misfit, first, starts, count, lambda f, m: reporter.progress(0.2 + 0.1 * f, m))
+    optimum = find_optimum(states, starts, count, lambda f, m: reporter.progress(0.2 + 0.1 * f, m))
     optimum = replace(optimum, others=scout.others, scout=scout.fit.theta)
+    states = _at(states, optimum.equilibria)
     swarm = None
     theta = optimum.fit.theta
     if options.method == "swarm":
-        swarm = _swarm(folder, misfit, optimum, options, fingerprint, reporter, count)
+        swarm = search_with_swarm(folder, files, states, options, fingerprint, reporter, count)
         theta = swarm.theta
     reporter.progress(0.92, "uncertainty")
-    walk = Walk(scene, misfit, optimum.equilibrium, count)
+    walk = Walk(states, count)
     linear, best = walk.linearise(theta), walk.best
-    if linear is None or best is None:  # the swarm's best has no equilibrium once the walls have settled anew
-        theta, linear, best = optimum.fit.theta, (optimum.fit.residual, optimum.fit.jacobian), optimum.equilibrium
-    noise = NoiseFacts(misfit.score_covariance(linear[1]), misfit.expected)
-    posterior = laplace(theta, *linear, scene.parameters.bounds, noise)
+    if linear is None:  # the swarm's best has no equilibrium once the walls have settled anew
+        theta, linear, best = optimum.fit.theta, (optimum.fit.residual, optimum.fit.jacobian), optimum.equilibria
+    posterior = laplace(theta, *linear, parameters.bounds, noise_of(states, linear[1]))
     seconds = time.perf_counter() - began
-    residual, jacobian = linear
-    return Identification(scene, misfit, theta, best, residual, jacobian, posterior, optimum, swarm, count, seconds)
+    return Identification(tuple(_at(states, best)), theta, *linear, posterior, optimum, swarm, count, seconds)
 
 
-def _scout(problem: IdentificationProblem, options: IdentifyOptions, count: Counter, reporter: Reporter) -> Optimum:
+def _at(states: Sequence[Posed], equilibria: Sequence[Equilibrium]) -> list[Posed]:
+    return [replace(state, equilibrium=found) for state, found in zip(states, equilibria, strict=True)]
+
+
+def _posed(problem: IdentificationProblem, scout: Optimum, k: int, options: IdentifyOptions, count: Counter) -> Posed:
+    """State k with the chosen element, from where the scout left it."""
+    scene = make_scene(problem, options.boundary, options.element, options.split_mu)
+    first, misfit = settle_first(scene, scout.fit.theta, count, prolonged(scout.equilibria[k].u, scene.space))
+    return Posed(scene, misfit, first)
+
+
+def _scout(
+    problems: Sequence[IdentificationProblem], options: IdentifyOptions, count: Counter, reporter: Reporter
+) -> Optimum:
     """Several starts with the cheap element: where the optimum is about, and whether there is one only."""
-    scene = make_scene(problem, options.boundary, SCOUT, options.split_mu)
     reporter.progress(0.03, "settling the walls")
-    starts = _starts(scene, options)
-    first, misfit = _settle_somewhere(scene, starts, count)
-    return find_optimum(scene, misfit, first, starts, count, lambda f, m: reporter.progress(0.05 + 0.1 * f, m))
+    states = []
+    for problem in problems:
+        scene = make_scene(problem, options.boundary, SCOUT, options.split_mu)
+        starts = _starts(scene, options)
+        first, misfit = _settle_somewhere(scene, starts, count)
+        states.append(Posed(scene, misfit, first))
+    return find_optimum(states, starts, count, lambda f, m: reporter.progress(0.05 + 0.1 * f, m))
 
 
 def _settle_somewhere(scene: Scene, thetas: FloatArray, count: Counter) -> tuple[Equilibrium, Misfit]:
@@ -115,37 +143,6 @@ def _settle_somewhere(scene: Scene, thetas: FloatArray, count: Counter) -> tuple
         except ConvergenceError:
             continue
     return settle_first(scene, thetas[-1], count)
-
-
-def _swarm(
-    folder: Path,
-    misfit: Misfit,
-    optimum: Optimum,
-    options: IdentifyOptions,
-    fingerprint: str,
-    reporter: Reporter,
-    count: Counter,
-) -> SwarmOutcome:
-    """The swarm around the reference: one file tells every process where the walls are and where to start from."""
-    scene, found = misfit.scene, optimum.equilibrium
-    reference = folder / "reference.npz"
-    if load_checkpoint(reference, fingerprint) is None:
-        arrays = {"u": found.u, "p": found.p, "walls_u": scene.linearised_at}
-        save_checkpoint(reference, arrays, fingerprint)
-    arguments = (str(folder / "problem.npz"), str(reference), options.boundary, options.element, options.split_mu)
-    bounds = scene.parameters.bounds
-    with make_executor(options.workers, particles.initialise, arguments) as executor:
-        evaluator = Evaluator(misfit, executor)
-        if options.reduced:
-            told = lambda f, m: reporter.progress(0.3 + 0.3 * f, f"reduced model: {m}")  # noqa: E731
-            evaluator.build_reduced(bounds, fingerprint, folder / "reduced.npz", told)
-            keep_for_again(folder, misfit, options, fingerprint)
-        outcome = run_swarm(evaluator, bounds, options, folder / "swarm.npz", fingerprint, reporter)
-    count.solves += evaluator.full_solves
-    count.factorisations += evaluator.factorisations
-    count.failed += evaluator.failed
-    count.reduced += evaluator.reduced_evaluations
-    return outcome
 
 
 def _starts(scene: Scene, options: IdentifyOptions) -> FloatArray:

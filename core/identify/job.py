@@ -17,6 +17,7 @@ from palpate.core.identify.nothing import Untold, moved_as_a_whole, nothing_foun
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.parameter_facts import parameter_facts
 from palpate.core.identify.posterior import verdict
+from palpate.core.identify.reference import Posed
 from palpate.core.identify.rigid_pair import rigid_pair
 from palpate.core.identify.split import separable
 from palpate.core.identify.stiffness_map import StiffnessMap, stiffness_map
@@ -37,20 +38,23 @@ AGREEMENT_SD = 0.25
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     """Job kind "palpate.core.identify.job:run"; options as `IdentifyOptions`. Writes fields.npz into the job's folder.
 
+    paths : "problem", and "problem_2", "problem_3", ... where more than one deformed state of the same mesh was seen.
+
     Returns result.json without versions and inputs, which the case knows.
     """
     one_thread()  # the order of sums, and with it the last bits, must not depend on the machine's cores
     options = IdentifyOptions(**{**job.options, "seed": job.seed, "workers": job.workers})
     fingerprint = job.fingerprint()
     began = time.perf_counter()
-    problem = IdentificationProblem.load(Path(job.folder) / "problem.npz")
-    untold = _untold(problem)
-    if untold is not None:
-        result, fields = nothing_found(problem, untold, options, time.perf_counter() - began)
+    files = problem_files(job)
+    problems = [IdentificationProblem.load(file) for file in files]
+    untold = [_untold(problem) for problem in problems]
+    if untold[0] is not None and None not in untold:
+        result, fields = nothing_found(problems[0], untold[0], options, time.perf_counter() - began)
         save_checkpoint(Path(job.folder) / "fields.npz", fields, fingerprint)
         (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)
         return {**result, "stiffness_map": None}
-    found = identify(Path(job.folder), options, fingerprint, reporter)
+    found = identify(Path(job.folder), files, options, fingerprint, reporter)
     save_checkpoint(Path(job.folder) / "fields.npz", _fields(found), fingerprint)
     mapped = _mapped(found, options, reporter)
     if mapped is None:
@@ -58,6 +62,12 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     else:
         save_checkpoint(Path(job.folder) / MAP_FILE, mapped.arrays(), fingerprint)
     return {**_result(found, options), "stiffness_map": None if mapped is None else _map_facts(mapped)}
+
+
+def problem_files(job: Job) -> list[Path]:
+    """The job's problems, first state first."""
+    further = [f"problem_{k}" for k in range(2, len(job.paths) + 2)]
+    return [Path(job.paths[name]) for name in ("problem", *further) if name in job.paths]
 
 
 def _untold(problem: IdentificationProblem) -> Untold | None:
@@ -104,7 +114,12 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
                 names, found.stiffness, found.posterior.of(parameters.shares) if options.split_mu else None
             ),
         },
-        "misfit": _misfit(found),
+        "misfit": _misfit(found.states[0])
+        | {
+            "weighted": float(found.residual @ found.residual),
+            "weighted_expected": len(found.residual),
+        },
+        "states": [_misfit(state) for state in found.states],
         "solver": {
             "forward_solves": found.count.solves,
             "newton_iterations": found.count.factorisations,
@@ -125,16 +140,15 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
     }
 
 
-def _misfit(found: Identification) -> dict[str, Any]:
+def _misfit(state: Posed) -> dict[str, Any]:
     """Eqs 10 to 13: every point to its own region's surface, points near the dividing line left out."""
-    observation = found.scene.observation
-    moved = observation.points + observation.operator @ found.equilibrium.u
-    return {
-        **misfit_figures(found.scene.problem, observation.points, observation.region, moved),
-        "expected_noise_rms_mm": float(np.sqrt(np.trace(found.misfit.noise) / len(observation.points))),
-        "weighted": float(found.residual @ found.residual),
-        "weighted_expected": len(found.residual),
-    }
+    observation, u = state.scene.observation, state.equilibrium.u
+    moved = observation.points + observation.operator @ u
+    figures = misfit_figures(state.scene.problem, observation.points, observation.region, moved)
+    marks = observation.landmark_residual(u)
+    if len(marks):
+        figures["landmarks_rms_mm"] = float(np.sqrt((marks**2).sum(axis=1).mean()))
+    return {**figures, "expected_noise_rms_mm": float(np.sqrt(np.trace(state.misfit.noise) / len(observation.points)))}
 
 
 def _convergence(found: Identification) -> list[float]:
@@ -153,6 +167,10 @@ def _agreement(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
 
 def _notes(found: Identification, names: tuple[str, ...]) -> list[str]:
     notes = []
+    if len(found.states) > 1:
+        notes.append(
+            f"one stiffness from {len(found.states)} deformed states together; pictures and the map within the organ show the first"
+        )
     if not _agreement(found, names)["same_optimum"]:
         notes.append("swarm and Gauss-Newton end at different stiffnesses: the misfit has more than one low place")
     if not found.optimum.agree:

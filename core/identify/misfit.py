@@ -43,6 +43,11 @@ class Misfit:
         """What `value` is expected to be at the truth."""
         return float(np.trace(self.surface.apply(self.noise))) + self.scene.observation.landmarks.shape[0] * 3.0
 
+    @property
+    def rows(self) -> int:
+        """q + 3 k, of the weighted residual."""
+        return len(self.noise) + 3 * len(self.scene.observation.landmarks)
+
     def score_covariance(self, jacobian: FloatArray) -> FloatArray:
         """(t, t) covariance of J' r under the noise, for the whitened Jacobian J (q + 3 k, t)."""
         q = len(self.noise)

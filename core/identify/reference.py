@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +13,7 @@ from palpate.core.fem.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.misfit import Misfit, wall_response
+from palpate.core.identify.posterior import NoiseFacts
 from palpate.core.identify.scene import Scene
 from palpate.core.worker.progress import Progress
 
@@ -38,12 +40,31 @@ class Counter:
 
 
 @dataclass(frozen=True, eq=False)
+class Posed:
+    """One deformed state: its scene, what its data weigh, and an equilibrium to start from."""
+
+    scene: Scene
+    misfit: Misfit
+    equilibrium: Equilibrium
+
+
+def noise_of(states: Sequence[Posed], jacobian: FloatArray) -> NoiseFacts:
+    """What the noise of all states does to their weighted residual with Jacobian (rows of all states, t)."""
+    score, expected, row = np.zeros((jacobian.shape[1],) * 2), 0.0, 0
+    for state in states:
+        score += state.misfit.score_covariance(jacobian[row : row + state.misfit.rows])
+        expected += state.misfit.expected
+        row += state.misfit.rows
+    return NoiseFacts(score, expected)
+
+
+@dataclass(frozen=True, eq=False)
 class Optimum:
-    """fit : of the best start. equilibrium : there, walls settled. others : (starts, t) theta of every start that
+    """fit : of the best start. equilibria : there, of every state, walls settled. others : (starts, t) theta of every start that
     ended. scout : (t,) the best of them when they were made with another element. stiffness : where in theta the ln G are."""
 
     fit: GaussNewtonResult
-    equilibrium: Equilibrium
+    equilibria: tuple[Equilibrium, ...]
     others: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     scout: FloatArray | None = None
     stiffness: slice = field(default_factory=lambda: slice(None))
@@ -79,45 +100,50 @@ def settle_first(
     return settled.equilibrium, Misfit.of(scene, wall_response(scene, settled.equilibrium.u))
 
 
-def find_optimum(
-    scene: Scene, misfit: Misfit, first: Equilibrium, starts: FloatArray, count: Counter, progress: Progress
-) -> Optimum:
-    """Gauss-Newton from each start (s, t). Raises ConvergenceError when none ends."""
-    bounds = scene.parameters.bounds
-    best: tuple[GaussNewtonResult, Equilibrium] | None = None
+def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, progress: Progress) -> Optimum:
+    """Gauss-Newton on the states' misfits added up, from each start (s, t). Raises ConvergenceError when none ends."""
+    parameters = states[0].scene.parameters
+    best: tuple[GaussNewtonResult, tuple[Equilibrium, ...]] | None = None
     ends = []
     for k, start in enumerate(starts):
         progress(k / len(starts), f"Gauss-Newton, start {k + 1} of {len(starts)}")
-        walk = Walk(scene, misfit, first, count)
-        fit = gauss_newton(walk.linearise, start, bounds)
-        if fit is None or walk.best is None:
+        walk = Walk(states, count)
+        fit = gauss_newton(walk.linearise, start, parameters.bounds)
+        if fit is None or not walk.best:
             continue
         ends.append(fit.theta)
         if best is None or fit.misfit < best[0].misfit:
             best = fit, walk.best
     if best is None:
         raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
-    return Optimum(best[0], best[1], np.array(ends), stiffness=scene.parameters.stiffness)
+    return Optimum(best[0], best[1], np.array(ends), stiffness=parameters.stiffness)
 
 
 class Walk:
-    """Linearises the misfit along a path of thetas, each equilibrium started from the one before."""
+    """Linearises the states' misfits along a path of thetas, each equilibrium started from the one before.
 
-    def __init__(self, scene: Scene, misfit: Misfit, first: Equilibrium, count: Counter) -> None:
-        self.scene, self.misfit, self.last, self.count = scene, misfit, first, count
-        self.best: Equilibrium | None = None
+    best : every state's equilibrium where their misfits added up least; none before there was one.
+    """
+
+    def __init__(self, states: Sequence[Posed], count: Counter) -> None:
+        self.states, self.count = states, count
+        self.last = [state.equilibrium for state in states]
+        self.best: tuple[Equilibrium, ...] = ()
         self._lowest = np.inf
 
     def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Whitened residual and Jacobian at theta, walls settled; None when there is no equilibrium."""
-        settled = self.scene.settle(theta, self.last, rounds=2)
-        found = settled.equilibrium
-        self.count.add(found)
-        if not found.converged:
-            return None
-        self.last = found
-        residual = self.misfit.residual(found.u)
+        """Whitened residual and Jacobian of all states at theta, walls settled; None when one has no equilibrium."""
+        residuals, jacobians = [], []
+        for k, state in enumerate(self.states):
+            found = state.scene.settle(theta, self.last[k], rounds=2).equilibrium
+            self.count.add(found)
+            if not found.converged:
+                return None
+            self.last[k] = found
+            residuals.append(state.misfit.residual(found.u))
+            # At once: the factor is that of this state's last solve.
+            jacobians.append(state.misfit.jacobian(found.u, state.scene.displacement_sensitivities(theta, found)))
+        residual = np.concatenate(residuals)
         if residual @ residual < self._lowest:
-            self._lowest, self.best = float(residual @ residual), found
-        sensitivities = self.scene.displacement_sensitivities(theta, found)
-        return residual, self.misfit.jacobian(found.u, sensitivities)
+            self._lowest, self.best = float(residual @ residual), tuple(self.last)
+        return residual, np.vstack(jacobians)

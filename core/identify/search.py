@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.identify.evaluation import Evaluator
 from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.parameters import StiffnessParameters
 from palpate.core.identify.swarm import Swarm, SwarmOptions
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.messages import Reporter
 
 FloatArray = NDArray[np.float64]
+
+# Thetas (m, t) -> misfits (m,), inf where there is none.
+Values = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,25 +36,25 @@ class SwarmOutcome:
 
 
 def run_swarm(
-    evaluator: Evaluator,
-    bounds: FloatArray,
+    values: Values,
+    parameters: StiffnessParameters,
     options: IdentifyOptions,
     checkpoint: Path,
     fingerprint: str,
     reporter: Reporter,
 ) -> SwarmOutcome:
-    """Search bounds (t, 2) for the least misfit.
+    """Search the parameters' bounds for the least misfit.
 
     Goes on from `checkpoint` if it belongs to the same job (fingerprint). Raises ConvergenceError when every particle failed.
     """
+    bounds = parameters.bounds
     swarm_options = SwarmOptions(
         particles=options.particles, max_iterations=options.iterations, collapse=1e-3, patience=15, keep_positions=True
     )
     swarm = _resume(checkpoint, fingerprint) or Swarm(bounds[:, 0], bounds[:, 1], options.seed, swarm_options)
-    parameters = evaluator.misfit.scene.parameters
     while not swarm.should_stop():
         asked = swarm.ask()
-        swarm.tell(evaluator.values(asked))
+        swarm.tell(values(asked))
         save_checkpoint(checkpoint, swarm.state(), fingerprint)
         reporter.checkpoint(checkpoint, swarm.iteration)
         reporter.progress(
@@ -62,7 +66,7 @@ def run_swarm(
         )
     if not np.isfinite(swarm.best_value):
         raise ConvergenceError("no particle of the swarm has an equilibrium; look at the mesh and at the contours")
-    positions, values = swarm.track
+    positions, track_values = swarm.track
     return SwarmOutcome(
         swarm.best_position,
         swarm.best_value,
@@ -70,7 +74,7 @@ def run_swarm(
         swarm.stop_reason() or "",
         swarm.iteration * options.particles,
         positions,
-        values,
+        track_values,
     )
 
 

@@ -23,7 +23,7 @@ NAMES = ("prostate_left", "prostate_right")
 
 @pytest.fixture(scope="module")
 def problem() -> IdentificationProblem:
-    return synthetic_case.problem((30.0, 70.0), fine=4)
+    return synthetic_case.problem((30.0, 70.0), fine=2)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import time
 from typing import Any
 
 from palpate.segmentation.case import CaseFolder
-from palpate.ui.cli import identify, import_scans, mesh, report, segment
+from palpate.ui.cli import further_states, identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
 
@@ -34,12 +34,14 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
     began = time.monotonic()
     # A wrong option is told before the work, not after it.
+    more = further_states.states_of(args)
     search, pointed = identify.options_of(args), SegmentOptions(*segment.prompts_of(args), model=args.model)
     with console.progress(import_scans.NAME) as progress:
         imported = run_import(args.rest, args.deformed, args.output, import_scans.options_of(args), progress)
     case = CaseFolder(args.output)
     with console.progress(segment.NAME) as progress:
         labelled = run_segment(case, pointed, progress)
+    states = further_states.add_states(case, more)
     with console.progress(mesh.NAME) as progress:
         meshed = mesh_step.run(case, mesh.options_of(args), progress)
     with console.progress(identify.NAME) as progress:
@@ -47,7 +49,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     record(case, args, time.monotonic() - began)
     with console.progress(report.NAME) as progress:
         written = report_step.run(case, None, progress)
-    text = [*import_scans.text_of(imported), *segment.text_of(labelled), mesh.text_of(case, meshed)]
+    text = [*import_scans.text_of(imported), *states, *segment.text_of(labelled), mesh.text_of(case, meshed)]
     text += [*identify.text_of(case, found), *report.text_of(written)]
     data = {"case": str(case.path), "import": imported, "segment": labelled, "mesh": meshed, "result": found}
     return data | {"report": written}, "\n".join(text)

@@ -11,6 +11,7 @@ from typing import Any
 
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.import_step import ImportOptions, run_import
+from palpate.ui.cli import further_states
 from palpate.ui.cli.arguments import UsageError, no_points
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -46,15 +47,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--no-align", action="store_true", help="the scans lie in one frame already: do not align on bone"
     )
+    further_states.add_arguments(parser)
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Imports; see `run_import`."""
     no_points(args)
+    more = further_states.states_of(args)
     with console.progress(NAME) as progress:
         summary = run_import(args.rest, args.deformed, args.output, options_of(args), progress)
-    with recorded(CaseFolder(args.output), args):
-        return summary, "\n".join(text_of(summary))
+    case = CaseFolder(args.output)
+    with recorded(case, args):
+        lines = further_states.add_states(case, more)
+        return summary | {"further_states": len(more)}, "\n".join([*text_of(summary), *lines])
 
 
 def options_of(args: argparse.Namespace) -> ImportOptions:

@@ -1,0 +1,72 @@
+"""The swarm of an identification: a reduced model of every deformed state, in worker processes that hold its scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.identify import particles
+from palpate.core.identify.again import keep_for_again
+from palpate.core.identify.evaluation import Evaluator
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.reference import Counter, Posed
+from palpate.core.identify.search import SwarmOutcome, run_swarm
+from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
+from palpate.core.worker.executors import make_executor
+from palpate.core.worker.messages import Reporter
+
+FloatArray = NDArray[np.float64]
+
+
+def search_with_swarm(
+    folder: Path,
+    files: Sequence[Path],
+    states: Sequence[Posed],
+    options: IdentifyOptions,
+    fingerprint: str,
+    reporter: Reporter,
+    count: Counter,
+) -> SwarmOutcome:
+    """The swarm around the states' equilibria; files : their problems. Writes reference.npz, reduced.npz (with a number from the
+    second state on) and swarm.npz into folder, and again.npz where there is one state only.
+    """
+    parameters = states[0].scene.parameters
+    evaluators: list[Evaluator] = []
+    with ExitStack() as pools:
+        for k, (file, state) in enumerate(zip(files, states, strict=True)):
+            number = "" if k == 0 else f"_{k + 1}"
+            reference = folder / f"reference{number}.npz"
+            _write_reference(reference, state, fingerprint)
+            arguments = (str(file), str(reference), options.boundary, options.element, options.split_mu)
+            executor = pools.enter_context(make_executor(options.workers, particles.initialise, arguments))
+            evaluators.append(Evaluator(state.misfit, executor))
+            if options.reduced:
+                start, share = 0.3 + 0.3 * k / len(states), 0.3 / len(states)
+                told = lambda f, m, a=start, b=share: reporter.progress(a + b * f, f"reduced model: {m}")  # noqa: E731
+                evaluators[-1].build_reduced(parameters.bounds, fingerprint, folder / f"reduced{number}.npz", told)
+        if options.reduced and len(states) == 1:
+            keep_for_again(folder, states[0].misfit, options, fingerprint)
+        outcome = run_swarm(
+            lambda thetas: _added(evaluators, thetas), parameters, options, folder / "swarm.npz", fingerprint, reporter
+        )
+    for evaluator in evaluators:
+        count.solves += evaluator.full_solves
+        count.factorisations += evaluator.factorisations
+        count.failed += evaluator.failed
+        count.reduced += evaluator.reduced_evaluations
+    return outcome
+
+
+def _added(evaluators: Sequence[Evaluator], thetas: FloatArray) -> FloatArray:
+    return np.asarray(sum(evaluator.values(thetas) for evaluator in evaluators), dtype=np.float64)
+
+
+def _write_reference(path: Path, state: Posed, fingerprint: str) -> None:
+    """One file tells every process where the walls are and where to start from."""
+    if load_checkpoint(path, fingerprint) is None:
+        found = state.equilibrium
+        save_checkpoint(path, {"u": found.u, "p": found.p, "walls_u": state.scene.linearised_at}, fingerprint)

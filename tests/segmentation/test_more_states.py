@@ -1,0 +1,147 @@
+"""A case with two deformed states: from its label volumes to one stiffness, surer than from either, holding the truth."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_case
+
+from palpate.core.errors import InputError
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.observe.distance_field import signed_distance
+from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.problem import IdentificationProblem, Surface
+from palpate.segmentation import identify_step
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.mesh_file import mesh_arrays
+from palpate.segmentation.mesh_step import surface_arrays
+from palpate.segmentation.more_states import NewState, add_state, further_states
+from palpate.segmentation.nifti_labels import write_labels
+from palpate.segmentation.volume import Volume
+from palpate.ui.cli import further_states as options
+from palpate.ui.cli.arguments import Parser, UsageError
+
+TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
+QUICK = identify_step.IdentifyStepOptions(
+    IdentifyOptions(method="gauss-newton", element="p1p1", starts=1, stiffness_map=False)
+)
+
+
+def voxels(organ: Surface, depth: float) -> Volume:
+    """Labels of one state: the organ's halves, the pushing rectum beyond its wall, tissue."""
+    axis = np.arange(-18.0, 18.5, 1.0)
+    p = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+    inside = signed_distance(TriangleTree.of(organ.points, organ.faces), p.reshape(-1, 3)).reshape(p.shape[:3]) < 0.0
+    wall = synthetic_case.HALF - synthetic_case.push(p[..., 0], p[..., 2], depth)
+    array = np.where(inside, np.where(p[..., 0] > 0.0, 1, 2), np.where(p[..., 1] > wall, 6, 3))
+    affine = np.eye(4)
+    affine[:3, 3] = axis[0]
+    return Volume(array.astype(np.uint8), affine)
+
+
+@pytest.fixture(scope="module")
+def states() -> dict[float, IdentificationProblem]:
+    return {depth: synthetic_case.problem((30.0, 70.0), depth=depth, fine=2) for depth in (4.5, 6.0)}
+
+
+@pytest.fixture(scope="module")
+def meshed(states: dict[float, IdentificationProblem], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first state is the smaller push."""
+    first = states[4.5]
+    facts = CaseFacts("made-up", boundary_noise_sd_mm=0.2, outer_surface="free")
+    made = CaseFolder.create(tmp_path_factory.mktemp("states") / "case", facts)
+    rest, deformed = voxels(first.organ.rest, 0.0), voxels(first.organ.deformed, 4.5)
+    made.write_labels("rest", rest)
+    made.write_labels("deformed", deformed)
+    made.write_npz("mesh.npz", **mesh_arrays(first.mesh, dict(first.boundary)))
+    made.write_npz("surfaces.npz", **surface_arrays("rest", rest), **surface_arrays("deformed", deformed))
+    made.write_json("mesh.json", {})
+    return made.path
+
+
+@pytest.fixture
+def case(meshed: Path, tmp_path: Path) -> CaseFolder:
+    return CaseFolder(shutil.copytree(meshed, tmp_path / "case"))
+
+
+@pytest.fixture(scope="module")
+def second(states: dict[float, IdentificationProblem], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("second") / "second.nii.gz"
+    write_labels(path, voxels(states[6.0].organ.deformed, 6.0))
+    return path
+
+
+def spread(result: dict[str, Any]) -> np.ndarray:
+    return np.array([found["sd_ln_G"] for found in result["parameters"].values()])
+
+
+def test_a_second_state_makes_the_stiffness_surer_and_is_noticed(case: CaseFolder, second: Path) -> None:
+    alone = identify_step.run(case, QUICK)
+    added = add_state(case, NewState(second))
+    assert (added.labels, further_states(case)) == ("deformed_2.nii.gz", (added,))
+    assert add_state(case, NewState(second)) == added and len(further_states(CaseFolder(case.path))) == 1
+    both = identify_step.run(case, QUICK)
+    assert (spread(both) < 0.8 * spread(alone)).all()
+    for name, found in both["parameters"].items():
+        assert found["ci95_kpa"][0] < TRUTH[name] < found["ci95_kpa"][1]
+    assert len(both["states"]) == 2 and "deformed_2.nii.gz" in both["inputs_sha256"]
+
+
+def test_landmarks_come_along_in_the_rest_frame(case: CaseFolder, second: Path, tmp_path: Path) -> None:
+    marks = tmp_path / "marks.csv"
+    marks.write_text("name,rest_x,rest_y,rest_z,deformed_x,deformed_y,deformed_z\nseed,1,2,3,1,0.5,3\n")
+    state = add_state(case, NewState(second, landmarks=marks))
+    assert state.landmarks == "landmarks_2.csv"
+    first = identify_step.problem_of(case)
+    (problem,) = identify_step.state_problems(case, first)
+    np.testing.assert_allclose(problem.landmarks, [[1, 2, 3, 1, 0.5, 3]])
+    assert problem.mesh is first.mesh and problem.organ.rest is first.organ.rest
+    # The larger push takes the wall and the organ further along -y.
+    for seen, before in ((problem.organ, first.organ), (problem.walls["rectum"], first.walls["rectum"])):
+        assert seen.deformed.points[:, 1].mean() < before.deformed.points[:, 1].mean() - 0.2
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"labels": "../other.nii.gz"}, "is no name of a file in the case folder"),
+        ({"labels": 3}, "3 is no name of a file"),
+        ({"labels": "gone.nii.gz"}, "is not there, but case.json names it as a deformed state"),
+    ],
+)
+def test_an_entry_that_names_no_file_of_the_case_is_refused(
+    case: CaseFolder, entry: dict[str, Any], message: str
+) -> None:
+    case.save_facts(replace(case.facts, other={"states": [entry]}))
+    with pytest.raises(InputError, match=message):
+        further_states(case)
+
+
+def test_what_cannot_be_a_state_is_refused(case: CaseFolder, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is not there; give a NIfTI label volume"):
+        add_state(case, NewState(tmp_path / "none.nii.gz"))
+    (tmp_path / "ct").mkdir()
+    with pytest.raises(InputError, match="labels drawn on a further deformed CT are needed"):
+        add_state(case, NewState(tmp_path / "ct"))
+    write_labels(tmp_path / "empty.nii.gz", Volume(np.full((4, 4, 4), 3, np.uint8), np.eye(4)))
+    with pytest.raises(InputError, match="holds no prostate"):
+        add_state(case, NewState(tmp_path / "empty.nii.gz"))
+
+
+def test_options_that_do_not_belong_together_are_wrong_usage(tmp_path: Path) -> None:
+    parser = Parser()
+    options.add_arguments(parser)
+    (tmp_path / "ct").mkdir()
+    given = parser.parse_args(["--more", str(tmp_path / "ct"), "--more-labels", "a.dcm", "--more", "b.nii.gz"])
+    given.no_align = False
+    assert options.states_of(given) == [NewState(tmp_path / "ct", Path("a.dcm")), NewState(Path("b.nii.gz"))]
+    wrong = argparse.Namespace(**{**vars(given), "more_labels": [Path("a"), Path("b")]})
+    with pytest.raises(UsageError, match="--more-labels is given 2 times for 1 scans"):
+        options.states_of(wrong)
