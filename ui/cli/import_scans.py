@@ -1,6 +1,7 @@
 """Makes the case folder of a pair of scans: two folders with a DICOM CT each, or two NIfTI label volumes.
 
 The deformed scan is aligned to the one at rest on bone. The case holds copies; the scans are not touched.
+With --surfaces, REST and DEFORMED are closed surfaces of one body (STL, OBJ, PLY, in mm), aligned on each other.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.import_step import ImportOptions, run_import
 from palpate.ui.cli import further_states
+from palpate.ui.cli import import_surfaces
 from palpate.ui.cli.arguments import UsageError, no_points
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -24,6 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("rest", type=Path, metavar="REST", help="scan at rest: DICOM folder, or NIfTI label volume")
     parser.add_argument("deformed", type=Path, metavar="DEFORMED", help="scan in which the organ is deformed")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="CASE", help="case folder to make")
+    parser.add_argument("--surfaces", action="store_true",
+                        help="REST and DEFORMED are closed surfaces: STL, OBJ or PLY, in mm")  # fmt: skip
     group = parser.add_argument_group("reading the scans")
     for state in ("rest", "deformed"):
         group.add_argument(f"--{state}-labels", type=Path, metavar="FILE",
@@ -51,8 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
-    """Imports; see `run_import`."""
+    """Imports; see `run_import` and `run_surface_import`."""
     no_points(args)
+    if args.surfaces:
+        return import_surfaces.run(args, console)
     more = further_states.states_of(args)
     with console.progress(NAME) as progress:
         summary = run_import(args.rest, args.deformed, args.output, options_of(args), progress)
