@@ -12,8 +12,7 @@ from typing import Any
 
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.import_step import ImportOptions, run_import
-from palpate.ui.cli import further_states
-from palpate.ui.cli import import_surfaces
+from palpate.ui.cli import further_states, import_surfaces
 from palpate.ui.cli.arguments import UsageError, no_points
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
