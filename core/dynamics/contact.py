@@ -29,6 +29,7 @@ Entries = tuple[IntArray, IntArray, FloatArray]
 
 # Warnings of the toolkit concern an order of calls that is kept here.
 ipctk.set_logger_level(ipctk.LoggerLevel.error)
+ipctk.set_num_threads(1)  # sums in another order would give another motion
 _KEEP_AWAY = ipctk.AdditiveCCD()  # the toolkit's default takes seconds where edges are parallel
 
 

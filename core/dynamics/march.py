@@ -12,7 +12,7 @@ from palpate.core.dynamics.schemes import DEFAULT_SCHEME, Step, take_step
 from palpate.core.dynamics.system import MovingBody
 from palpate.core.errors import ConvergenceError
 
-_NEWTON = 1e-11  # of the energy scale: what a stage's minimum may still be missed by
+_NEWTON = 1e-10  # of the energy scale: what a stage's minimum may still be missed by
 _ROUNDING = 1e-9  # of the energy scale, a step
 # After so many halvings backward Euler takes the step: first order, but it loses energy where the other may gain some.
 _HALVINGS = 3

@@ -1,0 +1,199 @@
+"""An organ falls onto a dish (the paper's Fig 15a)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import LinearNDInterpolator
+
+from palpate.core.dynamics.contact import Contact, Layer
+from palpate.core.dynamics.march import Ledger, MarchOptions, march, open_ledger
+from palpate.core.dynamics.mass import KG_MM3, STANDARD_GRAVITY
+from palpate.core.dynamics.motion import Motion
+from palpate.core.dynamics.rigid import RigidSurface, depth, dish
+from palpate.core.dynamics.system import MovingBody
+from palpate.core.errors import InputError
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.materials import Material
+from palpate.core.fem.space import Space
+from palpate.core.mesh import TetMesh
+from palpate.core.worker.progress import Progress, silent
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# A face with mid-edge nodes 01, 12, 20 as four triangles.
+_QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+# The dish is as wide as the widest organ takes up, and as hollow as a sphere of this many rims.
+_ROOM, _HOLLOW = 0.95, 1.6
+
+
+@dataclass(frozen=True)
+class DropOptions:
+    """height : mm that the organ falls until it touches the dish. seconds : of motion. frames : a second of motion, kept for a film.
+
+    dt : s, longest time step. damping : s, see `viscosity`. density : kg/m3. friction : Coulomb's coefficient on the dish.
+    layer : mm and kPa of the layer in which the dish presses back, see `contact`. element : see `fem.elements`.
+    """
+
+    height: float = 30.0
+    seconds: float = 0.6
+    frames: float = 240.0
+    dt: float = 1e-3
+    damping: float = 1e-3
+    density: float = 1050.0
+    friction: float = 0.2
+    layer: tuple[float, float] = (0.3, 30.0)
+    element: str = "p1p1"
+
+
+@dataclass(frozen=True, eq=False)
+class Drop:
+    """What came of it: points (frames, n, 3) mm of the organ's surface at times (frames,) s, +z up, the dish's lowest point at 0.
+
+    faces : (f, 3) outwards, regions (f,) of them. figures : plain values, see `drop`.
+    """
+
+    times: FloatArray
+    points: FloatArray
+    faces: IntArray
+    regions: IntArray
+    figures: dict[str, Any]
+
+
+def dish_for(meshes: list[TetMesh]) -> RigidSurface:
+    """A dish wide enough for every one of these, its lowest point at the origin."""
+    half = max(float(np.ptp(m.points[:, :2], axis=0).max()) for m in meshes) / 2.0
+    rim = half / _ROOM * 1.5
+    return dish((0.0, 0.0, 0.0), _HOLLOW * rim, rim)
+
+
+def drop(
+    mesh: TetMesh,
+    materials: Mapping[int, Material],
+    on: RigidSurface,
+    options: DropOptions | None = None,
+    progress: Progress = silent,
+) -> Drop:
+    """Let an organ fall, its z axis upright, its middle above the dish's.
+
+    figures: fall_mm, fall_time_s and the time's relative error against the closed form; impact_speed_mm_s; rebound_mm, how high the
+    lowest point comes back above the layer;
+    flattest, the least height relative to that at rest; deepest_penetration_mm and nearest_mm, of all corners, edges and faces;
+    energy_growth, viscous, friction and numerical loss relative to the energy of the fall; steps and seconds it took.
+    Raises InputError for options that make no sense, ConvergenceError where the motion cannot be followed.
+    """
+    options = options or DropOptions()
+    _check(options)
+    began = time.perf_counter()
+    body, space, faces = _body(mesh, materials, on, options)
+    watch = _Watch(space.nodes, faces, on)
+    motion = body.at_rest()
+    watch.see(motion)
+    ledger = open_ledger(body, motion, options.height)
+    count = max(1, round(options.seconds * options.frames))
+    times = options.seconds * np.arange(count + 1) / count
+    frames = [space.nodes + motion.u]
+    for k, until in enumerate(times[1:], 1):
+        motion = march(body, motion, float(until), MarchOptions(options.dt), ledger, watch.see)
+        frames.append(space.nodes + motion.u)
+        progress(k / count, f"{1e3 * until:.0f} of {1e3 * options.seconds:.0f} ms")
+    figures = _figures(watch, ledger, options) | {"seconds": time.perf_counter() - began}
+    return _drop(np.array(frames), times, space, figures | {"cells": len(mesh.cells), "options": asdict(options)})
+
+
+def _check(options: DropOptions) -> None:
+    limits = {"height": (1.0, 1000.0), "seconds": (0.01, 10.0), "frames": (1.0, 10_000.0), "dt": (1e-5, 1e-2),
+              "damping": (0.0, 1.0), "density": (100.0, 20_000.0), "friction": (0.0, 2.0)}  # fmt: skip
+    for name, (low, high) in limits.items():
+        value = getattr(options, name)
+        if not low <= value <= high:
+            raise InputError(f"{name} is {value:g}; a drop takes {low:g} to {high:g}")
+
+
+def _body(
+    mesh: TetMesh, materials: Mapping[int, Material], on: RigidSurface, options: DropOptions
+) -> tuple[MovingBody, Space, IntArray]:
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    points = mesh.points - [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.0]
+    points = points + [0.0, 0.0, options.height - _clearance(points, on)]
+    space = Space.of(TetMesh(points, mesh.cells, mesh.regions), options.element)
+    assembler = Assembler(space, np.ones(space.n_displacements, dtype=bool))
+    assembler.set_materials(materials)
+    faces, _ = mesh.boundary
+    contact = Contact(space, faces, on, Layer(*options.layer, friction=options.friction, sticking=5.0))
+    gravity = (0.0, 0.0, -STANDARD_GRAVITY)
+    body = MovingBody(assembler, options.density * KG_MM3, gravity, options.damping, contact)
+    return body, space, faces
+
+
+def _clearance(points: FloatArray, on: RigidSurface) -> float:
+    """How far points (n, 3) could go straight down until one touches the dish, mm; outside its rim there is nothing to touch."""
+    height = LinearNDInterpolator(on.points[:, :2], on.points[:, 2])(points[:, :2])
+    return float(np.min(np.where(np.isnan(height), np.inf, points[:, 2] - height)))
+
+
+class _Watch:
+    """Looks at every step: how deep the surface is in the dish, how high the organ stands."""
+
+    def __init__(self, nodes: FloatArray, faces: IntArray, on: RigidSurface) -> None:
+        self._nodes, self._faces, self._on = nodes, faces, on
+        self.times, self.depths, self.heights, self.fallen = (list[float]() for _ in range(4))
+
+    def see(self, motion: Motion) -> None:
+        x = self._nodes + motion.u
+        corners = x[self._faces]
+        looked = np.vstack([corners.mean(axis=1), 0.5 * (corners + corners[:, [1, 2, 0]]).reshape(-1, 3), *corners])
+        self.times.append(motion.time)
+        self.depths.append(depth(self._on, looked))
+        self.heights.append(float(np.ptp(x[:, 2])))
+        self.fallen.append(-float(motion.u[:, 2].mean()))
+
+
+def _figures(watch: _Watch, ledger: Ledger, options: DropOptions) -> dict[str, Any]:
+    gaps, times, fallen = -np.array(watch.depths), np.array(watch.times), np.array(watch.fallen)
+    inside = np.flatnonzero(gaps < options.layer[0])
+    first = int(inside[0]) if len(inside) else len(gaps) - 1
+    return {
+        "landed": len(inside) > 0,
+        **_fall(gaps, times, fallen, first if len(inside) else None, options.layer[0]),
+        "rebound_mm": max(0.0, float(gaps[first:].max()) - options.layer[0]) if len(inside) else None,
+        "flattest": min(watch.heights) / watch.heights[0],
+        "deepest_penetration_mm": max(0.0, -float(gaps.min())),
+        "nearest_mm": float(gaps.min()),
+        "energy_scale_mj": 1e-3 * ledger.scale,
+        "energy_growth": ledger.largest_growth,
+        "lost_in_tissue": ledger.viscous / ledger.scale,
+        "lost_to_friction": ledger.friction / ledger.scale,
+        "lost_to_time_steps": ledger.numerical_loss,
+        "steps": len(ledger.times) - 1,
+        "steps_taken_again": ledger.rejected,
+        "newton_iterations": ledger.iterations,
+    }
+
+
+def _fall(gaps: FloatArray, times: FloatArray, fallen: FloatArray, first: int | None, layer: float) -> dict[str, Any]:
+    """When and how fast the dish's layer is reached. Between steps the gap is linear to a thousandth of a millimetre."""
+    if first is None:
+        return dict.fromkeys(("fall_mm", "fall_time_s", "fall_time_error", "impact_speed_mm_s"))
+    k = max(first - 1, 0)
+    share = float(np.clip((gaps[k] - layer) / max(gaps[k] - gaps[k + 1], 1e-12), 0.0, 1.0))
+    when, way = (float(a[k] + share * (a[k + 1] - a[k])) for a in (times, fallen))
+    speed = float((fallen[k + 1] - fallen[k]) / (times[k + 1] - times[k]))
+    error = when / float(np.sqrt(2.0 * max(way, 1e-9) / STANDARD_GRAVITY)) - 1.0
+    return {"fall_mm": way, "fall_time_s": when, "fall_time_error": error, "impact_speed_mm_s": speed}
+
+
+def _drop(frames: FloatArray, times: FloatArray, space: Space, figures: dict[str, Any]) -> Drop:
+    """Keeps the surface's nodes alone; faces of quadratic cells become four triangles each."""
+    faces, owner = space.mesh.boundary
+    regions, nodes = space.mesh.regions[owner], space.face_nodes(faces)
+    if nodes.shape[1] == 6:
+        nodes, regions = nodes[:, _QUARTERS].reshape(-1, 3), np.repeat(regions, len(_QUARTERS))
+    used, triangles = np.unique(nodes, return_inverse=True)
+    return Drop(times, frames[:, used], triangles.reshape(-1, 3), regions, figures)
