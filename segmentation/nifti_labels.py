@@ -46,7 +46,7 @@ def read_labels(path: Path, values: Mapping[int, int] | None = None) -> Volume:
         raise InputError(
             f"{path} holds values that are not whole numbers; a label volume is needed, not a CT or a probability"
         )
-    present = np.unique(array).astype(np.int64)
+    present = np.unique(array)
     meaning = dict(values) if values else {value: value for value in LABELS}
     meaning.setdefault(0, 0)
     unknown = [int(value) for value in present if int(value) not in meaning]
