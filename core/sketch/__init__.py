@@ -1,0 +1,1 @@
+"""From drawn keyframes to motion: a plane figure whose stiffness and boundary forces take it through all of them."""

@@ -1,0 +1,109 @@
+"""Which point of one drawn outline is which of another: a cheapest monotone pairing round both loops (dynamic time warping).
+
+Sakoe and Chiba 1978, Dynamic programming algorithm optimization for spoken word recognition. Only a start: afterwards the figure
+may slide along the drawn line, because a line shows no points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from palpate.core.errors import InputError
+from palpate.core.sketch.outline import Outline, perimeter, resampled_loop
+
+FloatArray = NDArray[np.float64]
+
+# Points a loop is matched with, and how many of the first one's possible partners are tried.
+_COUNT, _STARTS = 160, 40
+# Weights of place (in figure sizes), direction and turn; price of a step that stretches or squeezes.
+_PLACE, _DIRECTION, _TURN, _STRETCH = 2.0, 0.5, 0.4, 0.02
+# The turn is taken over this share of the loop to either side.
+_REACH = 0.025
+
+
+def matched(rest: Outline, key: Outline, name: str = "the keyframe") -> FloatArray:
+    """(n, 2) mm: where on `key` each point of `rest` (n points) belongs.
+
+    Raises InputError when the two have different numbers of holes.
+    """
+    if len(rest.loops) != len(key.loops):
+        holes = len(rest.loops) - 1, len(key.loops) - 1
+        raise InputError(f"{name} has {holes[1]} holes and the first keyframe {holes[0]}; draw the same figure in both")
+    partner = _partners(rest, key)
+    return np.vstack([_on_loop(loop, key.loops[k], rest.size) for loop, k in zip(rest.loops, partner, strict=True)])
+
+
+def _partners(rest: Outline, key: Outline) -> list[int]:
+    """The loop of `key` for each of `rest`: the outer ones, and holes by where they are in their figure."""
+    if len(rest.loops) == 1:
+        return [0]
+    centres = [np.array([loop.mean(axis=0) - o.loops[0].mean(axis=0) for loop in o.loops[1:]]) for o in (rest, key)]
+    cost = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=2)
+    return [0, *(1 + linear_sum_assignment(cost)[1]).tolist()]
+
+
+def _on_loop(loop: FloatArray, target: FloatArray, size: float) -> FloatArray:
+    a, b = (resampled_loop(x, _COUNT) for x in (loop, target))
+    features = [_features(x, size) for x in (a, b)]
+    cost = ((features[0][:, None] - features[1][None]) ** 2).sum(axis=2)
+    first = np.argsort(cost[0])[:_STARTS]
+    paths = [_path(np.roll(cost, -int(k), axis=1), _STRETCH) for k in first]
+    best = int(np.argmin([price for price, _ in paths]))
+    partner = paths[best][1] + first[best]  # of the points of `a`, may run on beyond the loop's end
+    way = _way(loop) * _COUNT
+    places = np.interp(way, np.arange(_COUNT + 1), np.append(partner, partner[0] + _COUNT)) % _COUNT
+    closed = np.vstack([b, b[:1]])
+    return np.column_stack([np.interp(places, np.arange(_COUNT + 1), closed[:, k]) for k in range(2)])
+
+
+def _way(loop: FloatArray) -> FloatArray:
+    """(n,) how far along its loop each point lies, 0 to 1."""
+    steps = np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)
+    return np.asarray((np.cumsum(steps) - steps) / perimeter(loop))
+
+
+def _features(loop: FloatArray, size: float) -> FloatArray:
+    """(n, 5) place, direction and turn, weighed."""
+    k = max(1, round(_REACH * len(loop)))
+    after, before = np.roll(loop, -k, axis=0) - loop, loop - np.roll(loop, k, axis=0)
+    along = after + before
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    turn = np.arctan2(after[:, 1] * before[:, 0] - after[:, 0] * before[:, 1], (after * before).sum(axis=1))
+    return np.hstack([np.sqrt(_PLACE) * loop / size, np.sqrt(_DIRECTION) * along, np.sqrt(_TURN) * turn[:, None]])
+
+
+@njit(cache=True)
+def _path(cost, stretch):  # type: ignore[no-untyped-def]
+    """Price of the cheapest monotone path from (0, 0) to (n - 1, m - 1), and the mean partner (n,) of each row along it."""
+    n, m = cost.shape
+    total = np.full((n, m), np.inf)
+    came = np.zeros((n, m), dtype=np.int64)
+    total[0, 0] = cost[0, 0]
+    for i in range(n):
+        for j in range(m):
+            if i == 0 and j == 0:
+                continue
+            best, how = np.inf, 0
+            if i > 0 and j > 0:
+                best = total[i - 1, j - 1]
+            if i > 0 and total[i - 1, j] + stretch < best:
+                best, how = total[i - 1, j] + stretch, 1
+            if j > 0 and total[i, j - 1] + stretch < best:
+                best, how = total[i, j - 1] + stretch, 2
+            total[i, j], came[i, j] = best + cost[i, j], how
+    summed, count = np.zeros(n), np.zeros(n)
+    i, j = n - 1, m - 1
+    while True:
+        summed[i] += j
+        count[i] += 1.0
+        if i == 0 and j == 0:
+            break
+        how = came[i, j]
+        if how != 2:
+            i -= 1
+        if how != 1:
+            j -= 1
+    return total[n - 1, m - 1], summed / count
