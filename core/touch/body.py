@@ -31,9 +31,9 @@ SUPPORTS = {
 ELEMENT = "p1p1"
 # The table holds what lies within this share of the organ's depth from its rearmost point.
 _TABLE = 0.15
-# Contact stiffness over a face's G and edge. A stiff contact makes flat faces act like flat stamps where they are as large as the contact; with
-# this one random places on a ball whose edges are 1.5 times the contact's radius are right on the average (measured against Hertz on a
-# fine mesh), and on fine meshes it is stiff.
+# Contact stiffness over a face's G and edge. A stiff contact makes flat faces act like flat stamps where they are as large as the
+# contact; with this one, random places on a ball whose edges are 1.5 times the contact's radius are right on the average (measured
+# against Hertz on a fine mesh), and on fine meshes it is stiff.
 _CONTACT = 20.0
 # Largest pressure, over G, that an equilibrium is thought to have.
 _DEEPEST = 4.0

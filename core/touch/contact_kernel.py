@@ -20,8 +20,8 @@ def sphere_blocks(  # type: ignore[no-untyped-def]
     """For the faces `rows` (r,): energy (r,), its gradient (r, 9) and second derivative (r, 9, 9) over their corners; zero without contact.
 
     faces : (f, 3) into x (s, 3), where the nodes are, mm. area : (f,) mm2 at rest. stiffness : (f,) kPa/mm. hessian of no length:
-    left out. deepest : (f,) mm; farther inside than in any equilibrium, the curvature of the gap counts as at this depth: it would make the first
-    steps' matrix indefinite.
+    left out. deepest : (f,) mm; farther inside than in any equilibrium, the curvature of the gap counts as at this depth: it would
+    make the first steps' matrix indefinite.
     """
     second = hessian.shape[0] > 0
     at = np.empty(3)

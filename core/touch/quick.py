@@ -3,7 +3,7 @@
 What the body does at small strain is worked out once: the factor of its tangent at rest, and its surface's compliance under unit forces
 on every node (Green's functions). On them the contact is solved exactly, as a small dense problem of the nodes near the probe. What
 large strain changes comes back as a residual of the true cells and is answered by the same factor, a few times, mixed by Anderson's
-method. The force's last changes tell how far it still is from where they lead.
+method. How far the nodes still move, of their way so far, tells how far the force still is from where it will end.
 """
 
 from __future__ import annotations
@@ -25,19 +25,21 @@ IntArray = NDArray[np.int64]
 
 # Of an edge: how exactly the patch's contact is solved in each round.
 _PRECISION = 2e-5
-# A change that is smaller than this share of the one before may be so by chance; and what follows is not trusted to fall faster than so.
-_LUCK, _LEAST_RATIO = 0.15, 0.5
 # Below this force, mN, any error is as good as none.
 _NOTHING = 0.05
 
 
 @dataclass(frozen=True)
 class QuickOptions:
-    """tolerance : of the force, relative, by its own estimate. iterations : at most. safety : factor on the estimate."""
+    """tolerance : of the force, relative, by its own estimate. iterations : at most.
+
+    safety : of the estimate. Errors of the force are 0.2 to 0.4 times the share of their way that the touched nodes still move, at most
+    1.13 times (measured on 120 pokes of three supports).
+    """
 
     tolerance: float = 8e-3
-    iterations: int = 12
-    safety: float = 2.0
+    iterations: int = 14
+    safety: float = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +77,23 @@ class QuickTouch:
 
     def answer(self, contact: Contact, start: State | None = None) -> QuickAnswer:
         """Equilibrium under the probe, from a neighbour's state or from rest."""
+        surface = self.body.surface
+        untouched = contact.blocks(np.arange(len(surface.faces)), np.zeros((len(surface.nodes), 3)), 1)
+        if not untouched.gradient.any():  # nothing moves a body that nothing touches
+            return QuickAnswer(self.at_rest, np.zeros(3), 0.0, True, 0)
         state, mixing = start or self.at_rest, Mixing(self.assembler.n_free)
-        f = np.zeros(len(self._row))
-        forces: list[FloatArray] = []
-        estimate = np.inf
-        while len(forces) < self.options.iterations:
+        f, force, estimate = np.zeros(len(self._row)), np.zeros(3), np.inf
+        for k in range(1, self.options.iterations + 1):
             free = self._relaxed(state)
             if free is None:
-                break
+                return QuickAnswer(state, force, np.inf, False, k)
             step, f, force = self._touched(contact, state, free, f)
-            forces.append(force)
-            estimate = self.options.safety * _still_to_come(forces)
-            if estimate <= self.options.tolerance * float(np.linalg.norm(force)) + _NOTHING:
-                return QuickAnswer(moved(self.assembler, state, 1.0, step), force, estimate, True, len(forces))
+            share, size = self.options.safety * self._still_to_move(state, step, f), float(np.linalg.norm(force))
+            estimate = share * size if size > 0.0 else np.inf
+            if size > 0.0 and (share <= self.options.tolerance or estimate <= _NOTHING):
+                return QuickAnswer(moved(self.assembler, state, 1.0, step), force, estimate, True, k)
             state = moved(self.assembler, state, 1.0, mixing.mixed(step))
-        return QuickAnswer(state, forces[-1] if forces else np.zeros(3), estimate, False, len(forces))
+        return QuickAnswer(state, force, estimate, False, self.options.iterations)
 
     def _relaxed(self, state: State) -> FloatArray | None:
         """What a linear body with the state's residual would still do without the probe: the kept unknowns' change. None where a cell is
@@ -120,6 +124,21 @@ class QuickTouch:
         pressed = np.flatnonzero(out)
         return free - out[pressed] @ self._responses[pressed], out, blocks.force
 
+    def _still_to_move(self, state: State, step: FloatArray, f: FloatArray) -> float:
+        """The last step over the way from rest: of all nodes, or of those that feel the probe, whichever is more.
+
+        The probe holds the nodes that feel it, so that they alone may stand still while the force still changes.
+        """
+        n = self.assembler.n_free
+        way = state.u.reshape(-1)[self.assembler.kept[:n]] + step[:n]
+        share = float(np.linalg.norm(step[:n])) / max(float(np.linalg.norm(way)), 1e-12)
+        felt = f.reshape(-1, 3).any(axis=1)
+        if not felt.any():
+            return share
+        du = (step[self._row] * self._moves).reshape(-1, 3)[felt]
+        u = state.u[self.body.surface.nodes[felt]] + du
+        return max(share, float(np.abs(du).max()) / max(float(np.abs(u).max()), 1e-12))
+
     def _unit_responses(self) -> FloatArray:
         """(3 s, kept): the kept unknowns under a unit force on each of the surface's degrees of freedom, zero for those that are held."""
         out = np.zeros((len(self._row), len(self.assembler.kept)))
@@ -129,13 +148,3 @@ class QuickTouch:
             unit[self._row[part], np.arange(len(part))] = self._moves[part]
             out[part] = self.assembler.solver.solve(unit).T
         return out
-
-
-def _still_to_come(forces: list[FloatArray]) -> float:
-    """mN between the last force and where the changes lead, taken as a geometric series; infinite before two changes are known."""
-    if len(forces) < 3:
-        return np.inf
-    last, before = (float(np.linalg.norm(forces[-k] - forces[-k - 1])) for k in (1, 2))
-    last = max(last, _LUCK * before)
-    ratio = min(max(last / max(before, 1e-300), _LEAST_RATIO), 0.95)
-    return last * ratio / (1.0 - ratio)

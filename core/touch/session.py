@@ -31,14 +31,16 @@ _N = 1e-3  # newton per millinewton (kPa mm2)
 class Answer:
     """What the probe feels.
 
-    touch : number of the touch, from 1. region : id behind the touched face. point, normal : (3,) of the surface at rest.
-    indentation_mm : how far the probe reaches in beyond the surface at rest; negative when it pulls. force_n : against it, newton, negative when
-    the body pulls back. force : (3,) newton on the probe. error_n : estimate. full : whether a full solve was needed.
+    touch : number of the touch, from 1. radius : of the probe, mm. region : id behind the touched face. point, normal : (3,) of the
+    surface at rest.
+    indentation_mm : how far the probe reaches in beyond the surface at rest; negative when it pulls. force_n : against it, newton,
+    negative when the body pulls back. force : (3,) newton on the probe. error_n : estimate. full : whether a full solve was needed.
     stiffness_n_per_mm : slope of force against indentation along this touch, None before there are two answers.
     ok : False where no equilibrium was found; then the force is that of the last state and `reason` says why. u : (n, 3) mm.
     """
 
     touch: int
+    radius: float
     region: int
     point: FloatArray
     normal: FloatArray
@@ -62,14 +64,13 @@ class Session:
     options: QuickOptions | None = None
     correct: bool = True
     answers: list[Answer] = field(default_factory=list)
+    _state: State | None = field(default=None, init=False)
+    _at: Touched | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        if not 0.5 <= self.radius <= 50.0:
-            raise InputError(f"a probe's radius of {self.radius:g} mm is out of range; give 0.5 to 50")
+        self.take(self.radius)
         self.quick = QuickTouch(self.body, self.options)
         self._full: FullTouch | None = None
-        self._state: State | None = None
-        self._at: Touched | None = None
         self._touches = 0
 
     @property
@@ -81,6 +82,12 @@ class Session:
     def at(self) -> Touched | None:
         """Where the probe touches the surface at rest."""
         return self._at
+
+    def take(self, radius: float) -> None:
+        """Another probe, mm; it touches nothing yet. Raises InputError when it is too small or too large."""
+        if not 0.5 <= radius <= 50.0:
+            raise InputError(f"a probe's radius of {radius:g} mm is out of range; give 0.5 to 50")
+        self.radius, self._at, self._state = radius, None, None
 
     def touch(self, point: FloatArray) -> Touched:
         """Puts the probe on the surface at rest, nearest to a point (3,) mm. A new touch begins. Raises InputError when it is no point."""
@@ -135,19 +142,17 @@ class Session:
         self._state = state if ok else None
         force_n = float(force @ at.normal) * _N
         return Answer(
-            touch=self._touches, region=self.body.region_of(at.face), point=at.point, normal=at.normal, indentation_mm=depth,
+            touch=self._touches, radius=self.radius, region=self.body.region_of(at.face), point=at.point,
+            normal=at.normal, indentation_mm=depth,
             force_n=force_n, force=force * _N, error_n=error * _N, full=full,
-            stiffness_n_per_mm=self._slope(depth, force_n), ok=ok, reason=reason, u=state.u,
+            stiffness_n_per_mm=self._slope(at, depth, force_n), ok=ok, reason=reason, u=state.u,
         )  # fmt: skip
 
-    def _slope(self, depth: float, force_n: float) -> float | None:
+    def _slope(self, at: Touched, depth: float, force_n: float) -> float | None:
         for before in reversed(self.answers):
-            if before.touch != self._touches:
-                break
             change = depth - before.indentation_mm
-            if before.ok and np.array_equal(before.point, self._at.point if self._at else None):
-                if abs(change) > _NEAR_CHANGE:
-                    break
-                if abs(change) >= _LEAST_CHANGE:
-                    return (force_n - before.force_n) / change
+            if before.touch != self._touches or abs(change) > _NEAR_CHANGE:
+                break
+            if before.ok and abs(change) >= _LEAST_CHANGE and np.array_equal(before.point, at.point):
+                return (force_n - before.force_n) / change
         return None

@@ -64,7 +64,8 @@ class ContactSurface:
     @cached_property
     def node_area(self) -> FloatArray:
         """(s,) mm2, a third of the faces around each."""
-        return np.bincount(self.local_faces.ravel(), np.repeat(self.face_area / 3.0, 3), len(self.nodes))
+        shares = np.repeat(self.face_area / 3.0, 3)
+        return np.bincount(self.local_faces.ravel(), shares, len(self.nodes)).astype(np.float64)
 
     @cached_property
     def edge(self) -> float:

@@ -23,7 +23,7 @@ COMMANDS = {
     "analyze": "analyze", "import": "import_scans", "segment": "segment", "mesh": "mesh", "identify": "identify",
     "diagnose": "diagnose", "report": "report", "simulate": "simulate", "export": "export", "plan": "plan", "bench": "bench",
     "validate": "validate", "drop": "drop",
-    "open": "open_window", "doctor": "doctor",
+    "open": "open_window", "touch": "touch", "doctor": "doctor",
 }  # fmt: skip
 _DESCRIPTION = (
     "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "

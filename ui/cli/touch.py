@@ -1,0 +1,88 @@
+"""Feels the organ of a case: its identified stiffness under a rigid spherical probe, pressed and pulled with the mouse in a window.
+
+Force in newton and indentation in millimetres are shown as one works; the curve is saved as CSV and picture. The organ is touched alone:
+--support says what holds it. `--headless --script FILE` does what a script says, without a screen; its commands are told in docs/touch.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.cli.arguments import UsageError, add_case, no_points, whole_number
+from palpate.ui.cli.console import Console
+
+NAME, HELP = "touch", "press and pull the organ in a window and feel its stiffness"
+_SUPPORTS = ("bed", "table")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """CASE, the probe, what holds the organ, and how to do without hands."""
+    add_case(parser)
+    parser.add_argument("--radius", type=_radius, default=8.0, metavar="MM", help="of the probe (default %(default)s)")
+    parser.add_argument(
+        "--support", choices=_SUPPORTS, default="bed",
+        help="bed: springs all over the surface, as soft as the tissue that was taken away (default); table: the back is held fast",
+    )  # fmt: skip
+    parser.add_argument("--tets", type=whole_number(500, 20_000), default=4000, metavar="N",
+                        help="about how many tetrahedra the organ is made of (default %(default)s)")  # fmt: skip
+    parser.add_argument("--headless", action="store_true", help="without a screen; needs --script")
+    parser.add_argument(
+        "--script", type=Path, metavar="FILE", help="what to do, one command a line, instead of waiting for a person"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER",
+                        help="where the window saves curves (default: the folder touch of the case)")  # fmt: skip
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Makes the organ ready; then plays the script, or opens the window."""
+    from palpate.segmentation.touch_step import TouchStepOptions, body_of  # here, because VTK takes seconds to load
+    from palpate.ui.desktop.touch_hand import Hand
+    from palpate.ui.desktop.touch_script import Driver, parse, play
+
+    no_points(args)
+    if args.headless and args.script is None:
+        raise UsageError("--headless needs --script FILE: without a screen nobody can move the mouse")
+    if args.script is None:
+        raise UsageError("give --script FILE: what the probe is to do")
+    commands = parse(_text(args.script), str(args.script))
+    case = CaseFolder(args.case)
+    with console.progress(NAME) as progress:
+        body = body_of(case, TouchStepOptions(args.tets, args.support), progress)
+        progress(0.9, "compliance of its surface")
+        hand = Hand(body, args.radius)
+        progress(1.0, "ready")
+    about = {"support": args.support, "cells": len(body.mesh.cells), "surface_nodes": len(body.surface.nodes),
+             "G_kpa": hand.stiffness()}  # fmt: skip
+    events = play(commands, Driver(hand, args.script.absolute().parent, str(args.script)))
+    return {**about, "events": events, "files": hand.files}, "\n".join(map(_line, events))
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a readable script; give a text file with one command a line") from error
+
+
+def _line(event: dict[str, Any]) -> str:
+    slope = event["stiffness_n_per_mm"]
+    felt = "" if event["region"] is None else (
+        f"{event['region']:16} {event['indentation_mm']:6.2f} mm {event['force_n']:8.3f} N"
+        + ("" if slope is None else f" {slope:7.3f} N/mm")
+    )  # fmt: skip
+    return f"{event['line']:4} {event['command']:10} {felt} {' '.join(event.get('files', []))}".rstrip()
+
+
+def _radius(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not (math.isfinite(value) and 0.5 <= value <= 50.0):
+        raise argparse.ArgumentTypeError(f"{text} is out of range; give 0.5 to 50")
+    return value
