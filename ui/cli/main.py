@@ -22,7 +22,7 @@ from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_le
 COMMANDS = {
     "analyze": "analyze", "import": "import_scans", "segment": "segment", "mesh": "mesh", "identify": "identify",
     "diagnose": "diagnose", "report": "report", "simulate": "simulate", "export": "export", "plan": "plan", "bench": "bench",
-    "validate": "validate", "drop": "drop",
+    "validate": "validate", "drop": "drop", "sketch": "sketch",
     "open": "open_window", "touch": "touch", "doctor": "doctor",
 }  # fmt: skip
 _DESCRIPTION = (
