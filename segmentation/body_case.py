@@ -104,7 +104,11 @@ def _mesh(case: CaseFolder) -> TetMesh:
     path = case.file(str(case.facts.other["body"]))
     if not path.is_file():
         raise InputError(f"{path} is not there; case.json names it as the body")
-    surface = pv.read(path).triangulate().clean()
+    try:
+        with pv.vtk_verbosity("off"):
+            surface = pv.read(path).triangulate().clean()
+    except (OSError, ValueError, RuntimeError, AttributeError) as error:
+        raise InputError(f"{path} is not readable as a surface; save it again as STL, OBJ or PLY") from error
     points = np.asarray(surface.points, dtype=np.float64)
     faces = np.asarray(surface.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
     if surface.n_open_edges or not surface.volume > 0.0:

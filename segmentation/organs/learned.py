@@ -1,13 +1,18 @@
-"""Organs by a learned model that the user has installed; none comes with the program."""
+"""Organs by a learned model that the user has installed; none comes with the program.
+
+A model is named NAME or NAME:WHERE, where WHERE is the folder that it lies in.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import nibabel
 import numpy as np
 
 from palpate.core.errors import InputError
+from palpate.segmentation.organs.monai_bundle import monai_masks
 from palpate.segmentation.volume import Volume
 
 # TotalSegmentator's classes for each of our organs. It has no rectum of its own: its colon is more than that.
@@ -22,13 +27,14 @@ def learned_masks(ct: Volume, model: str | None) -> Mapping[str, Volume]:
     """
     if model is None:
         return {}
-    if model not in MODELS:
+    name, _, where = model.partition(":")
+    if name not in MODELS:
         raise InputError(f"--model {model}: unknown; known are {', '.join(MODELS)}")
-    return MODELS[model](ct)
+    return MODELS[name](ct, where)
 
 
-def _total_segmentator(ct: Volume) -> Mapping[str, Volume]:
-    """TotalSegmentator (Wasserthal et al. 2023) by its Python interface."""
+def _total_segmentator(ct: Volume, _: str) -> Mapping[str, Volume]:
+    """TotalSegmentator (Wasserthal et al. 2023) by its Python interface; it keeps its models in a place of its own."""
     try:
         from totalsegmentator.map_to_binary import class_map
         from totalsegmentator.python_api import totalsegmentator
@@ -49,4 +55,13 @@ def _total_segmentator(ct: Volume) -> Mapping[str, Volume]:
     return {organ: ct.with_array(mask) for organ, mask in masks.items() if mask.any()}
 
 
-MODELS: dict[str, Callable[[Volume], Mapping[str, Volume]]] = {"totalsegmentator": _total_segmentator}
+def _monai(ct: Volume, where: str) -> Mapping[str, Volume]:
+    if not where:
+        raise InputError("--model monai: say which bundle: --model monai:FOLDER")
+    return monai_masks(ct, Path(where))
+
+
+MODELS: dict[str, Callable[[Volume, str], Mapping[str, Volume]]] = {
+    "totalsegmentator": _total_segmentator,
+    "monai": _monai,
+}

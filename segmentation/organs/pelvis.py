@@ -80,7 +80,7 @@ def segment_pelvis(
             )
     for name, mask in learned.items():
         if name not in drawn and prompts.mode(name) in ("auto", "carried"):
-            organs[name] = _judged(mask_on(mask, scene.grid), str(model), organs.get(name))
+            organs[name] = _judged(mask_on(mask, scene.grid), str(model).partition(":")[0], organs.get(name))
     progress(1.0, "organs found")
     return Segmentation(scene, organs)
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyvista as pv
 from pydicom.fileset import FileSet
 from pydicom.uid import RLELossless
 
@@ -26,6 +27,8 @@ from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.dicom_series import read_series
 from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
 from palpate.segmentation.mesh_file import load_mesh, save_mesh
+from palpate.segmentation.organs.monai_bundle import bundle_plan
+from palpate.segmentation.surface_files import read_closed_surface
 from palpate.segmentation.volume import Volume
 
 # The good file, what reads it and raises InputError only, and whether it is text.
@@ -118,6 +121,44 @@ def checkpoint(folder: Path) -> Made:
     return path, read, False
 
 
+def monai_bundle(folder: Path) -> Made:
+    configs = folder / "configs"
+    configs.mkdir()
+    channels = {"0": "background", "1": "prostate", "2": "bladder"}
+    metadata = {"network_data_format": {"outputs": {"pred": {"channel_def": channels}}}}
+    (configs / "metadata.json").write_text(json.dumps(metadata))
+    steps = [
+        {"_target_": "Orientationd", "axcodes": "RAS"},
+        {"_target_": "Spacingd", "pixdim": "@spacing"},
+        {"_target_": "ScaleIntensityRanged", "a_min": -100, "a_max": 300, "b_min": 0.0, "b_max": 1.0, "clip": True},
+    ]
+    inferer = {"_target_": "SlidingWindowInferer", "roi_size": [64, 64, 64], "overlap": 0.5}
+    (configs / "inference.json").write_text(
+        json.dumps({"spacing": [1.5, 1.5, 2.0], "preprocessing": {"transforms": steps}, "inferer": inferer})
+    )
+    return configs / "inference.json", lambda: bundle_plan(folder), True
+
+
+def surface_stl(folder: Path) -> Made:
+    return _surface(folder / "organ.stl")
+
+
+def surface_obj(folder: Path) -> Made:
+    return _surface(folder / "organ.obj")
+
+
+def surface_ply(folder: Path) -> Made:
+    return _surface(folder / "organ.ply")
+
+
+def _surface(path: Path) -> Made:
+    """Few faces, binary where the form has it: most bytes are then header or points."""
+    ball = pv.Icosphere(radius=20.0, nsub=1)
+    ball.save(path, binary=True) if path.suffix != ".obj" else ball.save(path)
+    return path, lambda: read_closed_surface(path), path.suffix == ".obj"
+
+
 MAKERS: tuple[Callable[[Path], Made], ...] = (
-    dicom_jpeg2000, dicom_rle, dicomdir, body_json, cohort_table, mesh_file, job_file, checkpoint,
+    dicom_jpeg2000, dicom_rle, dicomdir, body_json, cohort_table, mesh_file, job_file, checkpoint, monai_bundle,
+    surface_stl, surface_obj, surface_ply,
 )  # fmt: skip

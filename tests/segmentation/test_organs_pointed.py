@@ -83,7 +83,7 @@ def test_an_absent_model_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "totalsegmentator.map_to_binary", None)
     with pytest.raises(InputError, match="pip install TotalSegmentator"):
         learned_masks(scan(), "totalsegmentator")
-    with pytest.raises(InputError, match="known are totalsegmentator"):
+    with pytest.raises(InputError, match="known are totalsegmentator, monai"):
         learned_masks(scan(), "guess")
     assert learned_masks(scan(), None) == {}
 

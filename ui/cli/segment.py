@@ -40,7 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--deformed-extremes", action="append", default=[], metavar=_SIX, help="likewise")
     group.add_argument("--deformed-box", action="append", default=[], metavar="NAME=X,Y,Z;X,Y,Z", help="likewise")
     parser.add_argument("--model", metavar="NAME", help="a learned model that you have installed, for what nobody drew or "
-                        "pointed at: totalsegmentator")  # fmt: skip
+                        "pointed at: totalsegmentator, or monai:FOLDER (a MONAI bundle with models/model.ts)")  # fmt: skip
 
 
 def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
