@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 # Left over after the nearest motion, as a share of the extent: beyond it turns are tried, and taken where they leave less by
 # this factor.
-_NEAR, _LESS = 0.02, 0.75
+_NEAR, _LESS = 0.002, 0.75
 
 
 def aligned(pair: SurfacePair) -> FloatArray:

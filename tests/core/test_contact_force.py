@@ -90,7 +90,7 @@ def test_rigid_hold_resists_all_rigid_motions_and_no_strain() -> None:
 def test_identification_with_contact_forces_names_the_stiffer_half(problem: IdentificationProblem, tmp_path) -> None:  # type: ignore[no-untyped-def]
     np.savez(tmp_path / "problem.npz", **problem.arrays())
     options = IdentifyOptions(method="gauss-newton", boundary="contact-force", element="p1p1")
-    found = identify(tmp_path, options, "test", Reporter(lambda m: None))
+    found = identify(tmp_path, [tmp_path / "problem.npz"], options, "test", Reporter(lambda m: None))
     G = np.exp(found.theta)
     assert G[1] > G[0]
 
