@@ -49,10 +49,12 @@ def contour_covariance(points: FloatArray, sd_mm: float, correlation_mm: float) 
     return 2.0 * smooth_covariance(points, sd_mm, correlation_mm) + EXTRACTION_MM**2 * short
 
 
-def weighting_covariance(points: FloatArray, sd_mm: float, correlation_mm: float) -> FloatArray:
+def weighting_covariance(
+    points: FloatArray, sd_mm: float, correlation_mm: float, nugget_mm: float = NUGGET_MM
+) -> FloatArray:
     """(q, q) mm2, whose inverse weighs the residual between two contours; see the module. sd_mm : of one contour."""
     covariance = 2.0 * sd_mm**2 * np.exp(-cdist(points, points) / (WEIGHT_LENGTH * correlation_mm))
-    covariance[np.diag_indices_from(covariance)] += NUGGET_MM**2
+    covariance[np.diag_indices_from(covariance)] += nugget_mm**2
     return covariance
 
 

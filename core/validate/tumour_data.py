@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton import Equilibrium
-from palpate.core.mesh import TetMesh
 from palpate.core.problem import Surface, SurfacePair
+from palpate.core.validate.tumour_effective import Effective, effective
 from palpate.core.validate.tumour_scene import (
     LEFT,
     NORMAL_MU,
@@ -34,19 +34,24 @@ SMALL = 0.02
 @dataclass(frozen=True, eq=False)
 class TumourData:
     """organ : surface at rest and deformed. share : of the left half that is tumour. effective_mu : (2,) kPa, what the left
-    and the right half really have as a whole."""
+    and the right half really have as a whole, mean stress over mean strain. left : the left one by its other definitions too,
+    where they were asked for."""
 
     organ: SurfacePair
     share: float
     tumour_mu: float
     effective_mu: FloatArray
+    left: Effective
 
 
 def tumour_data(
     share: float, tumour_mu: float, divisions: Divisions = DATA_DIVISIONS, normal_mu: float = NORMAL_MU,
-    right_mu: float | None = None, strain: float = 1.0,
+    right_mu: float | None = None, strain: float = 1.0, energies: bool = False,
 ) -> TumourData:  # fmt: skip
-    """A pair of which the stiffness is known. Raises ConvergenceError when the generator finds no equilibrium."""
+    """A pair of which the stiffness is known. energies : see `tumour_effective`.
+
+    Raises ConvergenceError when the generator finds no equilibrium.
+    """
     mesh = with_tumour(halved_ball(divisions), share)
     scene = DrivenScene(mesh, DATA_ELEMENT, strain)
     right_mu = normal_mu if right_mu is None else right_mu
@@ -55,27 +60,11 @@ def tumour_data(
         raise ConvergenceError(f"the generator found no equilibrium: {found.reason}")
     whole = mesh.volumes[np.isin(mesh.regions, (LEFT, TUMOUR))].sum()
     really = float(mesh.volumes[mesh.regions == TUMOUR].sum() / whole)
-    left = normal_mu if really == 0.0 else _effective_mu(mesh, normal_mu, right_mu, tumour_mu)
-    return TumourData(_surfaces(scene, found), really, tumour_mu, np.array([left, right_mu]))
-
-
-def _effective_mu(mesh: TetMesh, normal_mu: float, right_mu: float, tumour_mu: float) -> float:
-    """mu of the left half as a whole: its mean stress over its mean strain, without their mean normal parts (Hill 1963).
-
-    In its place and under this load, made small, because a modulus is one of small strain.
-    """
-    scene = DrivenScene(mesh, DATA_ELEMENT, SMALL)
-    found = scene.solve_with_tumour(np.log([4.0 * normal_mu, 4.0 * right_mu]), 4.0 * tumour_mu)
-    if not found.converged:
-        raise ConvergenceError(f"the generator found no equilibrium at small strain: {found.reason}")
-    here = np.isin(mesh.regions, (LEFT, TUMOUR))
-    F, weight = scene.assembler.deformation_gradients(found.u)[here], scene.assembler.weight[here]
-    strain = 0.5 * (F + np.swapaxes(F, 2, 3)) - np.eye(3)
-    strain -= np.trace(strain, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
-    mu = np.where(mesh.regions[here] == TUMOUR, tumour_mu, normal_mu)
-    mean = np.einsum("cq,cqij->ij", weight, strain)
-    stress_over_8 = np.einsum("cq,cqij->ij", weight * mu[:, None], strain)
-    return float((stress_over_8 * mean).sum() / (mean * mean).sum())
+    left = Effective(normal_mu, normal_mu, normal_mu)
+    if really > 0.0:
+        left = effective(DrivenScene(mesh, DATA_ELEMENT, SMALL), normal_mu, right_mu, tumour_mu, energies)
+    has = np.array([left.stress_over_strain, right_mu])
+    return TumourData(_surfaces(scene, found), really, tumour_mu, has, left)
 
 
 def _surfaces(scene: DrivenScene, found: Equilibrium) -> SurfacePair:

@@ -115,10 +115,10 @@ class DrivenScene:
         """Equilibrium at theta = ln G (2,) of the halves."""
         return solve_equilibrium(self.assembler, self.parameters.materials(theta), self.prescribed, start, options)
 
-    def solve_with_tumour(self, theta: FloatArray, tumour_G: float) -> Equilibrium:
+    def solve_with_tumour(self, theta: FloatArray, tumour_G: float, start: State | None = None) -> Equilibrium:
         """Equilibrium with G kPa in region `TUMOUR`, theta (2,) elsewhere in the halves."""
         materials = self.parameters.materials(theta) | {TUMOUR: organ_material(tumour_G, self.facts)}
-        return solve_equilibrium(self.assembler, materials, self.prescribed)
+        return solve_equilibrium(self.assembler, materials, self.prescribed, start)
 
     def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
         """du/dtheta (2, n, 3) mm from the factor that `solve` left."""

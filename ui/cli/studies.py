@@ -19,26 +19,40 @@ def tables(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def tables_text(found: dict[str, Any]) -> str:
-    """One line a column of the paper's table."""
+    """One line a column of the paper's table, and what stands in it."""
     lines = [
-        "mu in kPa, the tumour's half and the normal half",
-        f"{found['by']:>14}   has          same surface  found         of has    noisy, 95 % interval       paper",
+        "mu in kPa, of the tumour's half and the normal half",
+        f"{found['by']:>14}   has          found              of has   taken as uniform  noisy, 95 % interval       paper"
+        "          other answers to what it has",
     ]
     for row in found["rows"]:
         clean, noisy, paper = row["clean"]["mu_kpa"], row["noisy"], row["paper"]
         low, high = noisy["ci95_kpa"][0]
         lines.append(
-            f"{row[found['by']]:14.3g}   {_pair(row['effective_mu_kpa'])} {_pair(row['same_surface_mu_kpa'])} {_pair(clean)} "
-            f"{row['error_percent'][0]:+6.1f} %   {_pair(noisy['mu_kpa'])} ({low:.3g} to {high:.3g})   "
-            f"{paper['tumour']:.4g} {paper['normal']:.4g}"
+            f"{row[found['by']]:14.3g}   {row['effective_mu_kpa'][0]:6.4g}     {_pair(clean)} {row['error_percent'][0]:+6.1f} "
+            f"{row['error_percent'][1]:+5.1f} %   {_pair(row['taken_as_uniform_mu_kpa'])}   {_pair(noisy['mu_kpa'])} "
+            f"({low:.3g} to {high:.3g})   {paper['tumour']:.4g} {paper['normal']:.4g}"
+            f"   {row['energy_in_place_mu_kpa']:6.4g} {row['energy_of_its_surface_mu_kpa']:6.4g}"
         )
     correlation = found["correlation"]
     lines.append(
         f"correlation {correlation['clean']:.4f} without noise, {correlation['noisy']:.4f} with {found['noise_sd_mm']:g} mm; "
-        f"the paper's {found['paper_correlation']}"
+        f"the paper's {found['paper_correlation']}; {'rises' if found['rises'] else 'does not rise'} throughout"
     )
-    lines.append(f"normal half off by at most {found['largest_normal_error_percent']:.1f} % without noise")
-    return "\n".join(lines)
+    lines.append(
+        f"off by at most {found['largest_normal_error_percent']:.1f} % in the normal half, "
+        f"{found['largest_tumour_error_percent']:.1f} % in the tumour's, without noise"
+    )
+    return "\n".join([*lines, *_TABLES_SAY])
+
+
+_TABLES_SAY = (
+    "has: mean stress over mean strain of the half in its place (Hill 1963), the stiffness that a uniform half would need to carry the "
+    "same mean stress at the same mean strain; it needs nothing but the half itself. The normal half has 30.",
+    "other answers: the uniform half with which the whole body stores the same energy; the one that stores the same energy when its "
+    "surface moves as it does, which counts every wrinkle of a soft rim. They differ because a half with a tumour is not uniform.",
+    "found: with weights that do not take the halves for uniform; taken as uniform: with those of contours of that noise alone",
+)
 
 
 def _pair(values: Any) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-OURS, TRUTH, PAPER, SURFACE = "#2166ac", "black", "#b2182b", "#7f7f7f"
+OURS, TRUTH, PAPER, OTHER = "#2166ac", "black", "#b2182b", "#7f7f7f"
 _BY = {"share": "tumour's share of its half, %", "tumour_mu_kpa": "tumour's μ, kPa"}
 
 
@@ -35,11 +35,12 @@ def study_table(study: Mapping[str, Any]) -> Figure:
 
 
 def _references(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]]) -> None:
-    has, same = (np.array([row[key] for row in rows]) for key in ("effective_mu_kpa", "same_surface_mu_kpa"))
+    has = np.array([row["effective_mu_kpa"] for row in rows])
+    place = [row["energy_in_place_mu_kpa"] for row in rows]
     axes.plot(x, has[:, 0], color=TRUTH, linewidth=1.2, label="it has: mean stress over mean strain")
     axes.plot(x, has[:, 1], color=TRUTH, linewidth=1.2, linestyle=":", label="the normal half has")
     axes.plot(
-        x, same[:, 0], color=SURFACE, linewidth=1.2, linestyle="--", label="uniform half of the same surface, fine mesh"
+        x, place, color=OTHER, linewidth=1.2, linestyle="--", label="uniform half of the same energy in its place"
     )
     paper = [row["paper"] for row in rows]
     axes.plot(x, [p["tumour"] for p in paper], "x", color=PAPER, markersize=5, label="the paper, tumour's half")
@@ -60,6 +61,6 @@ def _found(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]], key: str, c
 
 def _from_zero(axes: Axes, rows: list[Mapping[str, Any]], what: str, key: str) -> None:
     """From 0 to a little above the highest of what is found, has been printed or is there."""
-    top = max(float(np.max(row[k])) for row in rows for k in ("effective_mu_kpa", "same_surface_mu_kpa"))
+    top = max(float(np.max(row["effective_mu_kpa"])) for row in rows)
     found = max(float(np.max(row[key][what])) for row in rows)
     axes.set_ylim(0.0, 1.15 * max(top, found, max(row["paper"]["tumour"] for row in rows)))
