@@ -9,12 +9,16 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import UsageError, add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
+
+if TYPE_CHECKING:
+    from palpate.core.touch.body import Body
+    from palpate.ui.desktop.touch_script import Command
 
 NAME, HELP = "touch", "press and pull the organ in a window and feel its stiffness"
 _SUPPORTS = ("bed", "table")
@@ -41,25 +45,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Makes the organ ready; then plays the script, or opens the window."""
     from palpate.segmentation.touch_step import TouchStepOptions, body_of  # here, because VTK takes seconds to load
-    from palpate.ui.desktop.touch_hand import Hand
-    from palpate.ui.desktop.touch_script import Driver, parse, play
+    from palpate.ui.desktop.touch_script import OF_THE_WINDOW, parse
 
     no_points(args)
     if args.headless and args.script is None:
         raise UsageError("--headless needs --script FILE: without a screen nobody can move the mouse")
-    if args.script is None:
-        raise UsageError("give --script FILE: what the probe is to do")
-    commands = parse(_text(args.script), str(args.script))
+    commands = [] if args.script is None else parse(_text(args.script), str(args.script))
+    seen = not args.headless or any(command.name in OF_THE_WINDOW for command in commands)
+    if seen:
+        from palpate.ui.desktop import display_server
+
+        display_server.check(args.headless)
     case = CaseFolder(args.case)
     with console.progress(NAME) as progress:
         body = body_of(case, TouchStepOptions(args.tets, args.support), progress)
-        progress(0.9, "compliance of its surface")
-        hand = Hand(body, args.radius)
-        progress(1.0, "ready")
+        progress(1.0, "organ ready")
+    found = _in_window(args, case, body, commands) if seen else _by_hand(args, body, commands)
     about = {"support": args.support, "cells": len(body.mesh.cells), "surface_nodes": len(body.surface.nodes),
-             "G_kpa": hand.stiffness()}  # fmt: skip
-    events = play(commands, Driver(hand, args.script.absolute().parent, str(args.script)))
-    return {**about, "events": events, "files": hand.files}, "\n".join(map(_line, events))
+             "G_kpa": {body.names[r]: G for r, G in body.shear_kpa.items()}}  # fmt: skip
+    files = [file for event in found["events"] for file in event.get("files", [])]
+    return {**about, **found, "files": files}, "\n".join(map(_line, found["events"]))
+
+
+def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> dict[str, Any]:
+    """Without a window."""
+    from palpate.ui.desktop.touch_hand import Hand
+    from palpate.ui.desktop.touch_script import Driver, play
+
+    driver = Driver(Hand(body, args.radius), args.script.absolute().parent, str(args.script))
+    return {"events": play(commands, driver)}
+
+
+def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands: list[Command]) -> dict[str, Any]:
+    from palpate.ui.desktop import touch_application
+
+    folder = Path() if args.script is None else args.script.absolute().parent
+    output = args.output or case.file("touch")
+    return touch_application.show(
+        body, args.radius, output, args.headless, touch_application.Playing(commands, folder, str(args.script))
+    )
 
 
 def _text(path: Path) -> str:
@@ -70,12 +94,12 @@ def _text(path: Path) -> str:
 
 
 def _line(event: dict[str, Any]) -> str:
-    slope = event["stiffness_n_per_mm"]
-    felt = "" if event["region"] is None else (
-        f"{event['region']:16} {event['indentation_mm']:6.2f} mm {event['force_n']:8.3f} N"
-        + ("" if slope is None else f" {slope:7.3f} N/mm")
-    )  # fmt: skip
-    return f"{event['line']:4} {event['command']:10} {felt} {' '.join(event.get('files', []))}".rstrip()
+    felt, slope = "", event.get("stiffness_n_per_mm")
+    if event.get("region") is not None:
+        felt = f"{event['region']:16} {event['indentation_mm']:6.2f} mm {event['force_n']:8.3f} N"
+        felt += "" if slope is None else f" {slope:7.3f} N/mm"
+    files = [*event.get("files", []), *([event["file"]] if "file" in event else [])]
+    return f"{event['line']:4} {event['command']:10} {felt} {' '.join(files)}".rstrip()
 
 
 def _radius(text: str) -> float:

@@ -78,7 +78,7 @@ def _window(headless: bool) -> tuple[Any, Any]:
     from palpate.ui.desktop.style import dress
 
     if headless:
-        qInstallMessageHandler(_told_by_qt)
+        qInstallMessageHandler(told_by_qt)
     application = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(application, QApplication)
     application.setApplicationName("Palpate")
@@ -86,7 +86,7 @@ def _window(headless: bool) -> tuple[Any, Any]:
     return MainWindow(Controller()), application
 
 
-def _told_by_qt(kind: object, context: object, message: str) -> None:
+def told_by_qt(kind: object, context: object, message: str) -> None:
     """Qt's words go to standard error, but for what it says of every window that has no screen."""
     if "propagateSizeHints" not in message:
         sys.stderr.write(f"{message}\n")
