@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Entries = tuple[IntArray, IntArray, FloatArray]
 
-# Warnings of the toolkit concern an order of calls that is kept here.
+# It warns of areas without the other set of collisions, see `_collisions`.
 ipctk.set_logger_level(ipctk.LoggerLevel.error)
 ipctk.set_num_threads(1)  # sums in another order would give another motion
 _KEEP_AWAY = ipctk.AdditiveCCD()  # the toolkit's default takes seconds where edges are parallel
@@ -134,7 +134,9 @@ class Contact:
             return self._kept[1]
         found = ipctk.NormalCollisions()
         found.use_area_weighting = True
-        found.collision_set_type = ipctk.NormalCollisions.IMPROVED_MAX_APPROX
+        # Every triangle near a node presses on it: twice along an edge between two, but smoothly. The sets that count a node once
+        # jump there, and Newton does not converge.
+        found.collision_set_type = ipctk.NormalCollisions.IPC
         found.build(self._mesh, x, self.layer.thickness)
         self._kept = (x, found)
         return found

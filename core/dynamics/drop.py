@@ -57,6 +57,7 @@ class Drop:
     """What came of it: points (frames, n, 3) mm of the organ's surface at times (frames,) s, +z up, the dish's lowest point at 0.
 
     faces : (f, 3) outwards, regions (f,) of them. figures : plain values, see `drop`.
+    energies : by name and "time_s", after every step (steps + 1,), mN mm.
     """
 
     times: FloatArray
@@ -64,6 +65,7 @@ class Drop:
     faces: IntArray
     regions: IntArray
     figures: dict[str, Any]
+    energies: dict[str, FloatArray]
 
 
 def dish_for(meshes: list[TetMesh]) -> RigidSurface:
@@ -104,7 +106,8 @@ def drop(
         frames.append(space.nodes + motion.u)
         progress(k / count, f"{1e3 * until:.0f} of {1e3 * options.seconds:.0f} ms")
     figures = _figures(watch, ledger, options) | {"seconds": time.perf_counter() - began}
-    return _drop(np.array(frames), times, space, figures | {"cells": len(mesh.cells), "options": asdict(options)})
+    figures |= {"cells": len(mesh.cells), "options": asdict(options)}
+    return _drop(np.array(frames), times, space, figures, _energies(ledger))
 
 
 def _check(options: DropOptions) -> None:
@@ -189,11 +192,19 @@ def _fall(gaps: FloatArray, times: FloatArray, fallen: FloatArray, first: int | 
     return {"fall_mm": way, "fall_time_s": when, "fall_time_error": error, "impact_speed_mm_s": speed}
 
 
-def _drop(frames: FloatArray, times: FloatArray, space: Space, figures: dict[str, Any]) -> Drop:
+def _energies(ledger: Ledger) -> dict[str, FloatArray]:
+    names = ("kinetic", "elastic", "gravity", "contact", "total")
+    by_name = {name: np.array([getattr(e, name) for e in ledger.energies]) for name in names}
+    return {"time_s": np.array(ledger.times)} | by_name
+
+
+def _drop(
+    frames: FloatArray, times: FloatArray, space: Space, figures: dict[str, Any], energies: dict[str, FloatArray]
+) -> Drop:
     """Keeps the surface's nodes alone; faces of quadratic cells become four triangles each."""
     faces, owner = space.mesh.boundary
     regions, nodes = space.mesh.regions[owner], space.face_nodes(faces)
     if nodes.shape[1] == 6:
         nodes, regions = nodes[:, _QUARTERS].reshape(-1, 3), np.repeat(regions, len(_QUARTERS))
     used, triangles = np.unique(nodes, return_inverse=True)
-    return Drop(times, frames[:, used], triangles.reshape(-1, 3), regions, figures)
+    return Drop(times, frames[:, used], triangles.reshape(-1, 3), regions, figures, energies)

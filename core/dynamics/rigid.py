@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull
 
 from palpate.core.observe.closest_point import closest_points
 from palpate.core.observe.triangle_tree import TriangleTree
@@ -49,29 +50,19 @@ def plane(point: ArrayLike, normal: ArrayLike, reach: float = 1000.0) -> RigidSu
     return RigidSurface(corners, np.array([[0, 1, 2]]))
 
 
-def dish(lowest: ArrayLike, radius: float, rim: float, rings: int = 14, sectors: int = 48) -> RigidSurface:
+def dish(lowest: ArrayLike, radius: float, rim: float, rings: int = 14) -> RigidSurface:
     """The inside of a spherical cap, hollow upwards (+z): `lowest` (3,) mm is its lowest point, rim mm its radius at the rim.
 
-    Its corners lie on the sphere, so the inside is convex as the sphere's is. radius : mm, of the sphere, larger than the rim.
+    radius : mm, of the sphere, larger than the rim. Ring k has 6 k corners, all on the sphere; the faces are those of their convex
+    hull, so that the inside is convex as the sphere's is.
     """
     centre = np.asarray(lowest, dtype=float) + [0.0, 0.0, radius]
-    tilt = np.arcsin(rim / radius) * np.arange(1, rings + 1) / rings
-    # Every other ring is turned by half a sector: triangles stay close to equilateral.
-    turn = 2.0 * np.pi * (np.arange(sectors)[None, :] + 0.5 * (np.arange(rings) % 2)[:, None]) / sectors
-    ring = np.stack([np.sin(tilt)[:, None] * np.cos(turn), np.sin(tilt)[:, None] * np.sin(turn),
-                     np.broadcast_to(-np.cos(tilt)[:, None], turn.shape)], axis=-1)  # fmt: skip
-    points = np.vstack([[[0.0, 0.0, -1.0]], ring.reshape(-1, 3)])
-    return RigidSurface(centre + radius * points, _dish_faces(rings, sectors))
-
-
-def _dish_faces(rings: int, sectors: int) -> IntArray:
-    k = np.arange(sectors)
-    following = (k + 1) % sectors
-    faces = [np.stack([np.zeros(sectors, dtype=np.int64), 1 + k, 1 + following], axis=1)]
-    for r in range(rings - 1):
-        inner, outer = 1 + r * sectors, 1 + (r + 1) * sectors
-        # The outer ring is half a sector ahead of an even inner ring, and behind an odd one.
-        ahead, behind = (k, (k - 1) % sectors) if r % 2 == 0 else (following, k)
-        faces.append(np.stack([inner + k, outer + behind, outer + ahead], axis=1))
-        faces.append(np.stack([inner + k, outer + ahead, inner + following], axis=1))
-    return np.vstack(faces)
+    tilt = np.concatenate([np.full(max(1, 6 * k), k / rings) for k in range(rings + 1)]) * np.arcsin(rim / radius)
+    turn = np.concatenate([2.0 * np.pi * np.arange(max(1, 6 * k)) / max(1, 6 * k) for k in range(rings + 1)])
+    points = np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt)], axis=1)
+    faces = ConvexHull(points).simplices.astype(np.int64)
+    faces = faces[(faces < len(points) - 6 * rings).any(axis=1)]  # without the lid, whose corners are all on the rim
+    X = points[faces]
+    outward = (np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]) * X.mean(axis=1)).sum(axis=1) > 0.0
+    faces[outward] = faces[outward][:, [0, 2, 1]]
+    return RigidSurface(centre + radius * points, faces)

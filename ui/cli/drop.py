@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE.mp4", help="the film")
     parser.add_argument("--height", type=_number(1.0, 500.0), default=30.0, metavar="MM",
                         help="that it falls until it touches the dish (default %(default)g)")  # fmt: skip
-    parser.add_argument("--time", type=_number(0.02, 5.0), default=0.6, metavar="S",
+    parser.add_argument("--time", type=_number(0.02, 5.0), default=0.5, metavar="S",
                         help="seconds of motion (default %(default)g)")  # fmt: skip
     parser.add_argument("--slower", type=_number(1.0, 100.0), default=8.0, metavar="TIMES",
                         help="how many times slower than real the film runs (default %(default)g)")  # fmt: skip

@@ -183,3 +183,31 @@ def coverage_text(found: dict[str, Any]) -> str:
             "span what was allowed"
         )
     return "\n".join(lines)
+
+
+def drop(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Motion and contact against closed forms."""
+    from palpate.core.validate import drop_study
+
+    o = drop_study.DropStudyOptions
+    return drop_study.drop_study(o.quick() if args.quick else o(), progress)
+
+
+def drop_text(found: dict[str, Any]) -> str:
+    """A line a body."""
+    block, bar, sliding, sticking, ball = (found[key] for key in ("block", "bar", "sliding", "sticking", "ball"))
+    return "\n".join(
+        [
+            f"stiff block: fall off by {block['fall']:.1e}, impact speed by {block['impact_speed']:.1e}, "
+            f"rebound height by {100 * block['rebound_height']:+.2f} %, time of return by {100 * block['return_time']:+.2f} %",
+            f"bar of {found['bar_cells']} cells end on: contact of 2 L / c off by {100 * bar['contact_time']:+.2f} %, "
+            f"rebound speed by {100 * bar['rebound_speed']:+.2f} %",
+            f"block on a slope: way after 0.1 s off by {100 * sliding['slide']:+.2f} %; with more friction it creeps "
+            f"{sticking['way']:.3f} mm",
+            f"order of the time steps: {found['order']:.2f}",
+            f"soft ball in a dish: energy never above its lowest by more than {100 * ball['energy_growth']:.3f} % of the fall's, "
+            f"deepest penetration {ball['deepest_penetration_mm']:.3f} mm (nearest {ball['nearest_mm']:.3f} mm), "
+            f"{ball['steps']} steps in {ball['seconds']:.1f} s",
+            f"most that energy grew in any of them: {100 * found['energy_growth']:.3f} %",
+        ]
+    )
