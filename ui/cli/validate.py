@@ -6,6 +6,7 @@ meshing: angles, volumes and surfaces of meshes of contoured scans.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
 table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
 sensitivity, resolution, swarm, threads, cohort: the paper's Figs 8, 11 and 12, 10, 14, 13.
+drop: motion, contact and friction against closed forms; the energy of a soft ball in a dish.
 coverage: do the 95 % intervals hold the truth 95 times in 100?
 """
 
@@ -191,6 +192,7 @@ STUDIES: dict[str, Study] = {
     "coverage": Study(studies.coverage, studies.coverage_text, _drawn_by("coverage")),
     "table1": Study(studies.tables, studies.tables_text, _drawn_by("table")),
     "table2": Study(studies.tables, studies.tables_text, _drawn_by("table")),
+    "drop": Study(studies.drop, studies.drop_text, _drawn_by("drop")),
     "gap": Study(_gap),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "meshing": Study(_meshing, _meshing_text),
