@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import ConvergenceError, InputError
+from palpate.core.fem.newton import Equilibrium
+from palpate.core.identify.loaded import loaded
 from palpate.core.identify.predict import Prediction, predict
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.progress import Progress, silent
@@ -16,8 +18,10 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.identify_step import facts_of
 from palpate.segmentation.labels import BLADDER, LABEL_VALUES, LABELS, ORGAN_LABELS, RECTUM
 from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
+from palpate.segmentation.plan_loads import LOADS, NOTES
 from palpate.segmentation.simulate_motion import MovedWall
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec, moved_walls
+from palpate.segmentation.smooth_field import FloatArray
 from palpate.segmentation.surfaces import TriSurface, organ_surfaces
 from palpate.segmentation.volume import Volume
 
@@ -26,6 +30,8 @@ DEFORMATIONS: Mapping[str, tuple[str, tuple[float, ...], str]] = {
     "balloon": ("mm", (2.0, 4.0, 6.0, 8.0), "growth of the rectum's radius by a balloon beside the prostate"),
     "emptying": ("mm", (2.0, 4.0, 6.0, 8.0), "loss of the rectum's radius as gas and stool leave"),
     "bladder": ("mm", (3.0, 6.0, 9.0, 12.0), "push of a filling bladder down on the prostate"),
+    "pressure": ("kPa", (2.0, 5.0, 10.0, 15.0), "pressure in the rectum beyond that of the scan at rest"),
+    "posture": ("degrees", (45.0, 90.0, 135.0, 180.0), "turn of the patient about the long axis"),
 }
 # Assumed where no stiffness has been identified or given: the tissue's own.
 _FROM_TISSUE = "the surrounding tissue's stiffness"
@@ -70,8 +76,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
     rows, last = [], None
     for k, amount in enumerate(amounts):
         progress(0.2 + 0.8 * k / len(amounts), f"{options.deformation} {amount:g} {unit}")
-        problem = _problem(case, labels, meshed, names, options, amount)
-        found = predict(problem, theta, last, options.element)
+        problem, found = _predicted(case, labels, meshed, names, options, amount, theta, last)
         rows.append(_row(amount, found, list(names.values())))
         last = found.equilibrium if found.posterior is not None else last
         if found.posterior is None:
@@ -91,6 +96,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
         "element": options.element,
         "rows": rows,
         "verdict": _verdict(rows, list(names.values()), options.deformation, unit),
+        "notes": list(NOTES.get(options.deformation, ())),
         "research_use": True,
     }
     case.write_json("plan.json", plan)
@@ -113,10 +119,26 @@ def _stiffness(case: CaseFolder, options: PlanOptions, names: list[str]) -> tupl
     return dict.fromkeys(names, case.facts.tissue_shear_modulus_kpa), _FROM_TISSUE
 
 
+def _predicted(
+    case: CaseFolder, labels: Volume, meshed: MeshedCase, names: Mapping[int, str], options: PlanOptions, amount: float,
+    theta: FloatArray, last: Equilibrium | None,
+) -> tuple[IdentificationProblem, Prediction]:  # fmt: skip
+    """The walls where the deformation takes them, by their stated motion or by its cause, and what contours would tell then."""
+    problem = _problem(case, labels, meshed, names, options, amount)
+    if options.deformation in LOADS:
+        moved = loaded(problem, theta, LOADS[options.deformation](case, problem, amount), options.element, last)
+        if not moved.equilibrium.converged:
+            nothing = np.full(len(theta), np.nan)
+            return problem, Prediction(None, moved.equilibrium, nothing, np.nan, moved.equilibrium.reason)
+        problem = moved.problem
+    return problem, predict(problem, theta, last, options.element)
+
+
 def _problem(
     case: CaseFolder, labels: Volume, meshed: MeshedCase, names: Mapping[int, str], options: PlanOptions, amount: float
 ) -> IdentificationProblem:
-    walls = {name: _pair(wall) for name, wall in _moved(labels, options.deformation, amount).items()}
+    moved = {} if options.deformation in LOADS else _moved(labels, options.deformation, amount)
+    walls = {name: _pair(wall) for name, wall in moved.items()}
     organ = _plain(organ_surfaces(labels))
     facts = facts_of(case)
     if options.noise_sd_mm is not None:

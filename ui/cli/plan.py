@@ -18,9 +18,15 @@ NAME, HELP = "plan", "what a planned deformation would tell"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """CASE, which deformation, how much of it."""
     add_case(parser)
-    parser.add_argument("--deformation", choices=("balloon", "emptying", "bladder"), default="balloon",
-                        help="what deforms the organ (default %(default)s)")  # fmt: skip
-    parser.add_argument("--amounts", type=_numbers, default=(), metavar="A,B,...", help="mm, ascending")
+    parser.add_argument("--deformation", choices=("balloon", "emptying", "bladder", "pressure", "posture"),
+                        default="balloon", help="what deforms the organ (default %(default)s)")  # fmt: skip
+    parser.add_argument(
+        "--amounts",
+        type=_numbers,
+        default=(),
+        metavar="A,B,...",
+        help="ascending: mm; kPa of pressure in the rectum; degrees of turn about the long axis",
+    )
     parser.add_argument("--stiffness", type=_stiffness, metavar="LABEL=KPA,...",
                         help="shear moduli G to assume (default: what was identified, else the tissue's)")  # fmt: skip
     parser.add_argument(
@@ -41,7 +47,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     with case.atomic_path("plan.png") as path:
         plan_curve(plan).savefig(path, dpi=150, format="png")
     lines = [f"{row['amount']:5g} {plan['unit']}   " + _told(row) for row in plan["rows"]]
-    return plan, "\n".join([*lines, plan["verdict"], f"picture {case.file('plan.png')}"])
+    lines += [plan["verdict"], *(f"note    {note}" for note in plan["notes"])]
+    return plan, "\n".join([*lines, f"picture {case.file('plan.png')}"])
 
 
 def _told(row: dict[str, Any]) -> str:
