@@ -29,8 +29,8 @@ IntArray = NDArray[np.int64]
 
 # A face with mid-edge nodes 01, 12, 20 as four triangles.
 _QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-# The dish is as wide as the widest organ takes up, and as hollow as a sphere of this many rims.
-_ROOM, _HOLLOW = 0.95, 1.6
+# The dish's rim over half the widest organ's width, and the radius of its sphere over that of its rim.
+_ROOM, _HOLLOW = 1.6, 1.6
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,7 @@ class Drop:
 def dish_for(meshes: list[TetMesh]) -> RigidSurface:
     """A dish wide enough for every one of these, its lowest point at the origin."""
     half = max(float(np.ptp(m.points[:, :2], axis=0).max()) for m in meshes) / 2.0
-    rim = half / _ROOM * 1.5
-    return dish((0.0, 0.0, 0.0), _HOLLOW * rim, rim)
+    return dish((0.0, 0.0, 0.0), _HOLLOW * _ROOM * half, _ROOM * half)
 
 
 def drop(
@@ -87,7 +86,8 @@ def drop(
     figures: fall_mm, fall_time_s and the time's relative error against the closed form; impact_speed_mm_s; rebound_mm, how high the
     lowest point comes back above the layer;
     flattest, the least height relative to that at rest; deepest_penetration_mm and nearest_mm, of all corners, edges and faces;
-    energy_growth, viscous, friction and numerical loss relative to the energy of the fall; steps and seconds it took.
+    energy_growth, what tissue and friction took up and what is left unaccounted for, relative to the energy of the fall; steps and
+    seconds it took.
     Raises InputError for options that make no sense, ConvergenceError where the motion cannot be followed.
     """
     options = options or DropOptions()
@@ -173,7 +173,7 @@ def _figures(watch: _Watch, ledger: Ledger, options: DropOptions) -> dict[str, A
         "energy_growth": ledger.largest_growth,
         "lost_in_tissue": ledger.viscous / ledger.scale,
         "lost_to_friction": ledger.friction / ledger.scale,
-        "lost_to_time_steps": ledger.numerical_loss,
+        "unaccounted": ledger.unaccounted,
         "steps": len(ledger.times) - 1,
         "steps_taken_again": ledger.rejected,
         "newton_iterations": ledger.iterations,
@@ -181,15 +181,22 @@ def _figures(watch: _Watch, ledger: Ledger, options: DropOptions) -> dict[str, A
 
 
 def _fall(gaps: FloatArray, times: FloatArray, fallen: FloatArray, first: int | None, layer: float) -> dict[str, Any]:
-    """When and how fast the dish's layer is reached. Between steps the gap is linear to a thousandth of a millimetre."""
-    if first is None:
+    """When and how fast the dish's layer is reached: the last free step, continued."""
+    if first is None or first < 2:
         return dict.fromkeys(("fall_mm", "fall_time_s", "fall_time_error", "impact_speed_mm_s"))
-    k = max(first - 1, 0)
-    share = float(np.clip((gaps[k] - layer) / max(gaps[k] - gaps[k + 1], 1e-12), 0.0, 1.0))
-    when, way = (float(a[k] + share * (a[k + 1] - a[k])) for a in (times, fallen))
-    speed = float((fallen[k + 1] - fallen[k]) / (times[k + 1] - times[k]))
-    error = when / float(np.sqrt(2.0 * max(way, 1e-9) / STANDARD_GRAVITY)) - 1.0
-    return {"fall_mm": way, "fall_time_s": when, "fall_time_error": error, "impact_speed_mm_s": speed}
+    k = first - 1
+    dt = float(times[k] - times[k - 1])
+    speed = float(fallen[k] - fallen[k - 1]) / dt + 0.5 * STANDARD_GRAVITY * dt
+    closing = float(gaps[k - 1] - gaps[k]) / dt
+    more = float(np.clip((gaps[k] - layer) / max(closing, 1e-12), 0.0, times[first] - times[k]))
+    when, way = float(times[k]) + more, float(fallen[k]) + speed * more + 0.5 * STANDARD_GRAVITY * more**2
+    error = when / float(np.sqrt(2.0 * way / STANDARD_GRAVITY)) - 1.0
+    return {
+        "fall_mm": way,
+        "fall_time_s": when,
+        "fall_time_error": error,
+        "impact_speed_mm_s": speed + STANDARD_GRAVITY * more,
+    }
 
 
 def _energies(ledger: Ledger) -> dict[str, FloatArray]:

@@ -65,8 +65,11 @@ class Ledger:
         return float(np.max(totals - np.minimum.accumulate(totals), initial=0.0)) / self.scale
 
     @property
-    def numerical_loss(self) -> float:
-        """Share of the scale that went neither into viscosity nor into friction: what the time steps took."""
+    def unaccounted(self) -> float:
+        """Share of the scale that was lost beyond what viscosity and friction are booked with: what the time steps took.
+
+        Both are summed by the steps' own quadrature, which is too high where speeds change within a step, so it may be negative.
+        """
         return (self.energies[0].total - self.energies[-1].total - self.viscous - self.friction) / self.scale
 
 

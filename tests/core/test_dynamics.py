@@ -132,7 +132,7 @@ def test_energy_never_grows_and_goes_where_the_books_say(element: str) -> None:
         totals = np.array([e.total for e in ledger.energies])
         assert np.diff(totals).max() <= 1e-6 * ledger.scale
         assert ledger.viscous == lost or ledger.viscous > 0.3 * ledger.scale
-        assert abs(ledger.numerical_loss) < 0.06
+        assert abs(ledger.unaccounted) < 0.06
         assert max(e.kinetic for e in ledger.energies) > 0.3 * totals[0]  # it does swing
 
 

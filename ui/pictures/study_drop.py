@@ -23,5 +23,5 @@ def study_drop(study: Mapping[str, Any]) -> Figure:
     right.plot(times, 1e-3 * energies["total"], color="black", label="mechanical energy")
     finish(left, "time (ms)", "energy (mJ)", "a soft ball falls into a dish")
     growth = 100.0 * float(study["ball"]["energy_growth"])
-    finish(right, "time (ms)", "energy (mJ)", f"never above its lowest by more than {growth:.2g} % of the fall's")
+    finish(right, "time (ms)", "energy (mJ)", f"grew by at most {growth:.3f} % of the fall's energy")
     return figure
