@@ -16,6 +16,7 @@ from palpate.segmentation.drawn_labels import drawn_labels
 from palpate.segmentation.itksnap import label_description
 from palpate.segmentation.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LABELS
 from palpate.segmentation.nifti_labels import write_labels
+from palpate.segmentation.organs.bone_motion import bone_motions, motion_notes
 from palpate.segmentation.organs.pelvis import segment_pelvis
 from palpate.segmentation.organs.prompts import Prompts, check_inside
 from palpate.segmentation.organs.split import Plane, halves, midline_normal, split_plane
@@ -124,7 +125,9 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
         plane = split_plane(part.prostate, normal, source, prompts.seeds.get("urethra"))
         volumes[state] = labels_of(part, plane, box)
         report["states"][state] = state_report(part, volumes[state], plane, box)
-    report["notes"] = notes_on(report["states"])
+    motions = bone_motions(rest.segmentation.bones, found["deformed"].segmentation.bones)
+    report["bone_motion"] = {name: motion.to_dict() for name, motion in motions.items()}
+    report["notes"] = notes_on(report["states"]) + motion_notes(motions)
     # The report first: labels without one are taken as a person's own, and a killed run's are not.
     case.write_json("segmentation.json", report)
     for state, labels in volumes.items():

@@ -63,6 +63,7 @@ def test_labels_of_both_states(case: CaseFolder) -> None:
     assert bones is not None
     assert np.array_equal(bones.affine, rest.affine)
     assert np.array_equal(bones.array > 0, rest.array == 4)
+    assert report["bone_motion"]["femur_left"]["moved_mm"] < 0.05
     known = report["states"]["rest"]["bones"]
     assert set(known) == {"femur_left", "femur_right", "hip_left", "hip_right", "sacrum"}
     assert known["femur_left"]["volume_cc"] == pytest.approx(known["femur_right"]["volume_cc"], rel=0.1)
