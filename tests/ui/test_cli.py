@@ -196,6 +196,8 @@ def test_validate_writes_what_it_tells(tmp_path: Path, capfd: pytest.CaptureFixt
         "2",
         "--seed",
         "3",
+        "--workers",
+        "1",
         "-o",
         str(tmp_path / "f.json"),
         "--json",

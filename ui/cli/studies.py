@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from palpate.core.worker.progress import Progress
-from palpate.ui.cli.arguments import random_seed
+from palpate.ui.cli.arguments import random_seed, workers
 
 
 def tables(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -135,8 +135,8 @@ def threads(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Fig 14."""
     from palpate.core.validate.threads_study import threads as study
 
-    workers = tuple(sorted({1, args.workers})) if args.workers else ()
-    return study(workers, args.quick, progress)
+    numbers = tuple(sorted({1, args.workers})) if args.workers else ()
+    return study(numbers, args.quick, progress)
 
 
 def cohort(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def cohort(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     o = cohort_study.CohortOptions
     options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
     return cohort_study.cohort(
-        replace(options, patients=args.patients, workers=args.workers or 1, cluster=args.cluster), progress
+        replace(options, patients=args.patients, workers=workers(args), cluster=args.cluster), progress
     )
 
 

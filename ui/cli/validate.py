@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from palpate.core.worker.progress import Progress
 from palpate.segmentation.atomic import atomic_path
 from palpate.ui.cli import studies
-from palpate.ui.cli.arguments import no_points, random_seed, whole_number
+from palpate.ui.cli.arguments import no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from palpate.core.validate.robustness import RobustnessOptions, robustness
 
     options = RobustnessOptions(
-        args.scenes, random_seed(args, 0), log=args.log, workers=args.workers or 1, cluster=args.cluster
+        args.scenes, random_seed(args, 0), log=args.log, workers=workers(args), cluster=args.cluster
     )
     return robustness(options, progress)
 
