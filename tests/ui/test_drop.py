@@ -159,9 +159,11 @@ def test_the_command_refuses_what_it_cannot_do(
     monkeypatch.setattr(offscreen, "check", lambda: None)
     case = str(identified(tmp_path / "case").path)
     film = str(tmp_path / "film.mp4")
+    (tmp_path / "shut").mkdir(mode=0o555)
     for given, status, told in (
-        ([case, "-o", str(tmp_path / "film.avi")], 3, "must end in .mp4"),
+        ([case, "-o", str(tmp_path / "film.avi")], 3, "whose name ends in .mp4"),
         ([case, case, case, "-o", film], 3, "one case or two"),
+        ([case, "-o", str(tmp_path / "shut" / "film.mp4")], 3, "film.mp4 cannot be written"),
         ([str(tmp_path), "-o", film], 3, "has no case.json"),
         ([case, "-o", film, "--height", "-3"], 2, "out of range"),
         ([case], 2, "-o/--output missing"),

@@ -54,19 +54,18 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     no_points(args)
     if len(args.cases) > 2:
         raise InputError(f"{args.cases[2]}: a film shows one case or two; leave the others out")
-    if args.output.suffix.lower() != ".mp4":
-        raise InputError(f"{args.output}: a film's name must end in .mp4; change -o")
+    if args.output.suffix.lower() != ".mp4" or args.output.is_dir():
+        raise InputError(f"{args.output}: a film is a file whose name ends in .mp4; change -o")
     options = DropOptions(height=args.height, seconds=args.time, frames=_PER_SECOND * args.slower)
     options = replace(options, damping=1e-3 * args.damping, friction=args.friction, element=args.element)
     cases = [CaseFolder(path) for path in args.cases]
-    with console.progress(NAME) as progress:
-        try:
-            offscreen.check()  # before minutes of simulation, not after
+    try:
+        offscreen.check()  # this and whether the film can be written: before minutes of simulation, not after
+        with console.progress(NAME) as progress, atomic_path(args.output) as path:
             dropped = drop_step.run(cases, options, part(progress, 0.0, _SIMULATION))
-            with atomic_path(args.output) as path:
-                codec = make_film(stage_of(dropped, _PER_SECOND), path, part(progress, _SIMULATION, 1.0))
-        except offscreen.OffscreenError as error:
-            raise InputError(str(error)) from error
+            codec = make_film(stage_of(dropped, _PER_SECOND), path, part(progress, _SIMULATION, 1.0))
+    except offscreen.OffscreenError as error:
+        raise InputError(str(error)) from error
     organs = [
         {"name": organ.name, "G_kpa": {drop_step.LABELS[r]: G for r, G in organ.stiffness_kpa.items()}} | one.figures
         for organ, one in zip(dropped.organs, dropped.drops, strict=True)
