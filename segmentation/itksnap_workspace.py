@@ -54,11 +54,15 @@ class Workspace:
     names: dict[int, str]
 
     def only(self, role: str, source: str) -> Layer:
-        """The one layer of a role. Raises InputError where there is none or are several."""
+        """The one layer of a role. Raises InputError where there is none, are several, or its image is not there."""
         found = [layer for layer in self.layers if layer.role == role]
         if len(found) != 1:
             raise InputError(
                 f"{source} has {len(found)} layers of {role}; one is needed: save a workspace with one segmentation"
+            )
+        if not found[0].path.is_file():
+            raise InputError(
+                f"{source} names {found[0].path}, which is not there; keep the workspace with its images, or save it again"
             )
         return found[0]
 

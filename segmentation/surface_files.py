@@ -123,8 +123,9 @@ def _one_body(mesh: pv.PolyData, path: Path, notes: list[str]) -> pv.PolyData:
 
 
 def _closed(mesh: pv.PolyData, size: float, path: Path, notes: list[str]) -> pv.PolyData:
-    if mesh.n_open_edges:
-        rims = _edges(mesh, boundary=True).connectivity("all")
+    rims = _edges(mesh, boundary=True)
+    if rims.n_cells:
+        rims = rims.connectivity("all")
         number = np.asarray(rims.point_data["RegionId"])
         widths = [float(np.ptp(rims.points[number == k], axis=0).max()) for k in range(number.max() + 1)]
         if max(widths) > _HOLE * size:
