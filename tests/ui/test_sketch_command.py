@@ -12,9 +12,9 @@ from PIL import Image, ImageDraw
 from palpate.core.sketch.motion import MotionOptions
 from palpate.segmentation.sketch_step import SketchOptions, run_sketch
 from palpate.ui.cli.main import main
-from palpate.ui.export.sketch_files import write_sketch
 from palpate.ui.pictures.film import read_film
 from palpate.ui.pictures.sketch_example import letter_loops, write_example
+from palpate.ui.pictures.sketch_files import write_sketch
 
 
 def test_letters_stand_on_their_feet() -> None:

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     if not 2 <= len(args.keys) <= 6:
         raise UsageError("give two to six keyframes: palpate sketch KEY1 KEY2 KEY3 -o DIR")
     from palpate.segmentation.sketch_step import run_sketch  # here, because VTK takes seconds to load
-    from palpate.ui.export.sketch_files import write_sketch
+    from palpate.ui.pictures.sketch_files import write_sketch
 
     with console.progress(NAME) as progress:
         sketch = run_sketch(args.keys, _options(args), lambda f, m: progress(0.9 * f, m))
