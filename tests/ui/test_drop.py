@@ -205,3 +205,16 @@ def test_a_stop_while_drawing_leaves_no_film_and_keeps_the_old_one(
 def test_a_dish_holds_the_widest_of_its_organs() -> None:
     meshes = [box((20.0, 30.0, 10.0), (1, 1, 1)), box((44.0, 12.0, 10.0), (1, 1, 1))]
     assert np.ptp(dish_for(meshes).points[:, :2], axis=0).min() > 44.0
+
+
+def test_quadratic_cells_show_their_mid_edges(tmp_path: Path) -> None:
+    case = identified(tmp_path / "case")
+    one = drop_step.run([case], DropOptions(height=30.0, seconds=0.01, frames=100.0, element="p2p0")).drops[0]
+    linear = drop_step.run([case], DropOptions(height=30.0, seconds=0.01, frames=100.0)).drops[0]
+    assert len(one.faces) == len(one.regions) == 4 * len(linear.faces)
+    for points, drop in ((one.points[0], one), (linear.points[0], linear)):
+        X = points[drop.faces]
+        volume = np.einsum("fi,fi->", X[:, 0], np.cross(X[:, 1], X[:, 2])) / 6.0
+        assert volume == pytest.approx(24.0 * 16.0 * 10.5, rel=0.2)  # outwards, closed; the tissue is left out
+    assert not one.figures["landed"]
+    assert one.figures["fall_time_s"] is None
