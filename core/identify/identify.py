@@ -117,7 +117,9 @@ def _at(states: Sequence[Posed], equilibria: Sequence[Equilibrium]) -> list[Pose
 def _posed(problem: IdentificationProblem, scout: Optimum, k: int, options: IdentifyOptions, count: Counter) -> Posed:
     """State k with the chosen element, from where the scout left it."""
     scene = make_scene(problem, options.boundary, options.element, options.split_mu)
-    first, misfit = settle_first(scene, scout.fit.theta, count, prolonged(scout.equilibria[k].u, scene.space))
+    first, misfit = settle_first(
+        scene, scout.fit.theta, count, prolonged(scout.equilibria[k].u, scene.space), options.uneven
+    )
     return Posed(scene, misfit, first)
 
 

@@ -30,13 +30,13 @@ class Misfit:
     noise: FloatArray
 
     @classmethod
-    def of(cls, scene: Scene, wall_response: FloatArray | None = None) -> Misfit:
-        """wall_response : (q, m) mm, change of the surface residual per unit of each wall noise mode; none counted if None."""
+    def of(cls, scene: Scene, *responses: FloatArray) -> Misfit:
+        """responses : (q, m) mm each, change of the surface residual per unit of further errors: of walls, of uneven regions."""
         facts, points = scene.problem.facts, scene.observation.points
         sd, length = facts.noise_sd_mm, facts.noise_correlation_mm
-        walls = 0.0 if wall_response is None else wall_response @ wall_response.T
-        weighting = Weighting(weighting_covariance(points, sd, length) + walls)
-        return cls(scene, weighting, contour_covariance(points, sd, length) + walls)
+        further = sum((response @ response.T for response in responses), np.zeros((len(points), len(points))))
+        weighting = Weighting(weighting_covariance(points, sd, length) + further)
+        return cls(scene, weighting, contour_covariance(points, sd, length) + further)
 
     @cached_property
     def expected(self) -> float:

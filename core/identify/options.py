@@ -18,6 +18,7 @@ class IdentifyOptions:
     particles, iterations : of the swarm (the paper's M = 40; it stops earlier when it has collapsed). seed : of the swarm.
     workers : processes that evaluate particles; the answer does not depend on it. starts : of Gauss-Newton. reduced : let the swarm use the
     reduced model where its own error estimate allows. stiffness_map : also map the stiffness within the organ (boundary "coupled" only).
+    uneven : do not take regions for uniform: what a focus within one does at the surface counts as an error.
     split_mu : look for mu1 and mu2 of every region apart, instead of mu1 = mu2.
     Raises InputError for values out of range.
     """
@@ -33,6 +34,7 @@ class IdentifyOptions:
     reduced: bool = True
     stiffness_map: bool = True
     split_mu: bool = False
+    uneven: bool = False
 
     def __post_init__(self) -> None:
         for name, value, allowed in (

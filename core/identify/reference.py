@@ -15,6 +15,7 @@ from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.identify.posterior import NoiseFacts
 from palpate.core.identify.scene import Scene
+from palpate.core.identify.uneven import uneven_response
 from palpate.core.worker.progress import Progress
 
 FloatArray = NDArray[np.float64]
@@ -82,10 +83,11 @@ def middle(bounds: FloatArray) -> FloatArray:
 
 
 def settle_first(
-    scene: Scene, theta: FloatArray, count: Counter, start: FloatArray | None = None
+    scene: Scene, theta: FloatArray, count: Counter, start: FloatArray | None = None, uneven: bool = False
 ) -> tuple[Equilibrium, Misfit]:
     """Settle the walls at theta, from displacements `start` (n, 3) if given, and weigh the data.
 
+    uneven : count what regions that are not uniform would do, see `uneven_response`.
     Raises ConvergenceError when the model has no equilibrium there.
     """
     scene.assembler.set_materials(scene.parameters.materials(theta))
@@ -97,7 +99,12 @@ def settle_first(
             f"the rest anatomy cannot be deformed into what the second scan shows: {settled.equilibrium.reason}; "
             "look at the contours of bladder and rectum, or mesh more finely"
         )
-    return settled.equilibrium, Misfit.of(scene, wall_response(scene, settled.equilibrium.u))
+    found = settled.equilibrium
+    errors = [wall_response(scene, found.u)]
+    if uneven:
+        seen = lambda field: scene.observation.jacobian(found.u, field[None])[:, 0]  # noqa: E731
+        errors.append(uneven_response(scene.assembler, scene.parameters, theta, found, seen))
+    return found, Misfit.of(scene, *errors)
 
 
 def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, progress: Progress) -> Optimum:

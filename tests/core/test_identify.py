@@ -178,3 +178,17 @@ def test_a_problem_survives_its_file(problem: IdentificationProblem, tmp_path: P
     (tmp_path / "bad.npz").write_text("no")
     with pytest.raises(InputError, match="not a readable identification problem"):
         IdentificationProblem.load(tmp_path / "bad.npz")
+
+
+def test_regions_that_need_not_be_uniform_are_known_less_surely_and_no_less_truly(
+    problem: IdentificationProblem, tmp_path: Path
+) -> None:
+    options = {"element": "p1p1", "starts": 1, "method": "gauss-newton", "stiffness_map": False}
+    (tmp_path / "even").mkdir()
+    even = _run(problem, tmp_path / "even", options)
+    uneven = _run(problem, tmp_path, {**options, "uneven": True})
+    for name, true in zip(("prostate_left", "prostate_right"), TRUTH, strict=True):
+        wide, narrow = (r["parameters"][name]["sd_ln_G"] for r in (uneven, even))
+        assert 1.05 * narrow < wide < 4.0 * narrow
+        low, high = uneven["parameters"][name]["ci95_kpa"]
+        assert low < true < high

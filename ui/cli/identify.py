@@ -40,6 +40,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        help="of the swarm, at most (default %(default)s)")  # fmt: skip
     group.add_argument("--no-map", dest="stiffness_map", action="store_false",
                        help="regional values only, no map of the stiffness within the organ")  # fmt: skip
+    group.add_argument("--uneven", action="store_true",
+                       help="do not take a region for uniform: what a focus within it does at the surface counts as an error, which "
+                       "keeps it out of the other regions' values and widens the intervals")  # fmt: skip
     group.add_argument("--split-mu", action="store_true",
                        help="look for mu1 and mu2 of every region apart, and say whether this pair tells them")  # fmt: skip
 
@@ -56,6 +59,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
         workers=workers(args),
         stiffness_map=args.stiffness_map,
         split_mu=args.split_mu,
+        uneven=args.uneven,
     )
 
 
