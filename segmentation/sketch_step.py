@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.core.sketch.figure import FORCE_UNIT, SIDES, Figure, FigureOptions
-from palpate.core.sketch.fit import Fit, FitOptions, Target, fit_keyframes
+from palpate.core.sketch.fit import HIT, Fit, FitOptions, Target, fit_keyframes
 from palpate.core.sketch.held import sides_that_stay
 from palpate.core.sketch.matching import matched
 from palpate.core.sketch.motion import MotionOptions, Moving, animate
@@ -26,8 +26,8 @@ from palpate.segmentation.drawing_mesh import mesh_figure
 
 # Steps along the observed rim, in figure sizes.
 _SPACING = 0.01
-# What counts as hit, and a standard deviation of ln ratio beyond which a ratio is not told.
-HIT, UNTOLD_SD = 0.02, 0.7
+# A ratio whose standard deviation (of ln) is larger than this is not told.
+UNTOLD_SD = 0.7
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,13 @@ from palpate.core.fem.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.sketch.figure import Figure
-from palpate.core.sketch.outline import Outline
+from palpate.core.sketch.outline import Outline, hausdorff
 from palpate.core.worker.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
 
+# A keyframe is hit when no part of the outlines is further away than this, in figure sizes.
+HIT = 0.02
 # Independent errors of a drawn line lie this far apart, in figure sizes.
 CORRELATION = 0.04
 # Ratios of stiffness looked for, and forces in their unit: the last only keeps apart what the outlines do not tell.
@@ -48,7 +50,7 @@ class FitOptions:
     """line_error : standard deviation of the drawn lines, in figure sizes. evaluations : most, of one Gauss-Newton run."""
 
     line_error: float = 0.004
-    evaluations: int = 20
+    evaluations: int = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,23 +206,33 @@ def fit_keyframes(
 ) -> Fit:
     """The fit with the fewest force coefficients that the drawn lines ask for (Schwarz 1978, Estimating the dimension of a model).
 
-    Low degrees are begun from several ratios of stiffness, higher ones go on from the one before.
+    One that hits every keyframe within HIT everywhere is preferred to any that does not. Low degrees are begun from several ratios
+    of stiffness, higher ones go on from the one before.
     Raises ConvergenceError when no degree has an equilibrium near the keyframes.
     """
     best: Fit | None = None
     fit: Fit | None = None
+    lowest = (True, np.inf)
     for degree in range(highest + 1):
         progress(degree / (highest + 1), f"forces of degree {degree}")
         fit = _better(figure, targets, degree, fit, options)
         if fit is None:
             continue
-        if best is not None and fit.score > best.score and fit.degree > best.degree + 1:
+        rank = not hits(figure, targets, fit), fit.score
+        if best is None or rank < lowest:
+            best, lowest = fit, rank
+        elif not lowest[0] and fit.degree > best.degree + 1:
             break
-        if best is None or fit.score < best.score:
-            best = fit
     if best is None:
         raise ConvergenceError("the figure has no equilibrium near its keyframes; draw them nearer to each other")
     return best
+
+
+def hits(figure: Figure, targets: tuple[Target, ...], fit: Fit) -> bool:
+    """Whether the rim passes within HIT of every keyframe's line, and the line within HIT of the rim."""
+    size = figure.outline.size
+    ends = zip(fit.states, targets, strict=True)
+    return all(hausdorff(figure.rim_at(end.u), target.outline) < HIT * size for end, target in ends)
 
 
 def _better(

@@ -16,7 +16,7 @@ from palpate.core.worker.progress import Progress, silent
 FloatArray = NDArray[np.float64]
 
 # Gauss-Newton steps for the forces of one particle, which begins at its nearest neighbour's.
-_STEPS = 5
+_STEPS = 8
 
 
 @dataclass(frozen=True)
