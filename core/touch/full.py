@@ -22,6 +22,8 @@ from palpate.core.touch.probe import Contact, Grip
 FloatArray = NDArray[np.float64]
 
 _ITERATIONS = 25
+# Factorisations after which a person has waited long enough.
+_MOST = 150
 _SMALLEST_PART = 1.0 / 64.0
 
 
@@ -70,7 +72,7 @@ class FullTouch:
                 state, load, part = found, min(1.0, load + part), 2.0 * part
                 continue
             part = 0.5 * min(part, 1.0 - load)
-            if part < _SMALLEST_PART:
+            if part < _SMALLEST_PART or used > _MOST:
                 why = f"no equilibrium beyond {100.0 * load:.0f} % of the probe's way"
                 return FullAnswer(False, why, state, self.force(contact, state.u), used)
         return self._answer(contact, state, used)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,10 @@ class Answer:
 
 @dataclass(eq=False)
 class Session:
-    """A body under the hand. radius : of the probe, mm. answers : all so far. correct : whether full solves are made where needed."""
+    """A body under the hand. radius : of the probe, mm. correct : whether full solves are made where needed.
+
+    answers : all so far, without their displacements.
+    """
 
     body: Body
     radius: float = 8.0
@@ -116,7 +119,7 @@ class Session:
             raise InputError(f"{indentation_mm} mm is no indentation")
         depth = float(np.clip(indentation_mm, -self.deepest, self.deepest))
         found = self._answer(self._at, depth)
-        self.answers.append(found)
+        self.answers.append(replace(found, u=np.zeros((0, 3))))
         return found
 
     def contact(self, at: Touched, depth: float) -> Contact:

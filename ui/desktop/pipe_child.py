@@ -14,10 +14,14 @@ Message = dict[str, Any]
 Answer = Callable[[Message, bytes], None]
 
 
-def serve(handle: Callable[[list[Message], Answer], None]) -> int:
-    """Calls `handle` with the messages that wait and a function that answers, till standard input ends; 0."""
+def serve(handle: Callable[[list[Message], Answer], None], gives_way: bool) -> int:
+    """Calls `handle` with the messages that wait and a function that answers, till standard input ends; 0.
+
+    gives_way : to what a person waits for at the screen.
+    """
     die_with_parent()
-    give_way()
+    if gives_way:
+        give_way()
     out = os.dup(1)
     os.dup2(2, 1)  # what libraries print must not come between answers
 

@@ -12,6 +12,8 @@ from palpate.ui.desktop import style
 from palpate.ui.desktop.touch_model import TouchModel
 
 _LEAST_MM, _LEAST_N = 1.0, 0.5
+# Answers shown, the last ones: more take longer to draw than the probe takes to answer.
+_SHOWN = 3000
 
 
 class TouchChart(QWidget):
@@ -37,7 +39,7 @@ class TouchChart(QWidget):
         painter.setBrush(QColor(style.GROUND))
         painter.drawRect(box)
         self._frame(painter, box)
-        for _, group in groupby(self.model.curve, key=lambda row: row[0]):
+        for _, group in groupby(self.model.curve[-_SHOWN:], key=lambda row: row[0]):
             rows = list(group)
             painter.setPen(QPen(self._colours.get(rows[-1][1], QColor(style.TEXT)), 1.6))
             painter.drawPolyline(QPolygonF([self._at(box, row[2], row[3]) for row in rows]))
@@ -50,8 +52,8 @@ class TouchChart(QWidget):
 
     @property
     def _span(self) -> tuple[float, float, float, float]:
-        depths = [row[2] for row in self.model.curve] or [0.0]
-        forces = [row[3] for row in self.model.curve] or [0.0]
+        depths = [row[2] for row in self.model.curve[-_SHOWN:]] or [0.0]
+        forces = [row[3] for row in self.model.curve[-_SHOWN:]] or [0.0]
         return min(0.0, *depths, 0.0), max(_LEAST_MM, *depths, 0.0), min(0.0, *forces, 0.0), max(_LEAST_N, *forces, 0.0)
 
     def _at(self, box: QRectF, depth: float, force: float) -> QPointF:

@@ -75,9 +75,8 @@ class Child:
         hand = self._hand
         assert hand is not None
         facts = self._ask(hand, message)
-        rows = hand.rows()
-        new = [(row.touch, row.region, row.indentation_mm, row.force_n) for row in rows[self._told :]]
-        self._told = len(rows)
+        new = [(row.touch, row.region, row.indentation_mm, row.force_n) for row in hand.rows[self._told :]]
+        self._told = len(hand.rows)
         u = np.zeros((len(hand.session.body.surface.nodes), 3))
         if hand.answer is not None:
             u = hand.answer.u[hand.session.body.surface.nodes]
@@ -104,4 +103,4 @@ class Child:
 
 
 if __name__ == "__main__":
-    sys.exit(serve(Child().handle))
+    sys.exit(serve(Child().handle, gives_way=False))  # a hand waits for it

@@ -96,4 +96,4 @@ class TouchScene:
 
 
 if __name__ == "__main__":
-    sys.exit(serve(TouchScene().handle))
+    sys.exit(serve(TouchScene().handle, gives_way=True))

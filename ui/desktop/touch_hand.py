@@ -24,13 +24,13 @@ _DPI = 150
 
 
 class Hand:
-    """session : the body and the probe. depth : mm, where the probe is now. files : what was saved."""
+    """session : the body and the probe. depth : mm, where the probe is now. rows : the curve, answers with an equilibrium."""
 
     def __init__(self, body: Body, radius: float = 8.0) -> None:
         self.session = Session(body, radius)
         self.depth = 0.0
         self.answer: Answer | None = None
-        self.files: list[str] = []
+        self.rows: list[CurveRow] = []
         self.milliseconds = 0.0
 
     def touch(self, point: FloatArray) -> dict[str, Any]:
@@ -44,6 +44,8 @@ class Hand:
         self.answer = self.session.press(depth)
         self.milliseconds = 1000.0 * (time.perf_counter() - began)
         self.depth = self.answer.indentation_mm
+        if self.answer.ok:
+            self.rows.append(self._row(self.answer))
         return self.facts()
 
     def press(self, depth: float) -> dict[str, Any]:
@@ -81,11 +83,12 @@ class Hand:
     def forget(self) -> dict[str, Any]:
         """The curve begins anew."""
         self.session.answers.clear()
+        self.rows = []
         return self.facts()
 
     def save(self, path: Path) -> dict[str, Any]:
         """Writes the curve as PATH.csv and PATH.png. Raises InputError when nothing has been felt yet."""
-        rows = self.rows()
+        rows = self.rows
         if not rows:
             raise InputError("nothing has been pressed or pulled yet; there is no curve to save")
         files = [path.with_name(path.name + ending) for ending in (".csv", ".png")]
@@ -94,7 +97,6 @@ class Hand:
             part.write_text(curve_csv(rows), encoding="utf-8")
         with atomic_path(files[1]) as part:
             force_curve(rows, self.stiffness(), self.support).savefig(part, dpi=_DPI, format="png")
-        self.files += [str(file) for file in files]
         return {**self.facts(), "files": [str(file) for file in files]}
 
     @property
@@ -107,16 +109,13 @@ class Hand:
         body = self.session.body
         return {body.names[r]: G for r, G in body.shear_kpa.items()}
 
-    def rows(self) -> list[CurveRow]:
-        """The curve: answers with an equilibrium."""
-        return [
-            CurveRow(
-                touch=a.touch, region=self.session.body.names[a.region], point=tuple(map(float, a.point)),
-                probe_radius_mm=a.radius, indentation_mm=a.indentation_mm, force_n=a.force_n,
-                stiffness_n_per_mm=a.stiffness_n_per_mm, error_n=a.error_n, solve="full" if a.full else "quick",
-            )
-            for a in self.session.answers if a.ok
-        ]  # fmt: skip
+    def _row(self, a: Answer) -> CurveRow:
+        x, y, z = map(float, a.point)
+        return CurveRow(
+            touch=a.touch, region=self.session.body.names[a.region], point=(x, y, z), probe_radius_mm=a.radius,
+            indentation_mm=a.indentation_mm, force_n=a.force_n, stiffness_n_per_mm=a.stiffness_n_per_mm, error_n=a.error_n,
+            solve="full" if a.full else "quick",
+        )  # fmt: skip
 
     def facts(self) -> dict[str, Any]:
         """What is felt now, ready for JSON."""

@@ -33,7 +33,7 @@ class TouchWindow(QMainWindow):
         super().__init__()
         self.model, self.output = model, output
         self.view, self.chart = TouchView(model), TouchChart(model)
-        self.region, self.force, self.depth, self.slope, self.rate = (QLabel("") for _ in range(5))
+        self.region, self.force, self.indentation, self.slope, self.rate = (QLabel("") for _ in range(5))
         self.message = QLabel("")
         self.radius = QDoubleSpinBox()
         self.save, self.clear = QPushButton("Save the curve"), QPushButton("Forget the curve")
@@ -76,7 +76,7 @@ class TouchWindow(QMainWindow):
         else:
             self.region.setText("touch the organ with the left button")
         self.force.setText(f"{facts.get('force_n', 0.0):.2f} N")
-        self.depth.setText(f"{facts.get('indentation_mm', 0.0):.2f} mm")
+        self.indentation.setText(f"{facts.get('indentation_mm', 0.0):.2f} mm")
         slope = facts.get("stiffness_n_per_mm")
         self.slope.setText("\N{EM DASH}" if slope is None else f"{slope:.2f} N/mm")
         solve = {"quick": "quick answers", "full": "full solve"}.get(facts.get("solve", ""), "")
@@ -95,7 +95,11 @@ class TouchWindow(QMainWindow):
         self.force.setStyleSheet("font-size: 30pt; font-weight: bold;")
         column.addWidget(self.force)
         form = QFormLayout()
-        for words, label in (("indentation", self.depth), ("local stiffness", self.slope), ("answers", self.rate)):
+        for words, label in (
+            ("indentation", self.indentation),
+            ("local stiffness", self.slope),
+            ("answers", self.rate),
+        ):
             label.setStyleSheet("font-size: 12pt;")
             form.addRow(words, label)
         self.radius.setRange(2.0, 20.0)
