@@ -113,8 +113,7 @@ class _Plot:
         self._organ = organ
         self._plotter = pv.Plotter(off_screen=True, window_size=list(stage.size), lighting="light kit")
         self._plotter.set_background("white")  # type: ignore[arg-type]
-        plate = polydata(stage.dish_points, stage.dish_faces)
-        self._plotter.add_mesh(plate, color=_DISH_COLOUR, smooth_shading=True, opacity=0.5, ambient=0.3, diffuse=0.65)
+        self._add_dish(stage)
         self._parts = []
         for colour in np.unique(organ.rgb, axis=0):
             part = polydata(organ.points[0], organ.faces[(organ.rgb == colour).all(axis=1)])
@@ -125,7 +124,6 @@ class _Plot:
                 part, color=tuple(colour), smooth_shading=True, ambient=0.5, diffuse=0.55, specular=0.15,
                 show_edges=True, edge_color="black", edge_opacity=0.25, line_width=0.7,
             )  # fmt: skip
-        self._plotter.enable_depth_peeling(4)  # type: ignore[arg-type]
         self._plotter.enable_anti_aliasing("ssaa")
         camera = self._plotter.camera
         camera.parallel_projection = True
@@ -134,6 +132,18 @@ class _Plot:
         camera.up = (0.0, 0.0, 1.0)
         camera.parallel_scale = frame.half
         self._plotter.renderer.ResetCameraClippingRange()
+
+    def _add_dish(self, stage: DropStage) -> None:
+        """The far wall solid, the near one, seen from outside, like glass: what lies in the dish shows, and no two glasses overlap."""
+        x, faces = stage.dish_points, stage.dish_faces
+        normals, corners = point_normals(x, faces), x[faces]
+        inside = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0.0
+        for seen, opacity in ((inside, 1.0), (~inside, 0.4)):
+            part = polydata(x, faces[seen])
+            part.point_data.active_normals = normals
+            self._plotter.add_mesh(
+                part, color=_DISH_COLOUR, smooth_shading=True, opacity=opacity, ambient=0.4, diffuse=0.55
+            )
 
     def picture(self, k: int) -> Picture:
         """(height, width, 3) at time k."""
