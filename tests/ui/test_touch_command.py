@@ -13,11 +13,12 @@ from PIL import Image
 
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
-from palpate.core.validate.touch_study import halved_ellipsoid
+from palpate.core.validate.touch_study import TouchOptions, halved_ellipsoid, touch_study
 from palpate.segmentation import touch_step
 from palpate.segmentation.meshing import MeshedCase, MeshOptions
 from palpate.segmentation.volume import Volume
 from palpate.ui.cli import main as cli
+from palpate.ui.cli.study_touch import touch_text
 from palpate.ui.desktop.touch_script import parse
 
 X, Y, Z = (float(c) for c in CENTRE)
@@ -137,3 +138,10 @@ def test_usage(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert "out of range; give 0.5 to 50" in capfd.readouterr().err
     with pytest.raises(InputError, match="line 1: No closing quotation; close the quotation"):
         parse('save "a\n', "s.txt")
+
+
+def test_the_study_is_told_in_words() -> None:
+    found = touch_study(TouchOptions(pokes=3, fine=3, deepest=2.0), halved_ellipsoid(3, 1))
+    told = touch_text(found)
+    assert told.startswith(f"3 random pokes and pulls, {found['cells']} tetrahedra, probe of 8 mm, to 2 mm")
+    assert "answers a second" in told and "Hertz" in told

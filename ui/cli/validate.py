@@ -8,6 +8,7 @@ table1, table2: the paper's tables, an organ's half with a tumour of growing siz
 sensitivity, resolution, swarm, threads, cohort: the paper's Figs 8, 11 and 12, 10, 14, 13.
 drop: motion, contact and friction against closed forms; the energy of a soft ball in a dish.
 coverage: do the 95 % intervals hold the truth 95 times in 100?
+touch: quick answers to a probe beside the full solve, and a press on a ball beside Hertz.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.core.worker.progress import Progress
 from palpate.segmentation.atomic import atomic_path
-from palpate.ui.cli import studies
+from palpate.ui.cli import studies, study_touch
 from palpate.ui.cli.arguments import no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 
@@ -196,6 +197,7 @@ STUDIES: dict[str, Study] = {
     "gap": Study(_gap),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "meshing": Study(_meshing, _meshing_text),
+    "touch": Study(study_touch.touch, study_touch.touch_text),
     "robustness": Study(_robustness),
     "segmentation": Study(_segmentation, _segmentation_text),
 }
