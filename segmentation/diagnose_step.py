@@ -37,7 +37,7 @@ class DiagnoseOptions:
 
     effects: Path | None = None
     seed: int = 1
-    meshes: int = 3
+    meshes: int = 1
     cancel: threading.Event | None = None
 
 

@@ -55,7 +55,7 @@ class Recipe:
     G: tuple[float, float] = (20.0, 50.0)
     rectum_mm: float = 8.0
     balance: float = 0.8
-    edge_mm: float = 4.0
+    edge_mm: float = 6.5
     marks: bool = False
 
     def random(self, what: int) -> np.random.Generator:

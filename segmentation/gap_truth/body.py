@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,6 +21,8 @@ IntArray = NDArray[np.int64]
 Laws = Mapping[int, Organ | Tissue]
 
 _TOLERANCE, _ITERATIONS, _SMALLEST_STEP = 1e-7, 14, 1.0 / 64.0
+# A step of Newton's longer than this leads nowhere, mm.
+_ABSURD_MM = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +84,28 @@ class Body:
             force[here] = np.einsum("mqaj,mqij->mai", D, P, optimize=True)
             half = np.einsum("mqaj,mqijkl->mqaikl", D, A * w[..., None, None, None, None], optimize=True)
             stiffness[here] = np.einsum("mqaikl,mqbl->maibk", half, D, optimize=True).reshape(-1, 30, 30)
-        unknown = (3 * self.cell_nodes[:, :, None] + np.arange(3)).reshape(m, 30)
+        total = np.zeros((len(self.nodes), 3))
+        np.add.at(total, self.cell_nodes, force)
+        return total.ravel(), self._matrix(stiffness.reshape(m, 10, 3, 10, 3))
+
+    @cached_property
+    def _pattern(self) -> tuple[sparse.csr_matrix, IntArray]:
+        """Which nodes share a cell, by scikit-fem's assembly, and where in it every pair of a cell's nodes is."""
+        n = len(self.nodes)
+        pairs = np.stack([np.repeat(self.cell_nodes, 10, axis=1).ravel(), np.tile(self.cell_nodes, (1, 10)).ravel()])
+        pattern = COOData(pairs, np.ones(pairs.shape[1]), (n, n), None).tocsr()
+        pattern.sort_indices()
+        keys = np.repeat(np.arange(n), np.diff(pattern.indptr)) * n + pattern.indices
+        return pattern, np.searchsorted(keys, pairs[0] * n + pairs[1])
+
+    def _matrix(self, stiffness: FloatArray) -> sparse.csr_matrix:
+        """(3 n, 3 n) of cells' blocks (m, 10, 3, 10, 3)."""
+        pattern, place = self._pattern
+        blocks = stiffness.transpose(0, 1, 3, 2, 4).reshape(-1, 9)
+        summed = np.stack([np.bincount(place, column, minlength=pattern.nnz) for column in blocks.T], axis=1)
         size = 3 * len(self.nodes)
-        total = np.bincount(unknown.ravel(), force.reshape(-1), minlength=size).astype(np.float64)
-        indices = np.stack([np.repeat(unknown, 30, axis=1).ravel(), np.tile(unknown, (1, 30)).ravel()])
-        return total, COOData(indices, stiffness.ravel(), (size, size), None).tocsr()
+        whole = sparse.bsr_matrix((summed.reshape(-1, 3, 3), pattern.indices, pattern.indptr), shape=(size, size))
+        return whole.tocsr()
 
 
 def equilibrium(
@@ -94,21 +113,25 @@ def equilibrium(
 ) -> FloatArray:
     """Displacement (n, 3) mm in equilibrium; held : (n, 3) mm where prescribed, NaN where free. load : (n, 3) mN, dead.
 
-    From `start` or from rest, the boundary going as far at a time as Newton follows. Raises ConvergenceError when there is none.
+    From `start` or from rest, boundary, load and growth going as far at a time as Newton follows. Raises ConvergenceError when there
+    is none.
     """
     free = np.isnan(held).ravel()
     force = np.zeros(held.size) if load is None else load.ravel()
     u = np.zeros(held.size) if start is None else start.ravel().copy()
-    begin, reached, step = u.copy(), 0.0, 1.0
+    # Tissue that has grown all at once is under more pressure than it is stable under.
+    grown = any((law.growth != 1.0).any() for law in laws.values())
+    begin, reached, step = u.copy(), 0.0, 0.25 if grown and start is None else 1.0
     while reached < 1.0:
         way = min(reached + step, 1.0)
         target = np.where(free, u, begin + way * (np.nan_to_num(held.ravel()) - begin))
-        found = _newton(body, laws, u, target - u, way * force if start is None else force, free)
+        here = {region: law.eased(way) for region, law in laws.items()} if start is None else laws
+        found = _newton(body, here, u, target - u, way * force if start is None else force, free)
         if found is not None:
-            u, reached = found, way
+            u, reached, step = found, way, 1.5 * step
             continue
         step *= 0.5
-        if step < _SMALLEST_STEP:
+        if step < _SMALLEST_STEP or start is not None:
             raise ConvergenceError("the simulated body has no equilibrium; make its walls move less")
     return u.reshape(-1, 3)
 
@@ -117,24 +140,26 @@ def _newton(
     body: Body, laws: Laws, u: FloatArray, jump: FloatArray, force: FloatArray, free: NDArray[np.bool_]
 ) -> FloatArray | None:
     """Newton's method with the held unknowns moved by `jump` in the first step; None when it does not converge."""
-    solver = pypardiso.PyPardisoSolver()
+    factor = _Factor(free)
     try:
         inner, K = body.assemble(u.reshape(-1, 3), laws)
+        if not np.isfinite(inner).all():
+            return None
         first = None
         for k in range(_ITERATIONS):
             rhs = force - inner - (K @ jump if k == 0 else 0.0)
             move = jump.copy() if k == 0 else np.zeros_like(u)
-            move[free] = pypardiso.spsolve(K[free][:, free].tocsr(), rhs[free], solver=solver)
+            move[free] = factor.solve(K, rhs[free])
             u, inner, K = _as_far_as_allowed(body, laws, u, move, whole=k == 0)
             left = float(np.linalg.norm((force - inner)[free]))
-            if not np.isfinite(left):
+            if not np.isfinite(left) or np.abs(move).max() > _ABSURD_MM:
                 return None
             first = float(np.linalg.norm(inner[~free])) if first is None else first
             if left < _TOLERANCE * max(first, 1e-9):
                 return u
         return None
     finally:
-        solver.free_memory(everything=True)
+        factor.close()
 
 
 def _as_far_as_allowed(
@@ -150,13 +175,38 @@ def _as_far_as_allowed(
         share *= 0.5
 
 
-def slopes_in(
-    body: Body, laws: Callable[[float], Laws], u: FloatArray, held: FloatArray, step: float = 1e-3
-) -> FloatArray:
-    """(n, 3) mm, derivative of the equilibrium u in the parameter of `laws` at 0, by one solve with the tangent there."""
+def slopes_in(body: Body, laws: Laws, regions: Sequence[int], u: FloatArray, held: FloatArray) -> list[FloatArray]:
+    """For each region (n, 3) mm, derivative of the equilibrium u in the logarithm of all moduli of that region."""
     free = np.isnan(held).ravel()
-    K = body.assemble(u, laws(0.0))[1]
-    change = (body.assemble(u, laws(step))[0] - body.assemble(u, laws(-step))[0]) / (2.0 * step)
-    out = np.zeros(u.size)
-    out[free] = pypardiso.spsolve(K[free][:, free].tocsr(), -change[free])
-    return out.reshape(-1, 3)
+    factor = _Factor(free)
+    out = []
+    try:
+        K = body.assemble(u, laws)[1]
+        for region in regions:
+            # Stress is proportional to the moduli, so their logarithm's derivative is the region's own force.
+            own = body.assemble(u, {region: laws[region]})[0]
+            moved = np.zeros(u.size)
+            moved[free] = -factor.solve(K, own[free])
+            out.append(moved.reshape(-1, 3))
+    finally:
+        factor.close()
+    return out
+
+
+class _Factor:
+    """MKL PARDISO for a symmetric matrix of which only the free unknowns count."""
+
+    def __init__(self, free: NDArray[np.bool_]) -> None:
+        self.free = free
+        self.solver = pypardiso.PyPardisoSolver(mtype=-2)
+
+    def solve(self, K: sparse.csr_matrix, rhs: FloatArray) -> FloatArray:
+        """x with K x = rhs on the free unknowns."""
+        upper = sparse.triu(K[self.free][:, self.free], format="csr")
+        upper.sort_indices()
+        self.solver.factorize(upper)
+        return np.asarray(self.solver.solve(upper, rhs))
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self.solver.free_memory(everything=True)

@@ -58,14 +58,13 @@ class Simulated:
         bulk = 2.0 * shear * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))
         return cls(body, organ_faces, shear, bulk, np.ones(len(shear)), np.zeros(len(shear)))
 
-    def laws(self, factor: dict[int, float] | None = None) -> Laws:
-        """By region; factor : on G and K of a region."""
+    def laws(self) -> Laws:
+        """By region."""
         q = self.body.weights.shape[1]
         out: dict[int, Organ | Tissue] = {}
         for region in np.unique(self.body.regions).tolist():
             here = self.body.regions == region
-            f = (factor or {}).get(region, 1.0)
-            G, K, growth, fibre = (np.repeat(a[here], q) for a in (f * self.G, f * self.K, self.growth, self.fibre))
+            G, K, growth, fibre = (np.repeat(a[here], q) for a in (self.G, self.K, self.growth, self.fibre))
             direction = self.directions.get(region, (0.0, 0.0, 1.0))
             if region == SURROUNDING_TISSUE:
                 out[region] = Tissue(G, K, growth, fibre, self.stiffening, direction)
@@ -168,7 +167,7 @@ def _gravity(s: Simulated, size: float, rng: np.random.Generator) -> None:
     change = 2.0 * 9.81 * size * _WEIGHT
     force = np.zeros((len(s.body.nodes), 3))
     for a in range(10):
-        shape = np.broadcast_to(s.body.basis.basis[a][0].value, s.body.weights.shape)
+        shape = np.broadcast_to(np.asarray(s.body.basis.basis[a][0]), s.body.weights.shape)
         np.add.at(force[:, 1], s.body.cell_nodes[:, a], -change * (shape * s.body.weights).sum(axis=1))
     s.pull(force)
 

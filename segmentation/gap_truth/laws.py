@@ -5,7 +5,7 @@ Everything is an array over points p: F (p, 3, 3), first Piola-Kirchhoff stress 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,10 @@ class Organ:
     fibre: FloatArray
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
+    def eased(self, way: float) -> Organ:
+        """With so much of its growth, 0 to 1."""
+        return replace(self, growth=self.growth**way)
+
     def response(self, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         """P and A; not finite where the elastic volume ratio is not positive."""
         g = self.growth[:, None, None]
@@ -59,6 +63,10 @@ class Tissue:
     fibre: FloatArray
     stiffening: float = 0.0
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def eased(self, way: float) -> Tissue:
+        """With so much of its growth, 0 to 1."""
+        return replace(self, growth=self.growth**way)
 
     def response(self, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         """P and A."""

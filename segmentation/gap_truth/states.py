@@ -92,17 +92,18 @@ def effect_mm(
     model = Simulated(body, plain.organ_faces, plain.G, plain.K, plain.growth, plain.fibre)
     known = {name: motion for name, motion in deformed.motions.items() if name != "bone"}
     driven = held_nodes(s.body, boundary, known) - np.nan_to_num(held_nodes(s.body, boundary, rest.motions))
-    u = equilibrium(body, model.laws(), driven)
+    laws = model.laws()
+    try:
+        u = equilibrium(body, laws, driven, start=deformed.u - rest.u)
+    except ConvergenceError:  # what was there with the effect may be too far from what is there without
+        u = equilibrium(body, laws, driven)
     nodes, normals, area = _surface(body.nodes + u, body.face_nodes(s.organ_faces))
     done = ((s.body.nodes + deformed.u - body.nodes - u)[nodes] * normals).sum(axis=1)
     if s.offset is not None:
         done = done + s.offset(normals)
-    columns = []
-    for label in ORGAN_LABELS:
-        moved = slopes_in(body, lambda t, label=label: model.laws({label: float(np.exp(t))}), u, driven)  # type: ignore[misc]
-        columns.append((moved[nodes] * normals).sum(axis=1))
+    moved = slopes_in(body, laws, ORGAN_LABELS, u, driven)
     w = np.sqrt(area / area.sum())
-    D = np.stack(columns, axis=1) * w[:, None]
+    D = np.stack([(m[nodes] * normals).sum(axis=1) for m in moved], axis=1) * w[:, None]
     left = w * done - D @ np.linalg.lstsq(D, w * done, rcond=None)[0]
     return float(np.linalg.norm(w * done)), float(np.linalg.norm(left))
 

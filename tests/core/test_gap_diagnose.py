@@ -102,6 +102,41 @@ def test_a_pair_of_scans_moved_rigidly_has_no_gap_and_the_same_stiffness(posed, 
     np.testing.assert_allclose(found.fit.point.theta, none.fit.point.theta, atol=0.15)
 
 
+def ball(radius: float, centre: tuple[float, float, float]) -> Surface:
+    """A bone beside the body."""
+    u, v = np.linspace(0.0, np.pi, 20), np.linspace(0.0, 2.0 * np.pi, 41)[:-1]
+    a, b = np.meshgrid(u, v, indexing="ij")
+    X = np.stack([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)], axis=-1) * [
+        radius,
+        0.7 * radius,
+        1.2 * radius,
+    ]
+    index = np.arange(a.size).reshape(a.shape)
+    right = np.roll(index, -1, axis=1)
+    quads = np.stack([index[:-1], index[1:], right[1:], right[:-1]], axis=-1).reshape(-1, 4)
+    faces = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return Surface(X.reshape(-1, 3) + centre, faces, np.full(len(faces), 4))
+
+
+def test_a_deformed_scan_that_is_not_aligned_on_bone_is_said_to_be_so(posed) -> None:  # type: ignore[no-untyped-def]
+    """All of the second scan lies elsewhere, bones too: what was seen of them says so, and no contour or law is blamed."""
+    shift = np.array([1.0, -1.5, 0.8])
+
+    def moved(surface: Surface) -> Surface:
+        return replace(surface, points=surface.points + shift)
+
+    bone = ball(24.0, (0.0, -40.0, 0.0))
+    effects = {k: v for k, v in library().items() if k in ("bone_motion", "contour_bias", "volume_change")}
+    walls = {name: SurfacePair(p.rest, moved(p.deformed)) for name, p in posed.walls.items()}
+    organ = SurfacePair(posed.organ.rest, moved(posed.organ.deformed))
+    apart = replace(posed, walls=walls, organ=organ)
+    found = diagnose(CaseData(apart, SurfacePair(bone, moved(bone))), effects)
+    assert found.verdict.verdict == "bone_motion"
+    best = found.refits[0]
+    np.testing.assert_allclose(best.phi[:3], shift, atol=0.3)
+    assert diagnose(CaseData(posed, SurfacePair(bone, bone)), effects).verdict.verdict == "none"
+
+
 def test_a_contour_drawn_too_wide_is_found_with_its_width(wide: Diagnosis) -> None:
     assert wide.test.detected
     assert "contour_bias" in wide.verdict.candidates

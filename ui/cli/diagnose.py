@@ -8,12 +8,14 @@ from typing import Any
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
-from palpate.ui.cli.arguments import add_case, no_points, random_seed
+from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 
 NAME, HELP = "diagnose", "where the model is wrong, which effect it leaves out, how far that closes the gap"
 _SHOWN = 4
+# As `diagnose_step.DiagnoseOptions` has it, which is not loaded for a list of options.
+DEFAULT_MESHES = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--effects", type=Path, metavar="FOLDER", help="a folder of effects of your own, one *.py file each"
     )
+    parser.add_argument(
+        "--meshes", type=whole_number(1, 9), default=DEFAULT_MESHES, metavar="N",
+        help="average the prediction over so many meshes of the same labels (default %(default)s)",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
@@ -32,7 +38,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     if args.effects is not None and not args.effects.is_dir():
         raise InputError(f"{args.effects} is no folder; give the folder that holds your effects' *.py files")
     case = CaseFolder(args.case)
-    options = diagnose_step.DiagnoseOptions(args.effects, random_seed(args))
+    options = diagnose_step.DiagnoseOptions(args.effects, random_seed(args), args.meshes)
     with recorded(case, args), console.progress(NAME) as progress:
         found = diagnose_step.run(case, options, progress)
     return found, "\n".join(text_of(case, found))

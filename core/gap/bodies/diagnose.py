@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.core.gap.bodies import record
 from palpate.core.gap.bodies.fit import BodyFit
-from palpate.core.gap.bodies.judge import LEVEL, Rival, base_fit, decide_body, marker_rms, p_value, rivals
+from palpate.core.gap.bodies.judge import LEVEL, base_fit, decide_body, p_value
 from palpate.core.gap.bodies.problem import BodyProblem
+from palpate.core.gap.bodies.rivals import Rival, rivals
 from palpate.core.gap.bodies.scene import BodyStage
 from palpate.core.gap.effects import Effect, library
 from palpate.core.gap.verdict import AMBIGUOUS, NONE, TIED, UNKNOWN
@@ -58,30 +59,25 @@ def diagnose_body(
     cause = _second(named.fit, effects, part(progress, 0.7, 1.0)) if named is not None else None
     out = {
         "case": case,
-        "gap": _gap(base, p),
-        "where": {"map": MAP_FILE, "regions": _regions(base), "peak_lps_mm": None},
+        "gap": record.gap(base, p),
+        "where": {"map": MAP_FILE, "regions": record.regions(base), "peak_lps_mm": None},
         "verdict": verdict,
         "candidates": list(candidates),
-        "ranking": [_row(base, f, probability[f.effect.id]) for f in found],
-        "shrinkage": None if best is None or verdict == NONE else _shrinkage(best),
+        "ranking": [record.row(base, f, probability[f.effect.id]) for f in found],
+        "shrinkage": None if best is None or verdict == NONE else record.shrinkage(best),
         "stiffness": {
-            "without_effect": _stiffness(base),
-            "with_effect": None if best is None or verdict in (NONE, UNKNOWN) else _stiffness(best.fit),
+            "without_effect": record.stiffness(base),
+            "with_effect": None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness(best.fit),
         },
-        "next_measurement": next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
+        "next_measurement": record.next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
         "why": why,
-        "in_words": _words(base, verdict, named),
+        "in_words": record.words(base, verdict, named),
         "probability_unknown": probability.get(UNKNOWN, 0.0),
         "flags": [],
-        "states": _states(base, best),
-        "remainder": None if named is None else _remainder(named.fit, cause),
+        "states": record.states(base, best),
+        "remainder": None if named is None else record.remainder(named.fit, cause),
     }
-    return out, {s.name: r for s, r in zip(problem.states, _by_state(base), strict=True)}
-
-
-def _by_state(fit: BodyFit) -> list[FloatArray]:
-    ends = np.cumsum([3 * len(fit.model.stage.problem.states[k].rest) for k in fit.which])
-    return [r.reshape(-1, 3) for r in np.split(fit.residual, ends[:-1])]
+    return out, {s.name: r for s, r in zip(problem.states, record.by_state(base), strict=True)}
 
 
 def _second(named: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> Rival | None:
@@ -90,123 +86,3 @@ def _second(named: BodyFit, effects: Mapping[str, Effect], progress: Progress) -
         if f.log_evidence > np.log(TIED) and f.p_value < LEVEL and f.predicts:
             return f
     return None
-
-
-def _gap(base: BodyFit, p: float) -> dict[str, Any]:
-    distance = np.linalg.norm(np.vstack(_by_state(base)), axis=1)
-    noise = [3.0 * base.model.stage.problem.states[k].sd_mm ** 2 for k in base.which]
-    return {
-        "rms_mm": float(np.sqrt((distance**2).mean())),
-        "p95_mm": float(np.quantile(distance, 0.95)),
-        "noise_floor_mm": float(np.sqrt(np.mean(noise))),
-        "detected": p < LEVEL,
-        "p_value": p,
-    }
-
-
-def _regions(base: BodyFit) -> list[dict[str, Any]]:
-    """Markers by state."""
-    total = max(float((base.residual**2).sum()), 1e-30)
-    names = [s.name for s in base.model.stage.problem.states]
-    return [
-        {"name": n, "side": "all", "rms_mm": marker_rms(r.ravel()), "share": float((r**2).sum()) / total}
-        for n, r in zip(names, _by_state(base), strict=True)
-    ]
-
-
-def _stiffness(fit: BodyFit) -> dict[str, dict[str, float]]:
-    G, sd = float(np.exp(fit.x[0])), float(np.sqrt(fit.covariance[0, 0]))
-    return {"body": {"G_kpa": G, "sd_kpa": G * float(np.sinh(sd)), "sd_ln_G": sd}}
-
-
-def _row(base: BodyFit, f: Rival, probability: float) -> dict[str, Any]:
-    before, after = (float(np.sqrt(np.square(c).mean())) for c in f.left_out.T)
-    names = zip(f.effect.parameters, f.fit.x[-len(f.effect.parameters) :], strict=True)
-    sd = np.sqrt(np.diag(f.fit.covariance))[-len(f.effect.parameters) :]
-    return {
-        "effect": f.effect.id,
-        "probability": probability,
-        "residual_share": float((f.fit.residual**2).sum() / max((base.residual**2).sum(), 1e-30)),
-        "cv_gain_mm": before - after if np.isfinite(before) else 0.0,
-        "p_value": f.p_value,
-        "parameters": {
-            p.name: {"value": p.physical(float(v * p.scale)), "sd": float(s * p.scale), "unit": p.unit}
-            for (p, v), s in zip(names, sd, strict=True)
-        },
-        "variant": f.fit.model.added[-1].variants[0].name,
-        "log_evidence": f.log_evidence,
-        "refitted": True,
-    }
-
-
-def _shrinkage(best: Rival) -> dict[str, Any] | None:
-    """On states left out; None where there is but one."""
-    if not np.isfinite(best.left_out).all():
-        return None
-    before, after = (float(np.sqrt(np.square(c).mean())) for c in best.left_out.T)
-    fraction = 1.0 - after / max(before, 1e-30)
-    return {
-        "held_out_rms_before_mm": before,
-        "held_out_rms_after_mm": after,
-        "fraction": fraction,
-        "noise_corrected_fraction": fraction,
-        "ci95": [float(x) for x in np.quantile(1.0 - best.left_out[:, 1] / best.left_out[:, 0], [0.0, 1.0])],
-        "ceiling_fraction": 1.0,
-        "placebo_fraction": 0.0,
-        "effect": best.effect.id,
-    }
-
-
-def _states(base: BodyFit, best: Rival | None) -> list[dict[str, Any]]:
-    out = []
-    for k, (state, r) in enumerate(zip(base.model.stage.problem.states, _by_state(base), strict=True)):
-        row: dict[str, Any] = {"name": state.name, "rms_before_mm": marker_rms(r.ravel())}
-        if best is not None:
-            row["rms_after_mm"] = marker_rms(_by_state(best.fit)[k].ravel())
-            held_out = [float(x) if np.isfinite(x) else None for x in best.left_out[k]]
-            row["held_out_before_mm"], row["held_out_after_mm"] = held_out
-        out.append(row)
-    return out
-
-
-def _remainder(named: BodyFit, cause: Rival | None) -> dict[str, Any]:
-    """What is left in each state, mm, and a second cause where one passes."""
-    names = [s.name for s in named.model.stage.problem.states]
-    left = {n: marker_rms(r.ravel()) for n, r in zip(names, _by_state(named), strict=True)}
-    return {"rms_mm": left, "cause": None if cause is None else cause.effect.id}
-
-
-def next_state(base: BodyFit, best: Rival) -> str:
-    """The further load under which the rivals' markers differ most, and by how much."""
-    problem = base.model.stage.problem
-    told = []
-    for factor, words in ((0.0, "no load"), (2.0, "twice the load")):
-        loads = tuple(
-            replace(load, force_n=(factor * load.force_n[0], factor * load.force_n[1], factor * load.force_n[2]))
-            for load in problem.states[-1].loads
-        )
-        asked = replace(problem.states[-1], name=words, loads=loads)
-        moved = []
-        for fit in (base, best.fit):
-            at = fit.model.stage.solve(fit.model.composition(fit.x, len(problem.states) - 1), fit.x[:1], asked)
-            moved.append(fit.model.stage.markers(at.u, asked))
-        told.append((marker_rms((moved[0] - moved[1]).ravel()), words))
-    (first, one), (second, other) = sorted(told, reverse=True)
-    return (
-        f"a further load: with {one} the models' markers differ by {first:.1f} mm (with {other} by {second:.1f} mm), "
-        f"which tells {best.effect.id.replace('_', ' ')} from another stiffness"
-    )
-
-
-def _words(base: BodyFit, verdict: str, named: Rival | None) -> str:
-    rms = float(np.sqrt((np.linalg.norm(np.vstack(_by_state(base)), axis=1) ** 2).mean()))
-    start = f"The plain model misses the markers by {rms:.2f} mm"
-    if verdict == NONE:
-        return f"{start}, no more than their own error."
-    if named is None:
-        return (
-            f"{start}; these states cannot tell why."
-            if verdict == AMBIGUOUS
-            else f"{start}; nothing in the library explains it."
-        )
-    return f"{start}, because {named.effect.words}; with it the states are missed by {marker_rms(named.fit.residual):.2f} mm."

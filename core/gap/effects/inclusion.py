@@ -8,28 +8,32 @@ from palpate.core.gap.composition import Composition
 from palpate.core.gap.effects.base import Effect, FloatArray, Parameter, Surroundings, Variant
 from palpate.core.gap.material_changes import scaled
 
-_RADII_MM = (5.5, 9.5)
+_RADIUS_MM = 7.5
 _EDGE_MM = 1.5
 _SPACING_MM = 11.0
+
+
+def _radius(phi: float) -> float:
+    return _RADIUS_MM + phi
 
 
 def _variants(around: Surroundings) -> list[Variant]:
     problem = around.problem
     inside = np.isin(problem.mesh.regions, problem.regions)
     centres = around.spread_points(around.cell_centres[inside], _SPACING_MM)
-    return [_variant(around, c, radius) for c in centres for radius in _RADII_MM]
+    return [_variant(around, c) for c in centres]
 
 
-def _variant(around: Surroundings, centre: FloatArray, radius: float) -> Variant:
+def _variant(around: Surroundings, centre: FloatArray) -> Variant:
     at = around.cell_centres
 
     def change(composition: Composition, phi: FloatArray) -> Composition:
         distance = np.linalg.norm(at - centre - phi[1:4], axis=1)
-        share = 1.0 / (1.0 + np.exp(np.clip((distance - radius) / _EDGE_MM, -50.0, 50.0)))
+        share = 1.0 / (1.0 + np.exp(np.clip((distance - _RADIUS_MM - phi[4]) / _EDGE_MM, -50.0, 50.0)))
         return composition.with_law(scaled(composition.problem.regions, np.exp(phi[0] * share)))
 
     x, y, z = centre.tolist()
-    return Variant(change, f"radius {radius:g} mm at ({x:.0f}, {y:.0f}, {z:.0f})", (x, y, z))
+    return Variant(change, f"at ({x:.0f}, {y:.0f}, {z:.0f})", (x, y, z))
 
 
 EFFECT = Effect(
@@ -40,6 +44,7 @@ EFFECT = Effect(
         Parameter("shift_x", "mm", 3.0, -8.0, 8.0, secondary=True),
         Parameter("shift_y", "mm", 3.0, -8.0, 8.0, secondary=True),
         Parameter("shift_z", "mm", 3.0, -8.0, 8.0, secondary=True),
+        Parameter("radius", "mm", 2.5, -4.0, 6.0, _radius, secondary=True),
     ),
     _variants,
     "points inside the organ on both sides of the suspected focus, or an elastography of the organ",
