@@ -218,3 +218,19 @@ def test_quadratic_cells_show_their_mid_edges(tmp_path: Path) -> None:
         assert volume == pytest.approx(24.0 * 16.0 * 10.5, rel=0.2)  # outwards, closed; the tissue is left out
     assert not one.figures["landed"]
     assert one.figures["fall_time_s"] is None
+
+
+def test_a_machine_that_cannot_draw_says_so_before_and_while_drawing(
+    stage: DropStage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def cannot() -> None:
+        raise offscreen.OffscreenError("off-screen rendering ended with status -6; try `this`")
+
+    monkeypatch.setattr(offscreen, "check", cannot)
+    case = identified(tmp_path / "case")
+    assert cli.main(["drop", str(case.path), "-o", str(tmp_path / "film.mp4"), "--quiet"]) == 3
+    assert "off-screen rendering ended with status -6" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*film*"))
+    monkeypatch.setattr(drop_film.sys, "executable", "/bin/false")
+    with pytest.raises(offscreen.OffscreenError, match=r"could not be drawn \(status 1\)"):
+        drop_film.make_film(stage, tmp_path / "film.mp4")
