@@ -18,7 +18,7 @@ from palpate.core.mesh import TetMesh
 from palpate.core.touch.body import Body
 from palpate.core.touch.full import FullTouch
 from palpate.core.touch.probe import Contact
-from palpate.core.touch.quick import QuickTouch
+from palpate.core.touch.quick import QuickAnswer, QuickTouch
 from palpate.core.touch.session import Session
 from palpate.core.worker.progress import Progress, silent
 
@@ -28,6 +28,7 @@ _HALF_AXES = np.array([22.0, 18.0, 20.0])
 _STIFFNESS = {1: 20.0, 2: 60.0}
 _RADIUS = 8.0
 _BALL, _BALL_G = 20.0, 10.0
+_ROUNDS = 3
 _DEPTHS = (0.2, 0.3, 0.4, 0.6)
 
 
@@ -92,9 +93,7 @@ def _compared(body: Body, quick: QuickTouch, pokes: list[Contact], progress: Pro
     full, rows = FullTouch(body), []
     for k, contact in enumerate(pokes):
         progress(k / len(pokes), f"poke {k + 1} of {len(pokes)}")
-        wall, cpu = time.perf_counter(), time.process_time()
-        found = quick.answer(contact)
-        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        found, wall, cpu = _timed(quick, contact)
         began = time.perf_counter(), time.process_time()
         truth = full.solve(contact)
         if not found.good:  # what a person would wait for
@@ -106,6 +105,17 @@ def _compared(body: Body, quick: QuickTouch, pokes: list[Contact], progress: Pro
             "estimate": found.estimate / size,
         })  # fmt: skip
     return rows
+
+
+def _timed(quick: QuickTouch, contact: Contact) -> tuple[QuickAnswer, float, float]:
+    """An answer from rest, and the least of its seconds by the clock and by the processor: the machine may have other work."""
+    walls, cpus = [], []
+    for _ in range(_ROUNDS):
+        wall, cpu = time.perf_counter(), time.process_time()
+        found = quick.answer(contact)
+        walls.append(time.perf_counter() - wall)
+        cpus.append(time.process_time() - cpu)
+    return found, min(walls), min(cpus)
 
 
 def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:

@@ -148,7 +148,12 @@ def check(folder: Path, events: list[dict[str, Any]]) -> None:
 
 
 def test_the_window_without_a_screen(tmp_path: Path) -> None:
-    check(tmp_path, play(tmp_path, SCRIPT, "headless"))
+    turned = "resize 900 600\nturn 0 0\ntouch -12 0 -150\npress 2\nslide 5 0 -150\nexpect region prostate_left\nscreenshot front.png\n"
+    events = play(tmp_path, turned, "headless")
+    shot = picture(tmp_path / "front.png")[60:560, 20:520]
+    if events[-1]["settled"]:
+        orange, blue = (np.argwhere(sign * (shot[..., 0] - shot[..., 2]) > 40)[:, 1].mean() for sign in (1, -1))
+        assert blue > orange + 50, "the patient's left is not on the right of the picture"
 
 
 @pytest.fixture
