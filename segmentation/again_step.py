@@ -22,17 +22,12 @@ from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import CaseFolder, file_sha256
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.itksnap import label_values
-from palpate.segmentation.labels import ORGAN_LABELS
-from palpate.segmentation.nifti_labels import read_labels
+from palpate.segmentation.redrawn import redrawn_labels
 from palpate.segmentation.surfaces import organ_surfaces
-from palpate.segmentation.user_labels import read_user_labels
 from palpate.segmentation.volume import Volume
 
 # What of a case the scene was made from: with another of them it is another scene.
 _SCENE = ("mesh.npz", "case.json")
-_NIFTI = (".nii", ".nii.gz")
 
 
 def run(case: CaseFolder, path: Path, progress: Progress = silent) -> dict[str, Any]:
@@ -45,7 +40,7 @@ def run(case: CaseFolder, path: Path, progress: Progress = silent) -> dict[str, 
     """
     earlier = _earlier(case)
     progress(0.1, "reading the labels")
-    labels = _labels(case, path)
+    labels = redrawn_labels(case, "deformed", path)
     progress(0.4, "the organ's surface")
     problem = _with_organ(IdentificationProblem.load(case.file("identify") / "problem.npz"), labels)
     options = IdentifyOptions(**earlier["options"])
@@ -88,22 +83,6 @@ def _no_model(case: CaseFolder) -> InputError:
         f"{case.file('identify')} holds no reduced model of this scene; run `palpate identify` with --method swarm and "
         "--boundary coupled first"
     )
-
-
-def _labels(case: CaseFolder, path: Path) -> Volume:
-    """What was drawn, in the rest frame."""
-    if not path.is_file():
-        raise InputError(f"{path} is not there; give the labels drawn on the deformed scan")
-    if case.has("deformed_ct"):
-        volume = read_user_labels(path, *case.series("deformed")).volume
-    elif path.name.lower().endswith(_NIFTI):
-        beside = path.parent / "labels.txt"
-        volume = read_labels(path, label_values(beside) if beside.is_file() else None)
-    else:
-        raise InputError(f"{path}: this case has no CT to place contours on; give a NIfTI label volume")
-    if not np.isin(volume.array, ORGAN_LABELS).any():
-        raise InputError(f"{path} holds no prostate (labels 1, 2); draw it")
-    return in_lps_order(volume.moved(case.deformed_to_rest()))
 
 
 def _with_organ(problem: IdentificationProblem, labels: Volume) -> IdentificationProblem:

@@ -24,6 +24,8 @@ from palpate.segmentation.labels import LABELS
 from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
 from palpate.segmentation.partition import HOLE_NAMES
+from palpate.segmentation.repeat_step import FILE as NOISE_FILE
+from palpate.segmentation.repeat_step import measured_noise
 from palpate.segmentation.surfaces import TriSurface, organ_surfaces, wall_surface
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
@@ -65,7 +67,7 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
     if not case.has("mesh.json"):
         mesh_step.run(case, progress=lambda f, m: progress(0.1 * f, m))
     chosen = {k: v for k, v in asdict(options.identify).items() if k != "workers"}
-    inputs = case.inputs_sha256((*INPUTS, *_state_files(case)), chosen)
+    inputs = case.inputs_sha256((*INPUTS, *_further_files(case)), chosen)
     if case.step_is_done("identify", inputs):
         done: dict[str, Any] = case.read_json("result.json")
         return done
@@ -75,6 +77,7 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
         _job(case, options.identify, paths), lambda m: _tell(m, progress, options.on_message), options.cancel
     )
     result = {**found, "versions": versions(), "inputs_sha256": _input_hashes(case)}
+    result["misfit"]["contour_noise_from"] = _noise_from(case)
     if case.facts.other.get("simulated"):
         result["simulated"] = True
     case.write_json("result.json", result)
@@ -117,15 +120,24 @@ def versions() -> dict[str, str]:
 
 
 def facts_of(case: CaseFolder) -> Facts:
-    """The scalars of a case that the model needs."""
+    """The scalars of a case that the model needs; the contours' error as stated, else as measured from repeats, else assumed."""
     facts = case.facts
+    measured = None if facts.boundary_noise_sd_mm is not None else measured_noise(case)
+    sd, length = measured or (facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM, Facts.noise_correlation_mm)
     return Facts(
         tissue_shear_modulus_kpa=facts.tissue_shear_modulus_kpa,
         tissue_poisson_ratio=facts.tissue_poisson_ratio,
         bounds_kpa=facts.organ_shear_modulus_bounds_kpa,
-        noise_sd_mm=facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM,
+        noise_sd_mm=sd,
+        noise_correlation_mm=length,
         outer_fixed=facts.outer_surface == "fixed",
     )
+
+
+def _noise_from(case: CaseFolder) -> str:
+    if case.facts.boundary_noise_sd_mm is not None:
+        return "case"
+    return "assumed" if measured_noise(case) is None else "repeats"
 
 
 def _plain(surface: TriSurface) -> Surface:
@@ -145,8 +157,10 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
     return out
 
 
-def _state_files(case: CaseFolder) -> list[str]:
-    return [name for state in further_states(case) for name in state.files]
+def _further_files(case: CaseFolder) -> list[str]:
+    """What only some cases have: further deformed states, and how well contours repeat."""
+    noise = [NOISE_FILE] if case.has(NOISE_FILE) else []
+    return [*(name for state in further_states(case) for name in state.files), *noise]
 
 
 def _write_problems(case: CaseFolder, folder: Path) -> dict[str, str]:
@@ -191,5 +205,5 @@ def _tell(message: Message, progress: Progress, on_message: Callable[[Message], 
 
 
 def _input_hashes(case: CaseFolder) -> dict[str, str]:
-    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS, *_state_files(case))
+    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS, *_further_files(case))
     return {name: case.inputs_sha256([name]) for name in names if case.has(name)}

@@ -8,7 +8,7 @@ from typing import Any
 
 from palpate.core.fem.elements import ELEMENTS
 from palpate.core.identify.options import BOUNDARIES, METHODS, IdentifyOptions
-from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.case import STATES, CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -22,6 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--again", type=Path, metavar="LABELS",
                         help="only the organ's contours on the deformed scan are new: labels drawn on it. Answers in a second from "
                         "the model that the case's last swarm left; writes again.json, result.json stays")  # fmt: skip
+    parser.add_argument("--repeat", type=_repeat, action="append", default=[], metavar="STATE=LABELS",
+                        help="labels drawn a second time on a scan, STATE rest or deformed: the contours' error is measured from "
+                        "them where case.json states none")  # fmt: skip
     add_options(parser)
 
 
@@ -65,7 +68,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Identifies; see `identify_step.run` and `again_step.run`."""
-    from palpate.segmentation import again_step, identify_step  # here, because VTK takes seconds to load
+    from palpate.segmentation import again_step, identify_step, repeat_step  # here, because VTK takes seconds to load
 
     no_points(args)
     case = CaseFolder(args.case)
@@ -73,9 +76,18 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
         with recorded(case, args), console.progress(NAME) as progress:
             result = again_step.run(case, args.again, progress)
         return result, "\n".join(text_of(case, result, "again.json"))
+    if args.repeat:
+        repeat_step.run(case, dict(args.repeat))
     with recorded(case, args), console.progress(NAME) as progress:
         result = identify_step.run(case, identify_step.IdentifyStepOptions(options_of(args)), progress)
     return result, "\n".join(text_of(case, result))
+
+
+def _repeat(text: str) -> tuple[str, Path]:
+    state, equals, path = text.partition("=")
+    if not (equals and path) or state not in STATES:
+        raise argparse.ArgumentTypeError(f"{text!r} is not like rest=second_drawing.nii.gz or deformed=...")
+    return state, Path(path)
 
 
 def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.json") -> list[str]:
@@ -87,5 +99,7 @@ def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.jso
         edge = ", at the edge of what was allowed" if found["at_bound"] else ""
         lines.append(f"found   {name}: G = {found['G_kpa']:.3g} kPa, {sure}{edge}")
     lines.append(f"misfit  {result['misfit']['rms_mm']:.2f} mm rms")
+    if case.has("noise.json"):
+        lines.append(f"noise   {case.read_json('noise.json')['sd_mm']:.2f} mm, from contours drawn twice")
     lines += [f"says    {part}" for part in str(result["identifiability"]["verdict"]).split("; ")]
     return [*lines, f"result  {case.file(written)}"]

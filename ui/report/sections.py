@@ -89,7 +89,9 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
             0, ("rms distance of the two observed surfaces, for comparison", f"{misfit['rms_before_mm']:.2f} mm")
         )
     noise, expected = record.noise_sd_mm, record.expected_misfit_mm
-    stated = "as the case states" if record.facts.boundary_noise_sd_mm is not None else "assumed, the case states none"
+    measured = misfit.get("contour_noise_from") == "repeats"
+    assumed = "measured from contours drawn twice" if measured else "assumed, the case states none"
+    stated = "as the case states" if record.facts.boundary_noise_sd_mm is not None else assumed
     rows.append(
         ("repeatability of one contour (sd)", "not known" if noise is None else f"{noise:.2f} mm, {stated}"),
     )

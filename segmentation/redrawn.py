@@ -1,0 +1,37 @@
+"""Labels drawn anew on a scan of a case, brought to where the case's own lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from palpate.core.errors import InputError
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.grid import in_lps_order
+from palpate.segmentation.itksnap import label_values
+from palpate.segmentation.labels import ORGAN_LABELS
+from palpate.segmentation.nifti_labels import read_labels
+from palpate.segmentation.user_labels import read_user_labels
+from palpate.segmentation.volume import Volume
+
+_NIFTI = (".nii", ".nii.gz")
+
+
+def redrawn_labels(case: CaseFolder, state: str, path: Path) -> Volume:
+    """Labels of the rest frame, axes in LPS order. path : of any kind that an import takes, in that scan's own coordinates.
+
+    Raises InputError naming the file when it is missing, unreadable or holds no organ.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} is not there; give the labels drawn on the {state} scan")
+    if case.has(f"{state}_ct"):
+        volume = read_user_labels(path, *case.series(state)).volume
+    elif path.name.lower().endswith(_NIFTI):
+        beside = path.parent / "labels.txt"
+        volume = read_labels(path, label_values(beside) if beside.is_file() else None)
+    else:
+        raise InputError(f"{path}: this case has no CT to place contours on; give a NIfTI label volume")
+    if not np.isin(volume.array, ORGAN_LABELS).any():
+        raise InputError(f"{path} holds no prostate (labels 1, 2); draw it")
+    return in_lps_order(volume.moved(case.deformed_to_rest()) if state == "deformed" else volume)
