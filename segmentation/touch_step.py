@@ -61,6 +61,7 @@ def body_of(case: CaseFolder, options: TouchStepOptions | None = None, progress:
         support=options.support,
         tissue_kpa=facts.tissue_shear_modulus_kpa,
         poisson_ratio=facts.organ_poisson_ratio,
+        interval_kpa=_intervals(case, regions),
     )
 
 
@@ -79,6 +80,11 @@ def organ_in_tissue(labels: Volume) -> Volume:
     affine[:3, 3] = labels.to_lps((low - margin)[None])[0]
     out = np.where(organ, array, np.where(near, SURROUNDING_TISSUE, OUTSIDE)).astype(np.uint8)
     return Volume(out, affine)
+
+
+def _intervals(case: CaseFolder, regions: list[int]) -> dict[int, tuple[float, float]]:
+    found = {r: case.read_json("result.json")["parameters"][LABELS[r]].get("ci95_kpa") for r in regions}
+    return {r: (float(ci[0]), float(ci[1])) for r, ci in found.items() if isinstance(ci, list) and len(ci) == 2}
 
 
 def _stiffness(case: CaseFolder, regions: list[int]) -> dict[int, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -43,7 +43,8 @@ _DEEPEST = 4.0
 class Body:
     """A mesh, the shear modulus of its regions (kPa), and what holds it.
 
-    names : region id -> what it is called. tissue_kpa : shear modulus of what surrounds it, for the bed. fixed : (n,) nodes that do not
+    names : region id -> what it is called. interval_kpa : of the shear moduli, 95 %, where it is known; to be shown, nothing follows
+    from it. tissue_kpa : shear modulus of what surrounds it, for the bed. fixed : (n,) nodes that do not
     move, besides the support's own.
     """
 
@@ -54,6 +55,7 @@ class Body:
     tissue_kpa: float = 20.0
     poisson_ratio: float = 0.495
     fixed: NDArray[np.int64] | None = None
+    interval_kpa: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.support not in SUPPORTS:

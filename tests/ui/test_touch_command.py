@@ -67,6 +67,7 @@ def test_a_script_feels_both_halves_and_saves_the_curve(
     assert told["support"] == "bed" and told["G_kpa"] == {"prostate_left": 40.0, "prostate_right": 120.0}
     pressed = [event for event in told["events"] if event["command"] == "press"]
     assert [round(event["indentation_mm"], 6) for event in pressed] == [2.0, 2.0]
+    assert pressed[0]["G_ci95_kpa"] == pytest.approx([40.0 / 1.2, 48.0])
     assert 1.8 < pressed[1]["force_n"] / pressed[0]["force_n"] < 3.2  # three times the modulus, the bed in series
 
     table, picture = (Path(file) for file in told["files"])

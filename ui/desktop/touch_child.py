@@ -34,7 +34,7 @@ def save_body(path: Path, body: Body) -> None:
     """A body as an npz without pickle."""
     facts = {
         "shear_kpa": body.shear_kpa, "names": body.names, "support": body.support, "tissue_kpa": body.tissue_kpa,
-        "poisson_ratio": body.poisson_ratio,
+        "poisson_ratio": body.poisson_ratio, "interval_kpa": body.interval_kpa,
     }  # fmt: skip
     m = body.mesh
     np.savez(path, points=m.points, cells=m.cells, regions=m.regions, facts=np.array(json.dumps(facts)))
@@ -45,8 +45,9 @@ def load_body(path: Path) -> Body:
     with np.load(path, allow_pickle=False) as file:
         mesh = TetMesh(file["points"], file["cells"], file["regions"])
         facts = json.loads(str(file["facts"]))
-    shear, names = ({int(k): v for k, v in facts.pop(key).items()} for key in ("shear_kpa", "names"))
-    return Body(mesh, shear, names, **facts)
+    by_region = ({int(k): v for k, v in facts.pop(key).items()} for key in ("shear_kpa", "names", "interval_kpa"))
+    shear, names, interval = by_region
+    return Body(mesh, shear, names, interval_kpa=interval, **facts)
 
 
 class Child:

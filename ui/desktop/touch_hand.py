@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,11 @@ FloatArray = NDArray[np.float64]
 # A press by a script goes there in steps of at most so much, and a slide too, mm.
 PRESS_STEP, SLIDE_STEP = 0.25, 1.0
 _DPI = 150
+
+
+def stiffness_words(G: float, interval: Sequence[float] | None) -> str:
+    """A shear modulus, kPa, and its 95 % interval where that is known."""
+    return f"G = {G:.3g} kPa" + ("" if interval is None else f" ({interval[0]:.3g} to {interval[1]:.3g})")
 
 
 class Hand:
@@ -104,10 +110,10 @@ class Hand:
         """What holds the organ."""
         return self.session.body.support
 
-    def stiffness(self) -> dict[str, float]:
-        """G of each region by its name, kPa."""
+    def stiffness(self) -> dict[str, str]:
+        """G of each region by its name, in words."""
         body = self.session.body
-        return {body.names[r]: G for r, G in body.shear_kpa.items()}
+        return {name: stiffness_words(body.shear_kpa[r], body.interval_kpa.get(r)) for r, name in body.names.items()}
 
     def _row(self, a: Answer) -> CurveRow:
         x, y, z = map(float, a.point)
@@ -132,7 +138,7 @@ class Hand:
             }
         return {
             **told, "touch": a.touch, "region": self.session.body.names[a.region],
-            "G_kpa": self.session.body.shear_kpa[a.region],
+            "G_kpa": self.session.body.shear_kpa[a.region], "G_ci95_kpa": self.session.body.interval_kpa.get(a.region),
             "point": [round(float(c), 3) for c in a.point], "normal": [round(float(c), 5) for c in a.normal],
             "indentation_mm": round(a.indentation_mm, 4), "force_n": round(a.force_n, 6),
             "stiffness_n_per_mm": a.stiffness_n_per_mm, "error_n": a.error_n, "solve": "full" if a.full else "quick",

@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 
 from palpate.ui.desktop import style
 from palpate.ui.desktop.touch_chart import TouchChart
+from palpate.ui.desktop.touch_hand import stiffness_words
 from palpate.ui.desktop.touch_model import TouchModel
 from palpate.ui.desktop.touch_view import TouchView
 
@@ -72,7 +73,7 @@ class TouchWindow(QMainWindow):
             region = next(r for r, found in self.model.body.names.items() if found == name)
             r, g, b = self.model.colours[region]
             self.region.setStyleSheet(f"background: rgb({r}, {g}, {b}); color: white; padding: 5px; font-weight: bold;")
-            self.region.setText(f"{name.replace('_', ' ')}: G = {facts['G_kpa']:.3g} kPa")
+            self.region.setText(f"{name.replace('_', ' ')}: {stiffness_words(facts['G_kpa'], facts['G_ci95_kpa'])}")
         else:
             self.region.setText("touch the organ with the left button")
         self.force.setText(f"{facts.get('force_n', 0.0):.2f} N")

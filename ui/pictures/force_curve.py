@@ -49,10 +49,10 @@ def curve_csv(rows: Sequence[CurveRow]) -> str:
     return text.getvalue()
 
 
-def force_curve(rows: Sequence[CurveRow], stiffness: Mapping[str, float], support: str) -> Figure:
+def force_curve(rows: Sequence[CurveRow], stiffness: Mapping[str, str], support: str) -> Figure:
     """A line for each place in the colour of its region, faint dots where the probe slid.
 
-    stiffness : G by region, kPa. support : what holds the organ.
+    stiffness : of each region, in words. support : what holds the organ.
     """
     figure = Figure(figsize=(5.4, 3.8), layout="constrained")
     axes = figure.subplots()
@@ -60,7 +60,7 @@ def force_curve(rows: Sequence[CurveRow], stiffness: Mapping[str, float], suppor
     for part in _runs(rows):
         region, sliding = part[0].region, len(part) == 1
         colour, marker = _LOOKS.get(region, _OTHERS)
-        label = None if region in named else f"{region.replace('_', ' ')}, G = {stiffness[region]:.3g} kPa"
+        label = None if region in named else f"{region.replace('_', ' ')}, {stiffness[region]}"
         named.add(region)
         axes.plot([r.indentation_mm for r in part], [r.force_n for r in part], color=colour, marker=marker, label=label,
                   markersize=3, linewidth=1.2, alpha=0.4 if sliding else 1.0)  # fmt: skip
