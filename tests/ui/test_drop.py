@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ G = {"prostate_left": 12.0, "prostate_right": 30.0}
 def identified(folder: Path, G: dict[str, float] = G, name: str = "Kowalski") -> CaseFolder:
     """A case whose organ is a small block in tissue, +x the patient's left."""
     case = CaseFolder.create(folder, CaseFacts(name))
-    mesh = box((24.0, 16.0, 14.0), (4, 3, 3), jitter=0.1, seed=1)
+    mesh = box((24.0, 16.0, 14.0), (4, 2, 3), jitter=0.1, seed=1)
     mesh = with_regions(mesh, lambda x: np.where(x[:, 2] > 11.0, 3, np.where(x[:, 0] > 12.0, 1, 2)))
     case.write_npz("mesh.npz", points=mesh.points, cells=mesh.cells, regions=mesh.regions)
     case.write_json("result.json", {"parameters": {k: {"G_kpa": v} for k, v in G.items()}})
@@ -35,10 +36,10 @@ def identified(folder: Path, G: dict[str, float] = G, name: str = "Kowalski") ->
 
 @pytest.fixture(scope="module")
 def dropped(tmp_path_factory: pytest.TempPathFactory) -> drop_step.Dropped:
-    """Two organs, one stiffer, on their way for 40 ms."""
+    """Two organs, one stiffer, on their way for 30 ms."""
     folder = tmp_path_factory.mktemp("drop")
     cases = [identified(folder / "a"), identified(folder / "b", {"prostate_left": 90.0, "prostate_right": 95.0})]
-    return drop_step.run(cases, DropOptions(height=3.0, seconds=0.04, frames=100.0))
+    return drop_step.run(cases, DropOptions(height=1.5, seconds=0.03, frames=100.0))
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +52,10 @@ def test_the_organ_alone_falls_with_the_stiffness_of_its_sides(dropped: drop_ste
     assert dropped.organs[0].stiffness_kpa == {1: 12.0, 2: 30.0}
     soft, stiff = dropped.drops
     assert set(soft.regions.tolist()) == {1, 2}
-    assert soft.times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
+    assert soft.times == pytest.approx([0.0, 0.01, 0.02, 0.03])
     for one in dropped.drops:
         assert one.figures["landed"]
-        assert one.figures["fall_mm"] == pytest.approx(2.7, abs=0.05)  # to the edge of the dish's layer
+        assert one.figures["fall_mm"] == pytest.approx(1.2, abs=0.05)  # to the edge of the dish's layer
         assert abs(one.figures["fall_time_error"]) < 0.01
         assert one.figures["deepest_penetration_mm"] == 0.0
         assert one.figures["energy_growth"] <= 1e-3
@@ -75,7 +76,7 @@ def test_a_films_arrays_travel_whole(stage: DropStage, tmp_path: Path) -> None:
 
 
 def test_the_film_shows_both_organs_time_and_scale(stage: DropStage, tmp_path: Path) -> None:
-    path = tmp_path / "film.mp4"
+    path, stage = tmp_path / "film.mp4", replace(stage, size=(320, 360))
     told = list[float]()
     drop_film.make_film(stage, path, lambda fraction, message: told.append(fraction))
     assert told == sorted(told)
@@ -86,7 +87,7 @@ def test_the_film_shows_both_organs_time_and_scale(stage: DropStage, tmp_path: P
     assert (columns, rows > height) == (2 * width, True)
     colourful = [picture.max(axis=2).astype(int) - picture.min(axis=2) > 60 for picture in film]
     for half in (slice(0, width), slice(width, None)):  # the organ, coloured on grey and white, comes down
-        first, last = (np.argwhere(c[58 : 58 + height, half])[:, 0].mean() for c in (colourful[0], colourful[3]))
+        first, last = (np.argwhere(c[58 : 58 + height, half])[:, 0].mean() for c in (colourful[0], colourful[2]))
         assert last > first + 5
     assert (film[0] != film[-1])[58 + height :].any()  # the time
 
