@@ -102,6 +102,10 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
         if isinstance(entry, Mapping) and entry.get("source_sha256") == source:
             return _state(case, entry)
     volume, matrix = _aligned(case, new)
+    if case.has_labels("deformed") and np.array_equal(in_lps_order(volume).array, case.labels("deformed").array):
+        raise InputError(
+            f"{new.labels or new.scan} holds the same labels as the first deformed state; it would count twice"
+        )
     points = None if new.landmarks is None else read_landmarks(new.landmarks)
     number = 2 + sum(isinstance(e, Mapping) and "labels" in e for e in entries)
     labels, marks = f"deformed_{number}.nii.gz", None if points is None else f"landmarks_{number}.csv"
