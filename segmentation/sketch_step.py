@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.core.sketch.closing import closed
 from palpate.core.sketch.figure import FORCE_UNIT, SIDES, Figure, FigureOptions
 from palpate.core.sketch.fit import HIT, Fit, FitOptions, Target, fit_keyframes
 from palpate.core.sketch.held import sides_that_stay
@@ -44,7 +45,7 @@ class SketchOptions:
     poisson_ratio: float = 0.4
     line_error: float = 0.004
     cells: int = 600
-    highest_degree: int = 6
+    highest_degree: int = 3
     pull_n_per_mm: float | None = None
     swarm: SwarmFitOptions | None = None
     motion: MotionOptions = field(default_factory=MotionOptions)
@@ -76,11 +77,15 @@ def run_sketch(keys: Sequence[Path], options: SketchOptions | None = None, progr
     rim = first.outline.resampled(_SPACING * first.outline.size)
     figure = Figure(mesh, rim, FigureOptions(held, options.poisson_ratio))
     fit_options = FitOptions(options.line_error)
-    fit = fit_keyframes(figure, targets, fit_options, options.highest_degree, part(progress, 0.1, 0.6))
+    # Where there is no ratio to find, forces need not be few.
+    highest = options.highest_degree if len(figure.parts) > 1 else min(1, options.highest_degree)
+    fit = fit_keyframes(figure, targets, fit_options, highest, part(progress, 0.1, 0.6))
     swarm = None
     if options.swarm is not None and len(figure.parts) > 1:
         swarm, _ = swarm_fit(figure, targets, fit, fit_options, options.swarm, part(progress, 0.6, 0.75))
-    moving = animate(figure, fit, options.motion, part(progress, 0.75, 1.0))
+    progress(0.76, "drawing the rim onto the lines")
+    fit = closed(figure, targets, fit)
+    moving = animate(figure, fit, options.motion, part(progress, 0.8, 1.0))
     summary = _summary(keys, drawings, figure, fit, moving, options)
     if swarm is not None:
         summary["swarm"] = {"ratios": np.exp(swarm.theta).round(4).tolist(), "misfit": round(swarm.misfit, 3)}
@@ -126,7 +131,7 @@ def _summary(
         "poisson_ratio": options.poisson_ratio,
         "keyframes": frames,
         "hit": all(frame["hausdorff_percent"] < 100.0 * HIT for frame in frames),
-        "forces": {"degree": fit.degree, "coefficients": fit.forces.size, "unit_over_G": FORCE_UNIT},
+        "forces": {"degree": fit.degree, "coefficients": fit.forces.size, "unit_over_G": FORCE_UNIT, "smooth_alone": fit.goals is None},
         "misfit": {"weighted": round(fit.misfit, 3), "looks": round(fit.looks, 1), "line_error_percent": 100 * options.line_error},
         "solver": {"forward_solves": fit.solves, "converged": fit.converged, "cells": len(figure.space.mesh.cells),
                    "element": figure.options.element},
@@ -140,6 +145,8 @@ def _keyframe(figure: Figure, fit: Fit, k: int, drawn: Outline) -> dict[str, flo
     rim, size = figure.rim_at(fit.states[k].u), figure.outline.size
     both = np.concatenate([drawn.distances(rim.points), rim.distances(drawn.points)])
     force = np.tensordot(fit.forces[k], figure.force_basis(fit.degree), 1).sum(axis=0)
+    if fit.goals is not None:
+        force = force + figure.pull(fit.states[k].u, fit.goals[k], fit.spring)
     moved = np.linalg.norm(rim.points - figure.outline.points, axis=1)
     return {
         "rms_percent": round(100.0 * float(np.sqrt((both**2).mean())) / size, 3),
@@ -184,11 +191,13 @@ def _words(figure: Figure, fit: Fit, frames: list[dict[str, float]], G: float | 
         words.append(
             told if sd < UNTOLD_SD else f"the keyframes do not tell how stiff part {k} is: other forces draw the same"
         )
+    if fit.goals is not None:
+        words.append("smooth forces alone do not hit the keyframes: forces from point to point of the rim were added")
     far = [k + 2 for k, frame in enumerate(frames) if frame["hausdorff_percent"] >= 100.0 * HIT]
     if far:
         words.append(
-            f"keyframe {', '.join(map(str, far))} is not hit within {100 * HIT:.0f} % of the figure's size everywhere: it bends or "
-            "stretches in a way that no smooth force gives"
+            f"keyframe {', '.join(map(str, far))} is not hit within {100 * HIT:.0f} % of the figure's size everywhere: its lines "
+            "and the body's do not agree there"
         )
     return words
 

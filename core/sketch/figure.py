@@ -71,7 +71,9 @@ class Figure:
         self._bed: tuple[Term, ...] = () if held.any() else (self._springs(),)
         every = np.arange(self.space.n_nodes)
         self._nothing = nodal_force(every, np.zeros((self.space.n_nodes, 3)))
-        self.assembler = Assembler(self.space, free.ravel(), (self._nothing, *self._bed))
+        q = len(outline.points)
+        self._slack = Springs(PointSet.of_matrix(self.rim, np.ones(q)), np.zeros((3, 3)), np.zeros((q, 3)))
+        self.assembler = Assembler(self.space, free.ravel(), (self._nothing, self._slack, *self._bed))
 
     def force_basis(self, degree: int) -> FloatArray:
         """(r, n, 3) mN on the nodes for a unit of each coefficient, r = (degree + 1) (degree + 2).
@@ -101,12 +103,30 @@ class Figure:
     def solve(self, theta: FloatArray, force: FloatArray, start: State | None = None) -> Equilibrium:
         """Equilibrium under nodal forces (n, 3) mN."""
         self.loaded(force)
+        return self.equilibrium(theta, start)
+
+    def equilibrium(self, theta: FloatArray, start: State | None = None) -> Equilibrium:
+        """Equilibrium under what `loaded` has put on the figure."""
         return solve_equilibrium(self.assembler, self.materials(theta), start=start, options=_OPTIONS)
 
-    def loaded(self, force: FloatArray) -> None:
-        """Put dead nodal forces (n, 3) mN on the rim."""
+    def loaded(self, force: FloatArray, goal: FloatArray | None = None, stiffness: float = 0.0) -> None:
+        """Put dead nodal forces (n, 3) mN on the figure, and springs that pull the observed points of its rim to displacements goal
+        (q, 3) mm; stiffness : of the springs, over the first part's shear modulus and the figure's size."""
         points: PointSet = self._nothing.points
-        self.assembler.terms = (PointForce(points, force), *self._bed)
+        springs = self._slack if goal is None else self.springs(goal, stiffness)
+        self.assembler.terms = (PointForce(points, force), springs, *self._bed)
+
+    def springs(self, goal: FloatArray, stiffness: float) -> Springs:
+        """See `loaded`."""
+        area = self.outline.length / len(goal) * self.thickness
+        points = PointSet(self._slack.points.nodes, self._slack.points.weights, np.full(len(goal), area))
+        return Springs(points, stiffness / self.outline.size * np.diag([1.0, 1.0, 0.0]), goal)
+
+    def pull(self, u: FloatArray, goal: FloatArray, stiffness: float) -> FloatArray:
+        """(3,) mN, what the springs of `loaded` pull with in all."""
+        springs = self.springs(goal, stiffness)
+        _, gradient, _ = springs.evaluate(u, 1.0, 1)
+        return -np.asarray(gradient.reshape(-1, 3).sum(axis=0))
 
     def sensitivities(self, theta: FloatArray, found: Equilibrium, basis: FloatArray) -> FloatArray:
         """(q, 2, P - 1 + r) mm: how the rim's points move per unit of every parameter; the factor must be that of `found`."""

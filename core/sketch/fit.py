@@ -58,6 +58,8 @@ class Fit:
     """theta (P - 1,) = ln of stiffness ratios; forces : (k, r) coefficients of each keyframe; states, their equilibria.
 
     misfit : squared whitened residual of the outlines. looks : independent looks at them. covariance (P - 1, P - 1) of theta.
+    goals : (k, q, 3) mm, where springs of `spring` (see `Figure.loaded`) pull the rim's points beside those forces; None where the
+    forces were enough, see `closing`.
     """
 
     theta: FloatArray
@@ -69,6 +71,8 @@ class Fit:
     degree: int
     solves: int
     converged: bool
+    goals: FloatArray | None = None
+    spring: float = 0.0
 
     @property
     def score(self) -> float:
@@ -201,7 +205,7 @@ def fit_keyframes(
     figure: Figure,
     targets: tuple[Target, ...],
     options: FitOptions | None = None,
-    highest: int = 6,
+    highest: int = 3,
     progress: Progress = silent,
 ) -> Fit:
     """The fit with the fewest force coefficients that the drawn lines ask for (Schwarz 1978, Estimating the dimension of a model).

@@ -57,12 +57,33 @@ class Moving:
         self.said.append(said)
 
 
+@dataclass(frozen=True, eq=False)
+class _Load:
+    """force : (n, 3) mN on nodes. goal (q, 3) mm and spring : see `Figure.loaded`."""
+
+    force: FloatArray
+    goal: FloatArray
+    spring: float
+
+    def towards(self, other: _Load, share: float) -> _Load:
+        """Part of the way to another, or beyond it."""
+        force = self.force + share * (other.force - self.force)
+        return _Load(force, self.goal + share * (other.goal - self.goal), self.spring)
+
+    def put_on(self, figure: Figure) -> None:
+        """See `Figure.loaded`."""
+        figure.loaded(self.force, self.goal if self.spring > 0.0 else None, self.spring)
+
+
 def animate(figure: Figure, fit: Fit, options: MotionOptions | None = None, progress: Progress = silent) -> Moving:
     """All pictures from the first keyframe through the others, beyond the last, and back."""
     options = options or MotionOptions()
     basis = figure.force_basis(fit.degree)
-    forces = np.vstack([np.zeros((1, fit.forces.shape[1])), fit.forces])
     rest = State(np.zeros((figure.space.n_nodes, 3)), np.zeros(figure.space.n_pressures))
+    loads = [_Load(np.zeros_like(rest.u), np.zeros((len(figure.outline.points), 3)), fit.spring)]
+    for k, forces in enumerate(fit.forces):
+        goal = loads[0].goal if fit.goals is None else fit.goals[k]
+        loads.append(_Load(np.tensordot(forces, basis, 1), goal, fit.spring))
     states = [rest, *(State(e.u, e.p) for e in fit.states)]
     out = Moving()
     legs = len(states) - 1
@@ -70,27 +91,25 @@ def animate(figure: Figure, fit: Fit, options: MotionOptions | None = None, prog
         progress(0.6 * k / legs, f"between keyframes {k + 1} and {k + 2}")
         for _ in range(options.still):
             out.add(states[k].u, f"keyframe {k + 1}")
-        loads = [np.tensordot(f, basis, 1) for f in forces[k : k + 2]]
-        for u in _leg(figure, fit.theta, loads, states[k : k + 2], options.leg, out.notes):
+        for u in _leg(figure, fit.theta, loads[k : k + 2], states[k : k + 2], options.leg, out.notes):
             out.add(u, f"between keyframes {k + 1} and {k + 2}")
     for _ in range(options.still):
         out.add(states[-1].u, f"keyframe {legs + 1}")
     progress(0.6, "beyond the last keyframe")
-    loads = [np.tensordot(f, basis, 1) for f in forces[-2:]]
-    last = _beyond(figure, fit.theta, loads, states[-1], options.beyond, out)
+    last = _beyond(figure, fit.theta, loads[-2:], states[-1], options.beyond, out)
     progress(0.7, "letting go")
-    _swing(figure, fit.theta, last, loads[1], options, out)
+    _swing(figure, fit.theta, last, options, out)
     return out
 
 
 def _leg(
-    figure: Figure, theta: FloatArray, loads: list[FloatArray], ends: list[State], count: int, notes: list[str]
+    figure: Figure, theta: FloatArray, loads: list[_Load], ends: list[State], count: int, notes: list[str]
 ) -> list[FloatArray]:
     """Displacements strictly between two states: from the first onwards, else from the second backwards, else blended."""
     shares = _smooth(np.arange(1, count + 1) / (count + 1))
     for way, (start, goal) in (("on", (ends[0], ends[1])), ("back", (ends[1], ends[0]))):
         order = shares if way == "on" else shares[::-1]
-        found = _follow(figure, theta, [(1 - s) * loads[0] + s * loads[1] for s in order], start)
+        found = _follow(figure, theta, [loads[0].towards(loads[1], s) for s in order], start)
         if len(found) == count and _near(figure, theta, loads[1 if way == "on" else 0], found[-1], goal):
             us = [e.u for e in found]
             return us if way == "on" else us[::-1]
@@ -98,10 +117,11 @@ def _leg(
     return [(1 - s) * ends[0].u + s * ends[1].u for s in shares]
 
 
-def _follow(figure: Figure, theta: FloatArray, loads: list[FloatArray], start: State) -> list[Equilibrium]:
+def _follow(figure: Figure, theta: FloatArray, loads: list[_Load], start: State) -> list[Equilibrium]:
     found: list[Equilibrium] = []
     for load in loads:
-        end = figure.solve(theta, load, start)
+        load.put_on(figure)
+        end = figure.equilibrium(theta, start)
         if not end.converged:
             break
         found.append(end)
@@ -109,7 +129,7 @@ def _follow(figure: Figure, theta: FloatArray, loads: list[FloatArray], start: S
     return found
 
 
-def _near(figure: Figure, theta: FloatArray, load: FloatArray, last: Equilibrium, goal: State) -> bool:
+def _near(figure: Figure, theta: FloatArray, load: _Load, last: Equilibrium, goal: State) -> bool:
     """Whether one more step ends where it should."""
     end = _follow(figure, theta, [load], State(last.u, last.p))
     return bool(end) and float(np.abs(end[0].u - goal.u).max()) < _SAME * figure.outline.size
@@ -117,7 +137,7 @@ def _near(figure: Figure, theta: FloatArray, load: FloatArray, last: Equilibrium
 
 def _beyond(figure: Figure, theta: FloatArray, loads: list[FloatArray], start: State, count: int, out: Moving) -> State:
     share = _BEYOND * np.sin(0.5 * np.pi * np.arange(1, count + 1) / max(count, 1))
-    found = _follow(figure, theta, [loads[1] + s * (loads[1] - loads[0]) for s in share], start)
+    found = _follow(figure, theta, [loads[0].towards(loads[1], 1.0 + s) for s in share], start)
     for end in found:
         out.add(end.u, "beyond the last keyframe")
     if len(found) < count:
@@ -125,14 +145,13 @@ def _beyond(figure: Figure, theta: FloatArray, loads: list[FloatArray], start: S
     return State(found[-1].u, found[-1].p) if found else start
 
 
-def _swing(
-    figure: Figure, theta: FloatArray, start: State, load: FloatArray, options: MotionOptions, out: Moving
-) -> None:
+def _swing(figure: Figure, theta: FloatArray, start: State, options: MotionOptions, out: Moving) -> None:
     """Let go: no forces any more."""
-    figure.loaded(np.zeros_like(load))
+    figure.loaded(np.zeros_like(start.u))
     figure.assembler.set_materials(figure.materials(theta))
     squared = float((start.u * Mass.of(figure.space, 1.0).times(start.u)).sum())
-    stiffness = float((load * start.u).sum())  # secant, of the shape it starts from
+    # Secant stiffness of the shape it starts from: twice the energy over the squared way.
+    stiffness = 2.0 * figure.assembler.energy(start.u, 1.0)
     if options.swing == 0 or not stiffness > 0.0:
         return
     density = stiffness / squared * (_PERIOD / (2.0 * np.pi)) ** 2

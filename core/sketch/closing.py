@@ -1,0 +1,80 @@
+"""What smooth forces leave: the rim is drawn onto the keyframe's line by springs.
+
+A drawn pose need not be one that few smooth forces make. From every observed point of the rim a spring goes to where the point
+belongs; all are alike, and as stiff as it takes. Their other ends can be moved, so that the way between two keyframes is one of
+equilibria too, where forces alone would let the figure snap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.state import State
+from palpate.core.sketch.figure import Figure
+from palpate.core.sketch.fit import HIT, Fit, Target, hits
+from palpate.core.sketch.matching import matched
+from palpate.core.sketch.outline import hausdorff
+
+FloatArray = NDArray[np.float64]
+
+# Stiffness of the springs, see `Figure.loaded`, tried in turn; rounds of pairing anew with each.
+_STIFFNESS = (30.0, 120.0, 500.0)
+_ROUNDS = 3
+# They end well below what counts as a hit.
+_ENOUGH = 0.6
+
+
+def closed(figure: Figure, targets: tuple[Target, ...], fit: Fit) -> Fit:
+    """The same fit with springs where its smooth forces do not hit a keyframe; as it is where they do, or where springs do not help."""
+    if hits(figure, targets, fit):
+        return fit
+    basis = figure.force_basis(fit.degree)
+    best, lowest = fit, max(_off(figure, e, t) for e, t in zip(fit.states, targets, strict=True))
+    states, solves = list(fit.states), fit.solves
+    for stiffness in _STIFFNESS:
+        goals = []
+        for k, target in enumerate(targets):
+            states[k], goal, more = _drawn(
+                figure, fit, np.tensordot(fit.forces[k], basis, 1), (states[k], target), stiffness
+            )
+            goals.append(goal)
+            solves += more
+        off = max(_off(figure, e, t) for e, t in zip(states, targets, strict=True))
+        if off < lowest:
+            lowest = off
+            best = replace(fit, states=tuple(states), goals=np.stack(goals), spring=stiffness, solves=solves)
+        if off < _ENOUGH * HIT:
+            break
+    return best
+
+
+def _drawn(
+    figure: Figure, fit: Fit, force: FloatArray, pair: tuple[Equilibrium, Target], stiffness: float
+) -> tuple[Equilibrium, FloatArray, int]:
+    """Equilibrium with springs of this stiffness, their goal (q, 3) mm and the number of solves."""
+    (state, target), solves = pair, 0
+    goal = _goal(figure, state.u, target)
+    for k in range(_ROUNDS):
+        wanted = goal if k == 0 else _goal(figure, state.u, target)
+        figure.loaded(force, wanted, stiffness)
+        end = figure.equilibrium(fit.theta, State(state.u, state.p))
+        solves += 1
+        if not end.converged:
+            break
+        state, goal = end, wanted
+    return state, goal, solves
+
+
+def _goal(figure: Figure, u: FloatArray, target: Target) -> FloatArray:
+    """(q, 3) mm from each point of the rim at rest to its partner, paired anew where the rim now is."""
+    flat = matched(figure.rim_at(u), target.outline) - figure.outline.points
+    return np.column_stack([flat, np.zeros(len(flat))])
+
+
+def _off(figure: Figure, end: Equilibrium, target: Target) -> float:
+    """Hausdorff distance of the outlines, in figure sizes."""
+    return hausdorff(figure.rim_at(end.u), target.outline) / figure.outline.size
