@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.segmentation.case import STATES
-from palpate.segmentation.labels import BLADDER, ORGAN_LABELS, RECTUM
+from palpate.segmentation.labels import BLADDER, ORGAN_LABELS
 from palpate.segmentation.volume import Volume
 
 # Gas, contrast and metal say nothing of how well an outline lies.
@@ -19,7 +19,8 @@ _MOST_VOXELS = 20_000
 _LEAST_VOXELS = 200
 # Where the outlines differ, the other scan must look more like the organ than the outline's own, by this share in both states.
 _BETTER = 0.9
-_GROUPS = (ORGAN_LABELS, (BLADDER,), (RECTUM,))
+# Not the rectum: what fills it is of every grey.
+_GROUPS = (ORGAN_LABELS, (BLADDER,))
 
 
 def swapped_note(
@@ -64,7 +65,7 @@ def _where_they_differ(
         if alone.all() or alone.sum() < _LEAST_VOXELS:
             continue
         own, crossed = _at(scans[state], points, _LOW_HU), _at(scans[other], moved, _LOW_HU)
-        # Each scan has its own grey of an organ: what fills a rectum changes.
+        # Each scan has its own grey of an organ, by its contrast agent and its noise.
         here += float(np.abs(own[alone] - np.median(own[~alone])).sum())
         there += float(np.abs(crossed[alone] - np.median(crossed[~alone])).sum())
         count += int(alone.sum())
