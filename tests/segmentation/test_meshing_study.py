@@ -7,7 +7,14 @@ import pytest
 
 from palpate.core.mesh import TetMesh
 from palpate.segmentation.meshing import MeshedCase, assemble
-from palpate.segmentation.meshing_study import contact_of_labels, contact_of_mesh, distance_of_organ, row_of, study_text
+from palpate.segmentation.meshing_study import (
+    contact_of_labels,
+    contact_of_mesh,
+    distance_from_outline,
+    distance_of_organ,
+    row_of,
+    study_text,
+)
 from palpate.segmentation.volume import Volume
 
 SPACING = np.array([1.0, 1.5, 3.0])
@@ -65,6 +72,14 @@ def test_a_mesh_half_a_millimetre_out_is_half_a_millimetre_out() -> None:
     assert abs(np.median(away)) < 0.3
 
 
+def test_distance_in_voxels_counts_each_axis_by_its_own_edge() -> None:
+    labels = _labels()
+    middle = labels.to_lps(np.array([[9.5, 7.5, 4.5]]))
+    out = middle + [[0.0, 0.0, 2.0 * 3.0 + 1.5], [6.0 + 0.5, 0.0, 0.0], [0.0, -(3.0 * 1.5 + 0.75), 0.0]]
+    assert distance_from_outline(labels, out, in_voxels=True) == pytest.approx([0.5, 0.5, 0.5], abs=0.1)
+    assert distance_from_outline(labels, out) == pytest.approx([1.5, 0.5, 0.75], abs=0.25)
+
+
 def test_contact_with_the_rectum_is_its_area() -> None:
     labels = _labels()
     assert contact_of_labels(labels) == pytest.approx(6 * 1.0 * 4 * 3.0)
@@ -76,4 +91,6 @@ def test_a_row_says_what_was_missed() -> None:
     row = row_of("made up", labels, _meshed(labels), seconds=75.0)
     assert row["checks"] == {"angle": True, "volume": True, "surface": True, "seconds": False}
     assert row["worst_volume_error"] == pytest.approx(0.003)
+    assert row["surface_p95_voxels"] < 0.3
+    assert 0.2 < row["smooth_outline_p95_mm"] < 2.0
     assert "not reached: seconds" in study_text({"rows": [row]})
