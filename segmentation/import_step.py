@@ -84,7 +84,7 @@ def run_import(
     paths, folder = (Path(rest), Path(deformed)), Path(case_path)
     check_new_case(folder)
     _check_kinds(paths)
-    sources = {state: _sha256_of(path) for state, path in zip(STATES, paths, strict=True)}
+    sources = {state: scan_sha256(path) for state, path in zip(STATES, paths, strict=True)}
     job = _Job(paths, folder, options, progress, sources, _inputs_sha256(sources, options))
     earlier = _earlier(job)
     if earlier is not None:
@@ -132,7 +132,7 @@ def _import_scans(job: _Job) -> dict[str, Any]:
 
 def _import_labels(job: _Job) -> dict[str, Any]:
     job.progress(0.1, "reading the label volumes")
-    volumes = [read_labels(path, _values_beside(path)) for path in job.paths]
+    volumes = [read_labels(path, values_beside(path)) for path in job.paths]
     if np.array_equal(volumes[0].array, volumes[1].array) and np.allclose(volumes[0].affine, volumes[1].affine):
         raise InputError(
             f"{job.paths[0]} and {job.paths[1]} hold the same labels; give one of the organ at rest and one deformed"
@@ -193,7 +193,10 @@ def _earlier(job: _Job) -> dict[str, Any] | None:
             raise InputError(f"{job.folder} is a case that was not imported; choose a new folder for the case with -o")
         return None
     summary: dict[str, Any] = case.read_json("import.json")
-    if summary.get("sources_sha256") != job.sources:
+    known = summary.get("sources_sha256", {})
+    if known == {"rest": job.sources["rest"]}:  # the scan at rest came alone, and now the second
+        return None
+    if known != job.sources:
         raise InputError(f"{job.folder} is the case of other scans; choose a new folder for the case with -o")
     if case.step_is_done(STEP, job.inputs):
         return summary
@@ -221,7 +224,8 @@ def _check_kinds(paths: tuple[Path, Path]) -> None:
         )
 
 
-def _sha256_of(path: Path) -> str:
+def scan_sha256(path: Path) -> str:
+    """Of a file, or of all files of a folder."""
     if path.is_file():
         return file_sha256(path)
     return hashlib.sha256("".join(file_sha256(file) for file in list_files(path)).encode()).hexdigest()
@@ -251,6 +255,7 @@ def _content_of(path: Path | None) -> str | None:
     return file_sha256(path) if len(files) == 1 else "".join(file_sha256(each) for each in files)
 
 
-def _values_beside(path: Path) -> dict[int, int] | None:
+def values_beside(path: Path) -> dict[int, int] | None:
+    """What the label values of a volume mean, where a labels.txt lies beside it."""
     description = path.parent / "labels.txt"
     return label_values(description) if description.is_file() else None

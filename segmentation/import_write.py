@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,10 @@ def gravity_of(patient_position: str | None) -> Vector | None:
 def open_or_create(folder: Path, name: str | None, gravity: Sequence[Vector | None]) -> CaseFolder:
     """The case at ``folder``; one that is there keeps its facts, because a person may have corrected them."""
     if (folder / "case.json").exists():
-        return CaseFolder(folder)
+        case = CaseFolder(folder)
+        if case.facts.gravity_deformed is None and gravity[1] is not None:  # the scan at rest came alone at first
+            case = CaseFolder.create(folder, replace(case.facts, gravity_deformed=gravity[1]))
+        return case
     facts = CaseFacts(name or folder.absolute().name, gravity_rest=gravity[0], gravity_deformed=gravity[1])
     return CaseFolder.create(folder, facts)
 

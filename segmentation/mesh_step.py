@@ -36,6 +36,10 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         report: dict[str, Any] = case.read_json("mesh.json")
         return report
     for state in ("rest", "deformed"):
+        if state == "deformed" and not case.has("deformed_ct") and not case.has_labels(state):
+            raise InputError(
+                f"{case.path} holds the scan at rest alone; `palpate plan` works on it, or import both scans"
+            )
         if not case.has_labels(state):
             raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")
     rest, deformed = case.labels("rest"), case.labels("deformed")

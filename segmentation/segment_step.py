@@ -75,18 +75,30 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
     if case.step_is_done(STEP, inputs):
         report: dict[str, Any] = case.read_json("segmentation.json")
         return report
-    came_with_labels = all(case.has_labels(state) for state in STATES) and not case.has("segmentation.json")
-    if came_with_labels or not all(case.has(f"{state}_ct") for state in STATES):
-        return _labels_alone(case, progress)
-    found = _both_states(case, options, progress)
+    alone = _is_alone(case)
+    states = STATES[:1] if alone else STATES
+    came_with_labels = all(case.has_labels(state) for state in states) and not case.has("segmentation.json")
+    if came_with_labels or not all(case.has(f"{state}_ct") for state in states):
+        return _labels_alone(case, progress, states)
+    found = _found(case, options, progress, alone)
     report = _write(case, found, options)
-    case.mark_done(STEP, inputs, OUTPUTS)
+    case.mark_done(STEP, inputs, [name for name in OUTPUTS if not (alone and name.startswith("deformed"))])
     progress(1.0, "labels written")
     return report
 
 
-def _both_states(case: CaseFolder, options: SegmentOptions, progress: Progress) -> dict[str, SegmentedState]:
+def _is_alone(case: CaseFolder) -> bool:
+    """Whether the case is of the scan at rest only, as `plan` takes it; not where the import of a pair was cut short."""
+    if case.has("deformed_ct") or case.has_labels("deformed"):
+        return False
+    return not case.has("import.json") or len(case.read_json("import.json").get("sources_sha256", {})) < len(STATES)
+
+
+def _found(case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool) -> dict[str, SegmentedState]:
+    """Both states, or where the scan at rest is alone, that one."""
     rest = _segmented(case, "rest", options.prompts, options.model, lambda f, m: progress(0.45 * f, f"rest: {m}"))
+    if alone:
+        return {"rest": rest}
     carried = options.prompts_deformed.moved(case.deformed_to_rest()).or_near(_centroids(rest), CARRIED_SD_MM)
     deformed = _segmented(
         case, "deformed", carried, options.model, lambda f, m: progress(0.45 + 0.45 * f, f"deformed: {m}")
@@ -125,7 +137,8 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
         plane = split_plane(part.prostate, normal, source, prompts.seeds.get("urethra"))
         volumes[state] = labels_of(part, plane, box)
         report["states"][state] = state_report(part, volumes[state], plane, box)
-    motions = bone_motions(rest.segmentation.bones, found["deformed"].segmentation.bones)
+    other = found.get("deformed")
+    motions = bone_motions(rest.segmentation.bones, other.segmentation.bones) if other else {}
     report["bone_motion"] = {name: motion.to_dict() for name, motion in motions.items()}
     report["notes"] = notes_on(report["states"]) + motion_notes(motions)
     # The report first: labels without one are taken as a person's own, and a killed run's are not.
@@ -157,14 +170,14 @@ def bones_of(part: SegmentedState, labels: Volume) -> Volume:
     return labels.with_array(part.segmentation.bones.on(labels, labels.array == BONE))
 
 
-def _labels_alone(case: CaseFolder, progress: Progress) -> dict[str, Any]:
+def _labels_alone(case: CaseFolder, progress: Progress, states: tuple[str, ...]) -> dict[str, Any]:
     """Nothing to segment: label volumes that came with the case are the input of the next step."""
-    missing = [case.file(f"{state}_ct") for state in STATES if not case.has(f"{state}_ct")]
-    if not all(case.has_labels(state) for state in STATES):
-        raise InputError(f"{missing[0]} is not there and there are no label volumes; import both scans first")
-    volumes = {state: case.labels(state) for state in STATES}
+    missing = [case.file(f"{state}_ct") for state in states if not case.has(f"{state}_ct")]
+    if not all(case.has_labels(state) for state in states):
+        raise InputError(f"{missing[0]} is not there and there are no label volumes; import the scans first")
+    volumes = {state: case.labels(state) for state in states}
     for state, labels in volumes.items():
         if not np.isin(labels.array, ORGAN_LABELS).any():
             raise InputError(f"{case.file(state + '.nii.gz')} holds no prostate (labels 1, 2); draw it")
     progress(1.0, "label volumes are there already")
-    return {"states": {state: {"source": "label volumes"} for state in STATES}, "notes": []}
+    return {"states": {state: {"source": "label volumes"} for state in states}, "notes": []}

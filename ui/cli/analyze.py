@@ -19,7 +19,7 @@ NAME, HELP = "analyze", "the whole way from two DICOM folders to a report"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """REST DEFORMED -o CASE and the options of every step."""
-    import_scans.add_arguments(parser)
+    import_scans.add_arguments(parser, alone=False)
     segment.add_options(parser)
     mesh.add_options(parser)
     identify.add_options(parser)

@@ -1,6 +1,7 @@
 """Makes the case folder of a pair of scans: two folders with a DICOM CT each, or two NIfTI label volumes.
 
 The deformed scan is aligned to the one at rest on bone. The case holds copies; the scans are not touched.
+The scan at rest alone makes a case for `plan`; import both into it when there is a second.
 With --surfaces, REST and DEFORMED are closed surfaces of one body (STL, OBJ, PLY, in mm), aligned on each other.
 """
 
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.import_alone import import_alone
 from palpate.segmentation.import_step import ImportOptions, run_import
 from palpate.ui.cli import further_states, import_surfaces
 from palpate.ui.cli.arguments import UsageError, no_points
@@ -20,10 +22,15 @@ from palpate.ui.cli.steps import recorded
 NAME, HELP = "import", "two scans to a case folder, aligned on bone"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """REST DEFORMED -o CASE, and how to read them."""
+def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
+    """REST DEFORMED -o CASE, and how to read them. alone : whether the scan at rest may come without the second."""
     parser.add_argument("rest", type=Path, metavar="REST", help="scan at rest: DICOM folder, or NIfTI label volume")
-    parser.add_argument("deformed", type=Path, metavar="DEFORMED", help="scan in which the organ is deformed")
+    words = "scan in which the organ is deformed"
+    if alone:
+        parser.add_argument("deformed", type=Path, metavar="DEFORMED", nargs="?",
+                            help=f"{words}; left out, the case serves `plan`")  # fmt: skip
+    else:
+        parser.add_argument("deformed", type=Path, metavar="DEFORMED", help=words)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="CASE", help="case folder to make")
     parser.add_argument("--surfaces", action="store_true",
                         help="REST and DEFORMED are closed surfaces: STL, OBJ or PLY, in mm")  # fmt: skip
@@ -56,6 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Imports; see `run_import` and `run_surface_import`."""
     no_points(args)
+    if args.deformed is None:
+        return _alone(args, console)
     if args.surfaces:
         return import_surfaces.run(args, console)
     more = further_states.states_of(args)
@@ -65,6 +74,18 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     with recorded(case, args):
         lines = further_states.add_states(case, more)
         return summary | {"further_states": len(more)}, "\n".join([*text_of(summary), *lines])
+
+
+def _alone(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """The scan at rest alone."""
+    of_two = ("surfaces", "deformed_labels", "deformed_series", "landmarks", "more", "same_patient")
+    for name in of_two:
+        if getattr(args, name):
+            raise UsageError(f"--{name.replace('_', '-')} needs DEFORMED, the scan in which the organ is deformed")
+    with console.progress(NAME) as progress:
+        summary = import_alone(args.rest, args.output, options_of(args), progress)
+    with recorded(CaseFolder(args.output), args):
+        return summary, "\n".join(text_of(summary))
 
 
 def options_of(args: argparse.Namespace) -> ImportOptions:
@@ -83,6 +104,11 @@ def options_of(args: argparse.Namespace) -> ImportOptions:
 def text_of(summary: dict[str, Any]) -> list[str]:
     """What a person reads of an import."""
     residual = summary["residual_mm"]
+    if len(summary["sources_sha256"]) == 1:
+        next_step = (
+            "next    `palpate segment`, then `palpate plan`; give both scans to `palpate import` when there is a second"
+        )
+        return [f"case    {summary['case']}, the scan at rest", *(f"note    {n}" for n in summary["notes"]), next_step]
     aligned = "not aligned on bone" if residual is None else f"aligned on bone to {residual:.2f} mm rms"
     return [f"case    {summary['case']}, {aligned}", *(f"note    {note}" for note in summary["notes"])]
 
