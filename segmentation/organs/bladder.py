@@ -12,7 +12,7 @@ from palpate.segmentation.organs.optimal_surface import crossing, optimal_surfac
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.scene import Found, Scene
 from palpate.segmentation.organs.surface_mesh import Shell, profiles, shell_of_mask
-from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest
+from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest, opened
 from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +28,9 @@ INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
 SMALLEST_CC, ENOUGH_CC, LEAST_CC = 6.0, 80.0, 1.0
 # Notches of this depth in the wall's outer surface are noise. Points and boxes are given this exactly.
 NOTCH_MM, BOX_MM = 1.0, 1.0
+# A filled bladder has no tails: a ball of this share of its depth, at most so large, fits everywhere. What it cannot enter
+# is vessels, seminal vesicles or the side wall, which have the wall's HU and touch it.
+BALL_SHARE, BALL_MM = 0.4, 8.0
 
 
 def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
@@ -46,6 +49,8 @@ def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
     mask = largest(np.asarray(ndimage.binary_fill_holes(shell.voxels(scene.grid))))
     # Noise that looks unlike urine at the wall leaves notches; the wall's outer edge closes them.
     mask = largest(mask_to_edges(scene, mask, NOTCH_MM))
+    depth = float(ndimage.distance_transform_edt(mask, sampling=scene.step).max())
+    mask = largest(opened(mask, min(BALL_SHARE * depth, BALL_MM), scene.step))
     box = prompts.box("bladder")
     if box is not None:
         mask = largest(mask & scene.box_mask(box, BOX_MM))

@@ -64,9 +64,9 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
     shell, _ = moved_to_edges(scene, shell_of_mask(shell.voxels(scene.grid) & ~blocked, scene.grid, 1.0), SNAP_MM)
     mask = largest(shell.voxels(scene.grid) & ~blocked)
     box = prompts.box("prostate")
-    if ellipsoid is not None and box is not None:
+    if ellipsoid is not None and points is not None:
         typical = typical_hu(scene, smooth, guess, blocked)
-        again, _ = walked(scene, ellipsoid, box, blocked, typical)
+        again, _ = walked(scene, ellipsoid, points, blocked, typical)
         mask = between(mask, again, scene.step) if again.any() else mask
     if box is not None:
         mask = largest(mask & scene.box_mask(box, 1.0))

@@ -20,16 +20,20 @@ SHAPE_MM, DARKER_HU, SOFTNESS_HU = 3.0, 24.0, 5.0
 EDGE_SD, PULL = 2.0, 0.5
 # What is certainly inside (level of the ellipsoid), what certainly is not, and how far beyond the points it may reach.
 CORE_LEVEL, OUTER_LEVEL, BOX_MM, ROOM_MM = 0.4, 1.8, 1.5, 10.0
-SMOOTH_MM = 3.0
+SMOOTH_MM = 2.0
+# Balls of the first size, so deep behind each given point (along the axis that it is outermost on), are organ: room for
+# points that are set a few mm off.
+POINT_MM, DEEP_MM = 3.0, 3.5
 
 
 def walked(
-    scene: Scene, ellipsoid: Ellipsoid, box: FloatArray, blocked: Mask, typical_hu: float
+    scene: Scene, ellipsoid: Ellipsoid, points: FloatArray, blocked: Mask, typical_hu: float
 ) -> tuple[Mask, FloatArray]:
     """The organ, and for every voxel the probability of belonging to it.
 
-    box : (2, 3) mm around the points. blocked : other organs and bone.
+    points : the six outermost ones (6, 3) mm. blocked : other organs and bone.
     """
+    box = np.array([points.min(axis=0), points.max(axis=0)])
     near = _within(scene, box)
     fine = blurred(scene.filled[near], 1.0, scene.step)
     level = ellipsoid.level(scene)[near]
@@ -41,9 +45,20 @@ def walked(
         ~free | ~scene.box_mask(box, BOX_MM)[near] | (fine < scene.fat_edge) | (level > OUTER_LEVEL) | scene.gas[near]
     )
     probability = np.zeros(scene.grid.array.shape)
-    probability[near] = walk(fine, core, outside, _edge(fine, core), prior, PULL)
+    inside = core | (_behind(scene, points)[near] & ~outside)
+    probability[near] = walk(fine, inside, outside, _edge(fine, core), prior, PULL)
     mask = largest(opened(largest(probability > 0.5), SMOOTH_MM, scene.step))
     return np.asarray(ndimage.binary_fill_holes(mask)), probability
+
+
+def _behind(scene: Scene, points: FloatArray) -> Mask:
+    """Balls just inside of the six points: an organ's surface is square to the axis along which a point is outermost."""
+    found = np.zeros(scene.grid.array.shape, dtype=bool)
+    for axis in range(3):
+        for point, inward in ((points[points[:, axis].argmin()], 1.0), (points[points[:, axis].argmax()], -1.0)):
+            centre = point + inward * DEEP_MM * np.eye(3)[axis]
+            found |= sum((x - c) ** 2 for x, c in zip(scene.axes(), centre, strict=True)) < POINT_MM**2
+    return found
 
 
 def between(first: Mask, second: Mask, step: float) -> Mask:

@@ -12,34 +12,60 @@ from palpate.segmentation.organs.star import sphere
 
 FloatArray = NDArray[np.float64]
 
-# How much of the tilt that the points show is believed: a point may lie anywhere on a flat side.
-TILT_TRUST, MOST_TILT = 0.7, 0.6
+# How much of the tilt and taper that the points show is believed: a point may lie anywhere on a flat side.
+TILT_TRUST, MOST_TILT, MOST_TAPER = 0.7, 0.6, 0.6
+# Beyond the ends a taper goes on for this share of half the height, and no section becomes narrower than the next share.
+TAPER_ENDS, NARROWEST = 1.2, 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
-    """centre : (3,) mm. semi : (3,) mm half the extent along LPS. matrix : (3, 3) mm2, its shape."""
+    """centre : (3,) mm. semi : (3,) mm half the extent along LPS. matrix : (3, 3) mm2, its shape.
+
+    taper : by how much sections widen from the middle to the upper end, as a share; below, they narrow alike.
+    """
 
     centre: FloatArray
     semi: FloatArray
     matrix: FloatArray
+    taper: float = 0.0
 
     def level(self, scene: Scene) -> FloatArray:
         """0 at the centre, 1 on the surface, on the scene's grid."""
-        away = np.stack(np.broadcast_arrays(*scene.axes()), axis=-1) - self.centre
+        return self.level_of(np.stack(np.broadcast_arrays(*scene.axes()), axis=-1) - self.centre)
+
+    def level_of(self, away: FloatArray) -> FloatArray:
+        """The same (...) at places (..., 3) mm from the centre."""
+        axis = self.matrix[:, 2] / self.matrix[2, 2]
+        height = np.clip(away[..., 2] / self.semi[2], -TAPER_ENDS, TAPER_ENDS)
+        wide = np.maximum((1.0 + self.taper * height) / self._widest, NARROWEST)[..., None]
+        on_axis = away[..., 2:3] * axis
         whiten = np.linalg.inv(np.linalg.cholesky(self.matrix))
-        return np.asarray(np.linalg.norm(away @ whiten.T, axis=-1))
+        return np.asarray(np.linalg.norm((on_axis + (away - on_axis) / wide) @ whiten.T, axis=-1))
 
     def radii(self) -> FloatArray:
-        """Radii (642,) mm along the directions of `star.sphere`."""
+        """Radii (642,) mm along the directions of `star.sphere`, by halving."""
         directions = sphere().points
-        return 1.0 / np.sqrt(np.einsum("ni,ij,nj->n", directions, np.linalg.inv(self.matrix), directions))
+        low, high = np.zeros(len(directions)), np.full(len(directions), 3.0 * self.semi.max())
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            inside = self.level_of(directions * middle[:, None]) < 1.0
+            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+        return 0.5 * (low + high)
+
+    @property
+    def _widest(self) -> float:
+        """What the widest section's width is multiplied by: it shall be as wide as the points are apart."""
+        height = np.linspace(-1.0, 1.0, 201)
+        return float((np.sqrt(1.0 - height**2) * (1.0 + self.taper * height)).max())
 
 
 def ellipsoid_of(points: FloatArray) -> Ellipsoid:
     """The ellipsoid whose outermost points along x, y and z are the given ones (6, 3) mm, in any order.
 
-    An ellipsoid of shape A is outermost along axis i at A[:, i] / sqrt(A[i, i]): the points give extent and tilt.
+    An ellipsoid of shape A is outermost along axis i at A[:, i] / sqrt(A[i, i]): the points give extent and tilt. Where the
+    points at the sides, front and back lie above the middle on the whole, sections narrow downwards: one that widens by a
+    share k from the middle up is widest at about k of half its height.
     """
     low, high = points[points.argmin(axis=0)], points[points.argmax(axis=0)]
     centre, semi = 0.5 * (np.diag(low) + np.diag(high)), 0.5 * (np.diag(high) - np.diag(low))
@@ -50,4 +76,6 @@ def ellipsoid_of(points: FloatArray) -> Ellipsoid:
     # Three tilts that do not go together make no ellipsoid: they are lessened until they do.
     while np.linalg.eigvalsh(matrix).min() < 0.05 * (semi**2).min():
         matrix = 0.8 * matrix + 0.2 * np.diag(semi**2)
-    return Ellipsoid(centre, semi, matrix)
+    aside = np.concatenate([low[:2, 2], high[:2, 2]]).mean()
+    taper = TILT_TRUST * float(np.clip((aside - centre[2]) / semi[2], -MOST_TAPER, MOST_TAPER))
+    return Ellipsoid(centre, semi, matrix, taper)

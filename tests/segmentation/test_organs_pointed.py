@@ -20,6 +20,7 @@ from palpate.segmentation.organs import pelvis
 from palpate.segmentation.organs.learned import learned_masks
 from palpate.segmentation.organs.random_walk import expected_dice, walk
 from palpate.segmentation.organs.six_points import ellipsoid_of
+from palpate.segmentation.organs.star import sphere
 from palpate.segmentation.segment_study import _rank_correlation, segmentation_study, study_text
 from palpate.segmentation.volume import Volume
 
@@ -67,6 +68,21 @@ def test_six_points_give_back_their_ellipsoid(monkeypatch: pytest.MonkeyPatch) -
     found_one = ellipsoid_of(_points_of(SHEAR)[order])
     assert found_one.centre == pytest.approx(CENTRE)
     assert found_one.matrix == pytest.approx(SHEAR)
+
+
+def test_widest_points_above_the_middle_make_a_shape_that_narrows_downwards() -> None:
+    semi = np.array([22.0, 18.0, 20.0])
+    high = 0.5 * semi[2]
+    points = CENTRE + [[22, 0, high], [-22, 0, high], [0, 18, high], [0, -18, high], [0, 0, 20], [0, 0, -20]]
+    made = ellipsoid_of(points)
+    assert made.taper == pytest.approx(0.35)
+    upper, lower = (made.level_of(np.array([16.0, 0.0, z])) for z in (10.0, -10.0))
+    assert upper < 1.0 < lower
+    # It reaches as far as its points at the sides, and through the ends.
+    wide = float(np.abs(made.radii() * sphere().points[:, 0]).max())
+    assert wide == pytest.approx(22.0, abs=0.7)
+    assert made.level_of(np.array([[0.0, 0.0, 20.0], [0.0, 0.0, -20.0]])) == pytest.approx([1.0, 1.0])
+    assert ellipsoid_of(_points_of(SHEAR)).taper == pytest.approx(0.0)
 
 
 def test_points_at_corners_still_give_an_ellipsoid() -> None:
