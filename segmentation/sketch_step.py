@@ -109,7 +109,7 @@ def _targets(keys: Sequence[Path], drawings: tuple[Drawing, ...], held: tuple[st
         if not 0.25 < larger < 4.0:
             raise InputError(f"{key} shows a figure of {larger:.2g} times the first one's area; draw the same one")
         outline = drawing.outline.resampled(_SPACING * rest.size)
-        targets.append(Target(outline, matched(rim, outline, str(key))))
+        targets.append(Target(outline, matched(rim, outline, str(key), bool(held))))
     return tuple(targets)
 
 

@@ -31,7 +31,7 @@ FORCE_UNIT = 0.05
 # Nodes this near to a held side, in figure sizes, do not move.
 HELD_BAND = 0.02
 # A figure that is held nowhere lies on springs, this much of its shear modulus over its size squared.
-_BED = 0.02
+_BED = 0.5
 _OPTIONS = NewtonOptions(rtol=1e-7, max_factorisations=60, min_load_step=1.0 / 16.0)
 
 

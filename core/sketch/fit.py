@@ -33,6 +33,8 @@ RATIO_SD = 2.3
 # The keyframe is approached in so many stages at first, point to point, with the stiffness left alone.
 _STAGES = (0.34, 0.67, 1.0)
 _FEW = 6
+# The rim is on the wrong part of a line when its points are this far from their partners in the mean, in figure sizes.
+_ASTRAY = 0.3
 # Ratios (ln) that fits up to this degree of the forces are begun from.
 _STARTS, _STARTED_ANEW = (0.0, -1.5, 1.5), 1
 
@@ -106,7 +108,7 @@ class _Walk:
         for k, target in enumerate(self.targets):
             end = self.figure.solve(theta, np.tensordot(forces[k], self.basis, 1), self.last[k])
             self.solves += 1
-            if not end.converged:
+            if not end.converged or self._elsewhere(end, target):
                 return None
             found.append(end)
             moves = self.figure.sensitivities(theta, end, self.basis)
@@ -118,6 +120,11 @@ class _Walk:
         if residual @ residual < self.lowest:
             self.lowest, self.best = float(residual @ residual), tuple(found)
         return residual, jacobian
+
+    def _elsewhere(self, end: Equilibrium, target: Target) -> bool:
+        """Whether the figure has turned over or snapped to where the line is met by other parts of the rim."""
+        off = np.linalg.norm(self.figure.rim_at(end.u).points - target.partners, axis=1)
+        return self.share is None and float(off.mean()) > _ASTRAY * self.figure.outline.size
 
     def _stacked(self, rows: list[FloatArray], parts: list[FloatArray], x: FloatArray) -> tuple[FloatArray, FloatArray]:
         n, r = len(self.figure.parts) - 1, len(self.basis)

@@ -24,16 +24,19 @@ _PLACE, _DIRECTION, _TURN, _STRETCH = 2.0, 0.5, 0.4, 0.02
 _REACH = 0.025
 
 
-def matched(rest: Outline, key: Outline, name: str = "the keyframe") -> FloatArray:
+def matched(rest: Outline, key: Outline, name: str = "the keyframe", held: bool = True) -> FloatArray:
     """(n, 2) mm: where on `key` each point of `rest` (n points) belongs.
 
+    held : some of the figure stays where it is; without, it may have moved as a whole, and places are seen from its middle.
     Raises InputError when the two have different numbers of holes.
     """
     if len(rest.loops) != len(key.loops):
         holes = len(rest.loops) - 1, len(key.loops) - 1
         raise InputError(f"{name} has {holes[1]} holes and the first keyframe {holes[0]}; draw the same figure in both")
     partner = _partners(rest, key)
-    return np.vstack([_on_loop(loop, key.loops[k], rest.size) for loop, k in zip(rest.loops, partner, strict=True)])
+    shift = np.zeros(2) if held else key.loops[0].mean(axis=0) - rest.loops[0].mean(axis=0)
+    pairs = zip(rest.loops, partner, strict=True)
+    return np.vstack([_on_loop(loop, key.loops[k] - shift, rest.size) + shift for loop, k in pairs])
 
 
 def _partners(rest: Outline, key: Outline) -> list[int]:
