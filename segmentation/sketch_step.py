@@ -122,7 +122,7 @@ def _summary(
     options: SketchOptions,
 ) -> dict[str, Any]:
     frames = [_keyframe(figure, fit, k, d.outline) for k, d in enumerate(drawings[1:])]
-    G = None if options.pull_n_per_mm is None else 1000.0 * options.pull_n_per_mm / frames[0]["force_per_mm_over_G"]
+    G = None if options.pull_n_per_mm is None else _modulus(options.pull_n_per_mm, frames[0], keys[1])
     return {
         "keyframes_sha256": [file_sha256(key) for key in keys],
         "size_mm": options.size_mm,
@@ -139,6 +139,15 @@ def _summary(
         "in_words": _words(figure, fit, frames, G),
         "notes": [note for d in drawings for note in d.notes] + moving.notes,
     }  # fmt: skip
+
+
+def _modulus(pull_n_per_mm: float, frame: dict[str, float], key: Path) -> float:
+    """kPa of the first part, from the known total force. Raises InputError where the figure is pulled by none."""
+    if not frame["force_per_mm_over_G"] > 0.0:
+        raise InputError(
+            f"{key} shows the figure under no force in all, so a known one tells no stiffness; leave --pull out"
+        )
+    return 1000.0 * pull_n_per_mm / frame["force_per_mm_over_G"]
 
 
 def _keyframe(figure: Figure, fit: Fit, k: int, drawn: Outline) -> dict[str, float]:
