@@ -80,6 +80,8 @@ def notes_on(states: Mapping[str, Any]) -> list[str]:
                 )
         if not facts["covers_region"]:
             notes.append(f"{state}: the scan ends within the region around the prostate; the model is cut off there")
+    if len(states) < len(STATES):
+        return notes
     rest, deformed = (states[state]["organs"]["prostate"]["volume_cc"] for state in STATES)
     if abs(deformed / rest - 1.0) > VOLUME_CHANGE:
         notes.append(f"the prostate is {rest:.0f} cc at rest and {deformed:.0f} cc deformed; look at both contours")

@@ -16,6 +16,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.laws.linear import LINEAR, bulk_modulus
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_parameters
+from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.meshing import MeshedCase
 from palpate.segmentation.simulate_glide import Glide
@@ -78,6 +79,7 @@ def solve_deformed(
     walls: Mapping[str, MovedWall],
     contact: str = "gliding",
     element: str = ELEMENT,
+    progress: Progress = silent,
 ) -> DeformedState:
     """Equilibrium with bone and the region's edge fixed and the walls of hollow organs where their motions put them.
 
@@ -92,14 +94,16 @@ def solve_deformed(
     free = np.ones((space.n_nodes, 3), dtype=bool)
     free[np.concatenate(list(nodes.values()))] = False
     assembler = Assembler(space, free.ravel())
+    progress(0.0, f"solving {len(meshed.mesh.cells)} cells, walls tied")
     found = solve_equilibrium(assembler, stiffness.materials(), prescribed.ravel(), options=_OPTIONS)
     _require(found)
     figures = _figures(space, found)
     if contact == "gliding":
-        found, rounds, moved = _glide(meshed, space, nodes, stiffness, walls, found)
+        found, rounds, moved = _glide(meshed, space, nodes, stiffness, walls, found, progress)
         figures |= {"glide_rounds": rounds, "glide_last_motion_mm": moved}
     F = assembler.deformation_gradients(found.u)
-    figures |= {"contact": contact, "smallest_volume_ratio": _unfolded(meshed, F)}
+    near = {name: (space.nodes[nodes[name]], found.u[nodes[name]]) for name in walls if name in nodes}
+    figures |= {"contact": contact, "smallest_volume_ratio": _unfolded(meshed, F, near)}
     organ = np.isin(meshed.mesh.regions, ORGAN_LABELS)
     return DeformedState(space, found.u, nodes, organ_strain(F[organ], assembler.weight[organ]), figures)
 
@@ -142,6 +146,7 @@ def _glide(
     stiffness: Stiffness,
     walls: Mapping[str, MovedWall],
     tied: Equilibrium,
+    progress: Progress,
 ) -> tuple[Equilibrium, int, float]:
     """From the state with tied walls, let the walls slide along their new shapes until they stay where they are."""
     moving = {name: wall for name, wall in walls.items() if name in nodes}
@@ -155,6 +160,10 @@ def _glide(
     assembler = Assembler(space, free.ravel(), glides)
     found, moved, pace, target = tied, np.inf, 1.0, tied.u
     for number in range(1, ROUNDS + 1):
+        progress(
+            number / (ROUNDS + 1),
+            f"solving {len(meshed.mesh.cells)} cells, walls gliding, round {number} of at most {ROUNDS}",
+        )
         assembler.terms = tuple(glide.linearised(target) for glide in glides)
         found = solve_equilibrium(assembler, stiffness.materials(), start=State(found.u, found.p), options=_OPTIONS)
         _require(found)
@@ -179,16 +188,29 @@ def _require(found: Equilibrium) -> None:
         )
 
 
-def _unfolded(meshed: MeshedCase, F: FloatArray) -> float:
-    """Smallest volume ratio. Raises ConvergenceError where it is not positive."""
+def _unfolded(meshed: MeshedCase, F: FloatArray, walls: Mapping[str, tuple[FloatArray, FloatArray]]) -> float:
+    """Smallest volume ratio. Raises ConvergenceError where it is not positive, naming the nearest wall that was moved.
+
+    walls : name -> places (n, 3) at rest and motions (n, 3), mm.
+    """
     ratio = np.linalg.det(F).min(axis=1)
     worst = int(ratio.argmin())
-    if ratio[worst] <= 0.0:
-        place = meshed.mesh.points[meshed.mesh.cells[worst]].mean(axis=0).round(1).tolist()
-        raise ConvergenceError(
-            f"the simulated tissue folds over itself (volume ratio {ratio[worst]:.2f} at {place} mm); make the walls move less"
-        )
-    return float(ratio[worst])
+    if ratio[worst] > 0.0:
+        return float(ratio[worst])
+    place = meshed.mesh.points[meshed.mesh.cells[worst]].mean(axis=0)
+    message = (
+        f"the simulated tissue folds over itself (volume ratio {ratio[worst]:.2f} at {place.round(1).tolist()} mm)"
+    )
+    distances = {name: np.linalg.norm(points - place, axis=1) for name, (points, _) in walls.items()}
+    if not distances:
+        raise ConvergenceError(f"{message}; make the walls move less")
+    name = min(distances, key=lambda key: float(distances[key].min()))
+    nearest = int(distances[name].argmin())
+    moved = float(np.linalg.norm(walls[name][1][nearest]))
+    raise ConvergenceError(
+        f"{message}, {distances[name][nearest]:.0f} mm from the {name}'s wall, which moves {moved:.1f} mm there; make that wall "
+        "move less, over a longer half_length_mm, or inwards instead of outwards"
+    )
 
 
 def _figures(space: Space, found: Equilibrium) -> dict[str, Any]:

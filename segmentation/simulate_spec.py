@@ -15,7 +15,7 @@ Every key may be left out but ``stiffness_kpa`` and ``walls``; the example shows
      "output": "dicom",                       CT pair and contours; or "labels": label volumes only
      "seed": 1}
 
-What the walls' numbers mean is said in `simulate_walls`; paths are relative to the SPEC.json.
+docs/simulate.md says it for users, `simulate_walls` what the walls' numbers mean; paths are relative to the SPEC.json.
 """
 
 from __future__ import annotations

@@ -46,6 +46,15 @@ def _segment_again(ct: Volume, prompts: Any, drawn: dict[str, Volume], progress:
     return Segmentation(found().scene, {**found().organs, **own})
 
 
+def test_the_scan_at_rest_alone(case: CaseFolder) -> None:
+    case.file("deformed_ct").joinpath("0001.dcm").unlink()
+    case.file("deformed_ct").rmdir()
+    report = run_segment(case, NEAR)
+    assert list(report["states"]) == ["rest"] and not case.has_labels("deformed")
+    assert {1, 2} <= set(np.unique(case.labels("rest").array)) and case.has("rest_bones.nii.gz")
+    assert run_segment(case, NEAR) == report
+
+
 def test_labels_of_both_states(case: CaseFolder) -> None:
     report = run_segment(case, NEAR)
     rest, deformed = case.labels("rest"), case.labels("deformed")

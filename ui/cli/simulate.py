@@ -1,6 +1,6 @@
 """Makes a pair of scans whose stiffness is known, from the phantom, a case, or a real CT with its contours.
 
-SPEC.json says what to make; `palpate/segmentation/simulate_spec.py` shows every key. The case never holds its answers.
+SPEC.json says what to make; docs/simulate.md explains every key. The case never holds its answers.
 """
 
 from __future__ import annotations

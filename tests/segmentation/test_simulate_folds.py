@@ -1,0 +1,25 @@
+"""What a simulation says when tissue folds: where, and which wall that was moved is nearest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.core.errors import ConvergenceError
+from palpate.core.mesh import TetMesh
+from palpate.segmentation.meshing import MeshedCase
+from palpate.segmentation.simulate_solve import _unfolded
+
+
+def test_the_nearest_wall_is_named_with_its_motion() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]])
+    meshed = MeshedCase(TetMesh(points, np.array([[0, 1, 2, 3]]), np.array([3])), {}, {})
+    turned = np.diag([1.0, 1.0, -0.2])[None, None]
+    walls = {
+        "bladder": (np.array([[1.0, 1.0, 31.0]]), np.array([[0.0, 0.0, -9.0]])),
+        "rectum": (np.array([[1.0, 6.0, 1.0], [1.0, 60.0, 1.0]]), np.array([[0.0, -3.0, -4.0], [0.0, 0.0, 0.0]])),
+    }
+    wanted = r"volume ratio -0\.20 at \[1\.0, 1\.0, 1\.0\] mm\), 5 mm from the rectum's wall, which moves 5\.0 mm there"
+    with pytest.raises(ConvergenceError, match=wanted):
+        _unfolded(meshed, turned, walls)
+    assert _unfolded(meshed, np.eye(3)[None, None], walls) == 1.0
