@@ -83,4 +83,6 @@ def text_of(report: dict[str, Any]) -> list[str]:
         organs = facts.get("organs", {})
         found = [f"{name} {o['volume_cc']:.1f} cc ({_origin(o)})" for name, o in organs.items()]
         lines.append(f"labels  {state}: {', '.join(found) or facts.get('source', 'given')}")
+        bones = [f"{name.replace('_', ' ')} {b['confidence']:.2f}" for name, b in facts.get("bones", {}).items()]
+        lines += [f"bones   {state}: told apart with confidence: {', '.join(bones)}"] if bones else []
     return lines + [f"note    {note}" for note in report["notes"]]
