@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from palpate.core.identify.coupled import CoupledScene
 from palpate.core.identify.identify import Identification, identify
 from palpate.core.identify.misfit_figures import misfit_figures
+from palpate.core.identify.notes import agreement, notes
 from palpate.core.identify.nothing import Untold, moved_as_a_whole, nothing_found
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.parameter_facts import parameter_facts
@@ -31,8 +32,6 @@ from palpate.core.worker.messages import Reporter
 FloatArray = NDArray[np.float64]
 
 MAP_FILE = "stiffness_map.npz"
-# Swarm and Gauss-Newton name the same optimum when their ln G differ by less than this share of a standard deviation.
-AGREEMENT_SD = 0.25
 
 
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:
@@ -105,6 +104,7 @@ def _map_facts(mapped: StiffnessMap) -> dict[str, Any]:
 def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
     parameters = found.scene.parameters
     names = tuple(found.scene.problem.region_names[r] for r in found.scene.problem.regions)
+    misfit = _misfit(found.states[0])
     return {
         "parameters": parameter_facts(names, parameters, found.posterior),
         "identifiability": {
@@ -114,10 +114,10 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
                 names, found.stiffness, found.posterior.of(parameters.shares) if options.split_mu else None
             ),
         },
-        "misfit": _misfit(found.states[0])
+        "misfit": misfit
         | {
             "weighted": float(found.residual @ found.residual),
-            "weighted_expected": len(found.residual),
+            "weighted_from_noise": sum(state.misfit.expected for state in found.states),
         },
         "states": [_misfit(state) for state in found.states],
         "solver": {
@@ -135,8 +135,8 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
         "seed": options.seed,
         "options": asdict(options),
         "convergence": _convergence(found),
-        "agreement": _agreement(found, names),
-        "notes": _notes(found, names),
+        "agreement": agreement(found, names),
+        "notes": notes(found, names, misfit),
     }
 
 
@@ -153,38 +153,6 @@ def _misfit(state: Posed) -> dict[str, Any]:
 
 def _convergence(found: Identification) -> list[float]:
     return found.swarm.history.tolist() if found.swarm is not None else found.optimum.fit.history
-
-
-def _agreement(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
-    parameters = found.scene.parameters
-    return {
-        "gauss_newton_G_kpa": dict(zip(names, parameters.shear_moduli(found.optimum.fit.theta).tolist(), strict=True)),
-        "starts_agree": found.optimum.agree,
-        "largest_ln_G_difference": found.agreement,
-        "same_optimum": bool(found.agreement < AGREEMENT_SD * found.stiffness.sd.max()),
-    }
-
-
-def _notes(found: Identification, names: tuple[str, ...]) -> list[str]:
-    notes = []
-    if len(found.states) > 1:
-        notes.append(
-            f"one stiffness from {len(found.states)} deformed states together; pictures and the map within the organ show the first"
-        )
-    if not _agreement(found, names)["same_optimum"]:
-        notes.append("swarm and Gauss-Newton end at different stiffnesses: the misfit has more than one low place")
-    if not found.optimum.agree:
-        notes.append("Gauss-Newton ends at different stiffnesses from different starts")
-    if found.posterior.scale > 1.0:
-        notes.append(
-            f"the misfit is {found.posterior.scale:.2f} times what the stated noise explains; intervals are widened by that factor"
-        )
-    for name, values in parameter_facts(names, found.scene.parameters, found.posterior).items():
-        if values["at_bound"]:
-            notes.append(
-                f"{name} lies at the edge of the allowed stiffness: it may absorb an effect that is not modelled"
-            )
-    return notes
 
 
 def _fields(found: Identification) -> dict[str, NDArray[np.generic]]:

@@ -59,7 +59,7 @@ def run_swarm(
         reporter.checkpoint(checkpoint, swarm.iteration)
         reporter.progress(
             0.6 + 0.3 * swarm.iteration / options.iterations,
-            f"swarm, iteration {swarm.iteration}, best misfit {swarm.best_value:.5g}",
+            f"swarm, iteration {swarm.iteration}, least weighted sum of squares {swarm.best_value:.5g}",
             best=swarm.best_value,
             iteration=swarm.iteration,
             particles=[parameters.shear_moduli(theta) for theta in asked],
