@@ -22,18 +22,18 @@ def sentence(found: Diagnosis) -> str:
     said = {s.effect.id: s.effect.words for s in found.screened}
     if verdict == UNKNOWN:
         return (
-            f"The model misses the deformed organ by {rms:.1f} mm, more than the contours' error, and nothing in the library "
-            "explains it: the stiffness given here may be wrong."
+            f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows, and nothing in the "
+            "library explains it: the stiffness given here may be wrong."
         )
     words = [said[name] for name in found.verdict.candidates]
     if verdict == AMBIGUOUS:
         return (
-            f"The model misses the deformed organ by {rms:.1f} mm, more than the contours' error. "
+            f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows. "
             + (f"It could be that {' or that '.join(words)}: these scans cannot tell." if len(words) > 1 else
                f"It may be that {words[0]}, but these scans do not settle it.")
         )  # fmt: skip
     return (
-        f"The model misses the deformed organ by {rms:.1f} mm, more than the contours' error, because {words[0]}; "
+        f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows, because {words[0]}; "
         "the stiffness with this taken into account is given beside the one without."
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,13 @@ import numpy as np
 import pytest
 from phantoms import result, write_case
 
-from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.case import CaseFacts, CaseFolder
 from palpate.ui.pictures.gap_pictures import VIEWS
+from palpate.ui.report.document import Paragraph, Table
 from palpate.ui.report.gap_section import gap_section
+from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.report_step import ReportOptions, run
+from palpate.ui.report.summary import summary
 
 
 def diagnosis(verdict: str) -> dict[str, Any]:
@@ -59,9 +63,53 @@ def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> 
 
 
 def test_without_a_gap_there_is_neither_force_nor_ranking() -> None:
-    section = gap_section(diagnosis("none"), {})
+    section = gap_section(diagnosed("none"), {})
     kinds = [type(block).__name__ for block in section.blocks]
-    assert kinds == ["Paragraph", "Table", "Bullets"]
+    assert kinds == ["Paragraph", "Table", "Paragraph", "Bullets"]
+
+
+def diagnosed(verdict: str, **stiffness: float) -> CaseRecord:
+    """A record whose contours are taken to repeat to 0.4 mm, with a diagnosis. stiffness : G without the effect, kPa."""
+    found = diagnosis(verdict)
+    for name, G in stiffness.items():
+        found["stiffness"]["without_effect"][name] = {"G_kpa": G, "sd_kpa": 0.2 * G}
+    return CaseRecord(CaseFacts("c", boundary_noise_sd_mm=0.4), result(), {}, {}, {}, {}, diagnosis=found)
+
+
+def texts(record: CaseRecord) -> str:
+    return " ".join(block.text for block in gap_section(record, {}).blocks if isinstance(block, Paragraph))
+
+
+def test_summary_and_page_do_not_contradict_each_other() -> None:
+    """The misfit is within what stated noise leaves, and the diagnosis sees a gap: both are said, each with its noise."""
+    record = diagnosed("ambiguous")
+    record.diagnosis["candidates"] = ["inclusion", "unmodelled_load", "prestress"]
+    misfit, told = summary(record)[-2:]
+    assert "explains" not in misfit and "no larger than the contours' own error would make it (0.57 mm" in misfit
+    assert "found a gap (1.40 mm rms where noise would leave 0.50 mm, p below 0.001), its cause not settled" in told
+    assert "(perhaps inclusion, unmodelled load or prestress)" in told and "may differ from the sentence before" in told
+    assert "Why the noise here is not the Summary's" in texts(record) and "0.40 mm (as the case states)" in texts(
+        record
+    )
+
+
+def test_a_pair_without_a_gap_says_so_and_one_without_a_diagnosis_nothing() -> None:
+    assert "found nothing that the model leaves out (p = 0.6)" in summary(diagnosed("none"))[-1]
+    assert not any("diagnosis" in s for s in summary(replace(diagnosed("none"), diagnosis={})))
+
+
+def test_an_alarm_says_that_it_may_be_a_false_one() -> None:
+    assert "docs/gap.md" in texts(diagnosed("ambiguous")) and "docs/gap.md" in texts(diagnosed("inclusion"))
+    assert "docs/gap.md" not in texts(diagnosed("none"))
+
+
+def test_stiffness_of_the_diagnosis_is_for_comparison_and_said_to_be_off_where_it_is() -> None:
+    """The fixture's interval is 100 to 144 kPa on the left, 33 to 48 on the right."""
+    near, far = (diagnosed("inclusion", prostate_left=120.0, prostate_right=G) for G in (40.0, 80.0))
+    assert "values to quote are the Summary's" in texts(near) and "lies outside" not in texts(near)
+    assert "lies outside the Summary's interval for the right half of the prostate:" in texts(far)
+    (table,) = (b for b in gap_section(near, {}).blocks if isinstance(b, Table) and b.header[0] == "region")
+    assert table.rows[0][:2] == ("left half of the prostate", "120 (81.3 to 177)")
 
 
 def test_a_case_without_a_diagnosis_has_no_such_page(tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ from palpate.segmentation.case import CaseFacts, CaseFolder
 from palpate.ui.report import report_step
 from palpate.ui.report.quality import without_paths
 from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.regions import region_words
-from palpate.ui.report.summary import number, summary
+from palpate.ui.report.regions import number, region_words
+from palpate.ui.report.summary import summary
 
 # Not "4711" alone: a sum of a file in hexadecimal digits holds it by chance.
 IDENTITY = ("Doe", "Jane", "4711-", "XYZ")
@@ -135,8 +135,18 @@ def test_summary_is_plain_about_what_is_no_measurement() -> None:
 def test_summary_weighs_the_misfit_against_the_noise() -> None:
     good, bad = result(), result()
     bad["misfit"]["rms_mm"] = 1.9
-    assert "contours' own error explains (0.57 mm expected)" in summary(record(good))[-1]
+    assert (
+        "contours' own error explains (0.57 mm expected if contours repeat to 0.40 mm, as the case"
+        in summary(record(good))[-1]
+    )
     assert "something is left out of the model" in summary(record(bad))[-1]
+
+
+def test_summary_doubts_a_stiffness_on_which_the_searches_differ() -> None:
+    words = "swarm and Gauss-Newton end at different stiffnesses (20 and 60 kPa)"
+    doubtful = summary(record(result(agreement={"harmless": False, "in_words": words})))
+    assert f"Doubtful: {words}." in doubtful
+    assert not any(words in s for s in summary(record(result(agreement={"harmless": True, "in_words": words}))))
 
 
 @pytest.mark.parametrize(

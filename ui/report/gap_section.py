@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from palpate.segmentation.case import CaseFolder
 from palpate.ui.pictures.gap_pictures import force_planes, residual_views
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import save
+from palpate.ui.report.diagnosis_words import (
+    FALSE_ALARMS,
+    GAP_TITLE,
+    VERDICTS,
+    gap_is_seen,
+    plain,
+    two_noises,
+    two_stiffnesses,
+)
 from palpate.ui.report.document import Block, Bullets, Notice, Paragraph, Picture, Section, Table
+from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.regions import number, region_words
 
 DIAGNOSIS = "diagnosis.json"
 _SHOWN = 6
-_VERDICTS = {"none": "no gap found", "ambiguous": "a gap, its cause not settled", "unknown": "a gap of unknown cause"}
 
 
 def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str, Picture]:
@@ -44,28 +56,35 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
     return out
 
 
-def gap_section(found: Mapping[str, Any], pictures: Mapping[str, Picture]) -> Section:
-    """What the model leaves out, in words, figures and maps. found : diagnosis.json."""
-    gap, verdict = found["gap"], found["verdict"]
-    floor, p = gap["noise_floor_mm"], gap["p_value"]
+def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
+    """What the model leaves out, in words, figures and maps, of a record with a diagnosis."""
+    found = record.diagnosis
     blocks: list[Block] = [Paragraph(str(found["in_words"]), "lead")]
-    rows = [
-        ("verdict", _VERDICTS.get(verdict, verdict.replace("_", " "))),
-        ("gap on the organ's surface, smoothed over the noise", f"{gap['rms_mm']:.2f} mm rms, 95 % below {gap['p95_mm']:.2f} mm"),
-        ("noise of the contours alone would leave", f"{floor:.2f} mm rms"),
-        ("chance of such a gap without any effect", "below 0.001" if p < 0.001 else f"{p:.3f}"),
-    ]  # fmt: skip
-    blocks += [
-        Table(("", ""), rows, numbers=False),
-        *(pictures[n] for n in ("gap_residual", "gap_force") if n in pictures),
-    ]
-    if verdict != "none":
-        blocks += [_ranking(found), *_told(found, _shrinkage), *_told(found, _stiffness)]
+    if gap_is_seen(found):
+        blocks.append(Paragraph(FALSE_ALARMS))
+    blocks.append(_figures(found))
+    noises = two_noises(found, record)
+    blocks += [Paragraph(noises, "small")] if noises else []
+    blocks += [pictures[n] for n in ("gap_residual", "gap_force") if n in pictures]
+    if gap_is_seen(found):
+        blocks += [_ranking(found), *_told(_shrinkage(found)), *_stiffness(found, record)]
     if found["next_measurement"]:
         blocks.append(Notice(f"To settle it, measure next: {found['next_measurement']}."))
     if found.get("flags"):
         blocks.append(Bullets([str(flag) for flag in found["flags"]]))
-    return Section("What the model leaves out", blocks)
+    return Section(GAP_TITLE, blocks)
+
+
+def _figures(found: Mapping[str, Any]) -> Table:
+    gap, verdict = found["gap"], found["verdict"]
+    floor, p = gap["noise_floor_mm"], gap["p_value"]
+    rows = [
+        ("verdict", VERDICTS.get(verdict, plain(verdict))),
+        ("gap on the organ's surface, smoothed over the noise", f"{gap['rms_mm']:.2f} mm rms, 95 % below {gap['p95_mm']:.2f} mm"),
+        ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{floor:.2f} mm rms"),
+        ("chance of such a gap without any effect", "below 0.001" if p < 0.001 else f"{p:.3f}"),
+    ]  # fmt: skip
+    return Table(("", ""), rows, numbers=False)
 
 
 def _ranking(found: Mapping[str, Any]) -> Table:
@@ -77,12 +96,16 @@ def _ranking(found: Mapping[str, Any]) -> Table:
             for name, p in row["parameters"].items()
         )
         gain = f"{row['cv_gain_mm']:.2f}"
-        rows.append((row["effect"].replace("_", " "), f"{row['probability']:.2f}", gain, parameters))
-    return Table(header, rows, "Effects by their probability, given that there is a gap", numbers=False)
+        rows.append((plain(row["effect"]), f"{row['probability']:.2f}", gain, parameters))
+    return Table(
+        header,
+        rows,
+        "Effects by their probability, given that there is a gap; ± is one standard deviation",
+        numbers=False,
+    )
 
 
-def _told(found: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Table | None]) -> list[Block]:
-    table = make(found)
+def _told(table: Table | None) -> list[Block]:
     return [] if table is None else [table]
 
 
@@ -97,19 +120,24 @@ def _shrinkage(found: Mapping[str, Any]) -> Table | None:
         ("share of the gap above the noise that is gone", f"{100 * s['noise_corrected_fraction']:.0f} % ({low:.0f} to {high:.0f} %)"),
         ("the same for a free smooth field of forces", f"{100 * s['ceiling_fraction']:.0f} %"),
     ]  # fmt: skip
-    name = str(s.get("effect", "")).replace("_", " ")
+    name = plain(str(s.get("effect", "")))
     return Table(("", ""), rows, f"How far the gap shrinks with {name}", numbers=False)
 
 
-def _stiffness(found: Mapping[str, Any]) -> Table | None:
-    plain, fuller = found["stiffness"]["without_effect"], found["stiffness"]["with_effect"]
+def _stiffness(found: Mapping[str, Any], record: CaseRecord) -> list[Block]:
+    without, fuller = found["stiffness"]["without_effect"], found["stiffness"]["with_effect"]
     if fuller is None:
-        return None
+        return []
     rows = [
-        (
-            name.replace("_", " "),
-            *(f"{x['G_kpa']:.3g} \N{PLUS-MINUS SIGN} {x['sd_kpa']:.2g}" for x in (p, fuller[name])),
-        )
-        for name, p in plain.items()
+        (region_words(name, len(without) == 1), _interval(values), _interval(fuller[name]))
+        for name, values in without.items()
     ]
-    return Table(("region", "G without the effect, kPa", "G with it, kPa"), rows)
+    header = ("region", "G without the effect, kPa (95 % interval)", "G with it, kPa (95 % interval)")
+    return [Table(header, rows), Paragraph(two_stiffnesses(found, record), "small")]
+
+
+def _interval(values: Mapping[str, float]) -> str:
+    """``33.2 (22.7 to 48.7)``: normal in ln G, whose sd the diagnosis gives as G sinh(sd)."""
+    G = values["G_kpa"]
+    factor = float(np.exp(1.96 * np.arcsinh(values["sd_kpa"] / G)))
+    return f"{number(G)} ({number(G / factor)} to {number(G * factor)})"

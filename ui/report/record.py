@@ -67,6 +67,14 @@ class CaseRecord:
         return stated if stated is not None else self.result["misfit"].get("contour_noise_sd_mm")
 
     @property
+    def noise_from(self) -> str:
+        """Where that figure comes from, in words."""
+        if self.facts.boundary_noise_sd_mm is not None:
+            return "as the case states"
+        measured = self.result["misfit"].get("contour_noise_from") == "repeats"
+        return "measured from contours drawn twice" if measured else "assumed, the case states none"
+
+    @property
     def expected_misfit_mm(self) -> float | None:
         """The rms misfit that noise alone would leave, mm; None where the noise is unknown."""
         expected = self.result["misfit"].get("expected_noise_rms_mm")

@@ -63,3 +63,11 @@ def region_words(name: str, alone: bool = False) -> str:
     if not organ or side not in ("left", "right"):
         return name.replace("_", " ")
     return organ if alone else f"{side} half of the {organ}"
+
+
+def number(value: float) -> str:
+    """Three figures, without an exponent."""
+    if value == 0.0 or not np.isfinite(value):
+        return f"{value:g}"
+    places = max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    return f"{value:.{places}f}"

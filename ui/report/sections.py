@@ -10,8 +10,8 @@ from palpate.ui.report.figures import Drawn
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.regions import RegionStiffness
-from palpate.ui.report.summary import number, summary
+from palpate.ui.report.regions import RegionStiffness, number
+from palpate.ui.report.summary import summary
 
 MU_NOTE = (
     "G = 2 (\u03bc1 + \u03bc2) is the small-strain shear modulus. The kPa of the MaterialCloning paper are \u03bc: its value "
@@ -29,7 +29,7 @@ def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Docum
         Section("Summary", _summary(record, pictures)),
         _stiffness(record, drawn),
         _fit(record, pictures),
-        *([gap_section(record.diagnosis, pictures)] if record.diagnosis else []),
+        *([gap_section(record, pictures)] if record.diagnosis else []),
         quality(record, drawn.missing),
         _provenance(record, date, version),
     )
@@ -89,11 +89,8 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
             0, ("rms distance of the two observed surfaces, for comparison", f"{misfit['rms_before_mm']:.2f} mm")
         )
     noise, expected = record.noise_sd_mm, record.expected_misfit_mm
-    measured = misfit.get("contour_noise_from") == "repeats"
-    assumed = "measured from contours drawn twice" if measured else "assumed, the case states none"
-    stated = "as the case states" if record.facts.boundary_noise_sd_mm is not None else assumed
     rows.append(
-        ("repeatability of one contour (sd)", "not known" if noise is None else f"{noise:.2f} mm, {stated}"),
+        ("repeatability of one contour (sd)", "not known" if noise is None else f"{noise:.2f} mm, {record.noise_from}"),
     )
     if expected is not None:
         rows.append(("rms distance that this noise alone would leave", f"{expected:.2f} mm"))

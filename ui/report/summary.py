@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.ui.report.diagnosis_words import diagnosis_sentence, gap_is_seen
 from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.regions import RegionStiffness
+from palpate.ui.report.regions import RegionStiffness, number
 
 # About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
 MISFIT_TOLERANCE = 1.26
 # Standard deviations between two stiffnesses that a pair tells apart: 95 %.
 TELLING = 1.96
-
-
-def number(value: float) -> str:
-    """Three figures, without an exponent."""
-    if value == 0.0 or not np.isfinite(value):
-        return f"{value:g}"
-    places = max(0, 2 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{places}f}"
 
 
 def stiffness_text(region: RegionStiffness) -> str:
@@ -29,7 +22,7 @@ def stiffness_text(region: RegionStiffness) -> str:
 
 
 def summary(record: CaseRecord) -> list[str]:
-    """What was found, relative to what, and whether to believe it: three or four sentences."""
+    """What was found, relative to what, and whether to believe it: three to six sentences."""
     regions = [region for region in record.regions if region.told]
     sentences = [_found(regions, record)] if regions else []
     sentences += [_untold(region, record) for region in record.regions if not region.told]
@@ -38,7 +31,11 @@ def summary(record: CaseRecord) -> list[str]:
         sentences.append(
             f"All stiffness is relative to the surrounding tissue, which was taken to have G = {number(G)} kPa, not measured."
         )
-    return [*sentences, misfit_verdict(record)]
+    searches = record.result.get("agreement", {})
+    if not searches.get("harmless", True):
+        sentences.append(f"Doubtful: {searches['in_words']}.")
+    sentences.append(misfit_verdict(record))
+    return [*sentences, diagnosis_sentence(record.diagnosis)] if record.diagnosis else sentences
 
 
 def misfit_verdict(record: CaseRecord) -> str:
@@ -47,12 +44,17 @@ def misfit_verdict(record: CaseRecord) -> str:
     rms = f"The model meets the deformed organ's surface to {misfit['rms_mm']:.2f} mm rms"
     if expected is None:
         return f"{rms}; how repeatable the contours are is not known, so whether this is good enough is not either."
-    if misfit["rms_mm"] <= MISFIT_TOLERANCE * expected:
-        return f"{rms}, which the contours' own error explains ({expected:.2f} mm expected)."
-    return (
-        f"{rms}, more than the contours' own error explains ({expected:.2f} mm expected): something is left out of the "
-        "model, and the stiffness may have absorbed it."
-    )
+    sd = record.noise_sd_mm
+    repeats = "" if sd is None else f" if contours repeat to {sd:.2f} mm, {record.noise_from}"
+    size = f"{expected:.2f} mm expected{repeats}"
+    if misfit["rms_mm"] > MISFIT_TOLERANCE * expected:
+        return (
+            f"{rms}, more than the contours' own error explains ({size}): something is left out of the model, and the stiffness "
+            "may have absorbed it."
+        )
+    if gap_is_seen(record.diagnosis):
+        return f"{rms}, no larger than the contours' own error would make it ({size})."
+    return f"{rms}, which the contours' own error explains ({size})."
 
 
 def tells_apart(record: CaseRecord) -> bool:

@@ -1,0 +1,91 @@
+"""What a diagnosis found, in words, and how that goes together with what the summary says of the misfit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.regions import region_words
+
+VERDICTS = {"none": "no gap found", "ambiguous": "a gap, its cause not settled", "unknown": "a gap of unknown cause"}
+GAP_TITLE = "What the model leaves out"
+FALSE_ALARMS = (
+    "Pairs without any hidden effect can raise such an alarm too, and a cause can be named wrongly: docs/gap.md says how often that "
+    "was seen."
+)
+
+
+def plain(name: str) -> str:
+    """An effect's name as a person writes it."""
+    return name.replace("_", " ").replace("-", " ")
+
+
+def chance(p: float) -> str:
+    """A p-value."""
+    return "p below 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def gap_is_seen(found: Mapping[str, Any]) -> bool:
+    """Whether there is a diagnosis and it says that something is left out."""
+    return bool(found) and found["verdict"] != "none"
+
+
+def diagnosis_sentence(found: Mapping[str, Any]) -> str:
+    """The verdict of diagnosis.json in one sentence for the summary, and that it may differ from the misfit's."""
+    gap, verdict = found["gap"], str(found["verdict"])
+    p = chance(gap["p_value"])
+    if verdict == "none":
+        said = f"found nothing that the model leaves out ({p})"
+    else:
+        said = f"found a gap ({gap['rms_mm']:.2f} mm rms where noise would leave {gap['noise_floor_mm']:.2f} mm, {p}), {_cause(found)}"
+    return (
+        f"The diagnosis {said}; it reads the noise from this pair itself and looks for patterns, so that its verdict may differ from "
+        f"the sentence before: see \N{LEFT DOUBLE QUOTATION MARK}{GAP_TITLE}\N{RIGHT DOUBLE QUOTATION MARK}."
+    )
+
+
+def two_noises(found: Mapping[str, Any], record: CaseRecord) -> str:
+    """Why the summary and the diagnosis have different figures for the noise; empty where the summary has none."""
+    sd, expected = record.noise_sd_mm, record.expected_misfit_mm
+    if sd is None or expected is None:
+        return ""
+    own = found["gap"].get("contour_noise_sd_mm")
+    here = "" if own is None else f", here {own:.2f} mm"
+    return (
+        f"Why the noise here is not the Summary's: the Summary takes contours to repeat to {sd:.2f} mm ({record.noise_from}) and "
+        f"compares the size of the whole misfit with what that would leave ({expected:.2f} mm). The diagnosis starts from the same "
+        f"figure but estimates from this pair how far its contours do wander{here}; adds what the walls' unknown motion along "
+        "themselves, voxels and mesh leave; smooths over detail finer than contours hold; and asks whether what is left has a "
+        "pattern that noise has not. So it can find a gap where the Summary's misfit is within its noise, and none where it is above."
+    )
+
+
+def two_stiffnesses(found: Mapping[str, Any], record: CaseRecord) -> str:
+    """What the stiffness beside a diagnosis is for, and where it does not fit the one that was identified."""
+    without = found["stiffness"]["without_effect"]
+    outside = [
+        region_words(region.name, len(record.regions) == 1)
+        for region in record.regions
+        if region.ci and region.name in without and not region.ci[0] <= without[region.name]["G_kpa"] <= region.ci[1]
+    ]
+    text = (
+        "The diagnosis fits the stiffness anew, with a noise model and a motion of the walls of its own, to compare without and with "
+        "the effect. The values to quote are the Summary's."
+    )
+    if outside:
+        text += (
+            f" Its value without the effect lies outside the Summary's interval for the {' and the '.join(outside)}: how this pair's "
+            "surfaces are weighed changes the stiffness by more than that interval says."
+        )
+    return text
+
+
+def _cause(found: Mapping[str, Any]) -> str:
+    verdict, names = str(found["verdict"]), [plain(str(name)) for name in found.get("candidates", ())]
+    if verdict == "unknown":
+        return "of unknown cause"
+    if verdict != "ambiguous":
+        return f"explained by {plain(verdict)}"
+    listed = " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    return "its cause not settled" + (f" (perhaps {listed})" if listed else "")
