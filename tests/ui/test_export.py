@@ -70,4 +70,15 @@ def test_an_unwritable_folder_is_3(case: CaseFolder, tmp_path: Path, capfd: pyte
 
 
 def test_forms_are_found_by_their_files() -> None:
-    assert names() == ("dicom-pdf", "dicom-pm", "dicom-seg", "dicom-series", "dicom-sr", "itksnap", "nrrd", "rtstruct", "vtu")
+    assert names() == (
+        "dicom-pdf",
+        "dicom-pm",
+        "dicom-seg",
+        "dicom-series",
+        "dicom-sr",
+        "itksnap",
+        "nrrd",
+        "rtstruct",
+        "uncertainty",
+        "vtu",
+    )

@@ -15,7 +15,7 @@ from types import FrameType
 
 from palpate.core.errors import Cancelled
 
-CANCELLED = "cancelled; run the same command again to go on from where it stopped"
+CANCELLED = "cancelled; run the same command again: what was finished is kept"
 EXIT_CODE = 130
 # A library written in C may not come back to Python for long; after this the process ends without it.
 _GRACE_S = 2.0

@@ -1,0 +1,76 @@
+"""For other programs: how well the stiffness is known, and the smooth map within the organ, as volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.identify.stiffness_map import nearest_patch, painted
+from palpate.segmentation.atomic import atomic_path
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.labels import LABEL_VALUES, ORGAN_LABELS
+from palpate.segmentation.nifti_labels import write_nifti
+from palpate.segmentation.volume import Volume
+
+WRITES = "NIfTI: each half's 95 % limits in kPa, and the smooth map with its factor and where the scans tell it"
+_MAP = "identify/stiffness_map.npz"
+# Voxels painted at a time: each asks for its distance to every patch.
+_CHUNK = 50_000
+
+
+def export(case: CaseFolder, folder: Path) -> list[Path]:
+    """Writes on the grid of the labels at rest, 0 outside the organ:
+
+    stiffness_low_kpa, stiffness_high_kpa : ends of each half's 95 % interval. map_kpa : the smooth map. map_factor : within
+    which two of three true values lie (exp of the standard deviation of ln G). map_told : 1 where the scans tell more than the
+    smoothness that was assumed. The maps are left out where the case has none. Raises InputError when it has no result.
+    """
+    labels, result = case.labels("rest"), case.read_json("result.json")
+    volumes = _limits(labels, result["parameters"])
+    if result.get("stiffness_map") and case.has(_MAP):
+        volumes |= _map(labels, case.read_npz(_MAP))
+    if not volumes:
+        raise InputError(
+            f"{case.file('result.json')} gives no interval and there is no map; run `palpate identify` again"
+        )
+    return [_write(folder / f"{name}.nii.gz", volume) for name, volume in volumes.items()]
+
+
+def _limits(labels: Volume, parameters: Mapping[str, Any]) -> dict[str, Volume]:
+    ends = {name: found["ci95_kpa"] for name, found in parameters.items() if found.get("ci95_kpa")}
+    out = {}
+    for index, end in enumerate(("low", "high")):
+        value = np.zeros(labels.array.shape, dtype=np.float32)
+        for name, interval in ends.items():
+            value[labels.array == LABEL_VALUES[name]] = interval[index]
+        out[f"stiffness_{end}_kpa"] = labels.with_array(value)
+    return out if ends else {}
+
+
+def _map(labels: Volume, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Volume]:
+    voxels = np.argwhere(np.isin(labels.array, ORGAN_LABELS))
+    points = labels.to_lps(voxels.astype(np.float64))
+    sd = np.asarray(arrays["sd"], dtype=np.float64)
+
+    def volume(of: Callable[[NDArray[np.float64]], NDArray[Any]], kind: type) -> Volume:
+        value = np.zeros(labels.array.shape, dtype=kind)
+        parts = [of(points[k : k + _CHUNK]) for k in range(0, len(points), _CHUNK)]
+        value[tuple(voxels.T)] = np.concatenate(parts) if parts else 0
+        return labels.with_array(value)
+
+    return {
+        "map_kpa": volume(lambda at: painted(arrays, at)[0], np.float32),
+        "map_factor": volume(lambda at: np.exp(sd[nearest_patch(arrays, at)]), np.float32),
+        "map_told": volume(lambda at: painted(arrays, at)[1], np.uint8),
+    }
+
+
+def _write(path: Path, volume: Volume) -> Path:
+    with atomic_path(path) as temporary:
+        write_nifti(temporary, volume)
+    return path
