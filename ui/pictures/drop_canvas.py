@@ -79,4 +79,4 @@ def slower(stage: DropStage) -> float:
 
 
 def _font(size: int, bold: bool = False) -> Any:
-    return ImageFont.truetype(findfont(FontProperties("DejaVu Sans", weight="bold" if bold else "normal")), size)
+    return ImageFont.truetype(findfont(FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")), size)
