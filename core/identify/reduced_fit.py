@@ -46,6 +46,11 @@ class ReducedFit:
         surface = self.weighting.squared(distance - self.error_mm if len(self.error_mm) else distance)
         return surface + float((self._marks(v[q:]) ** 2).sum())
 
+    def distance(self, theta: FloatArray) -> FloatArray:
+        """(q,) mm of the surface's points from the target at theta (t,), without weights and drawn errors."""
+        v = self._known.evaluate(theta)[: len(self.points)]
+        return self.target.value_and_gradient(self.points + v)[0]
+
     def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted residual (q + 3 k,) and Jacobian (q + 3 k, t) at theta (t,)."""
         return self.linearised(self._known.evaluate(theta), self._known.gradient(theta))

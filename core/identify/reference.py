@@ -15,7 +15,7 @@ from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.identify.posterior import NoiseFacts
 from palpate.core.identify.scene import Scene
-from palpate.core.identify.uneven import uneven_response
+from palpate.core.identify.uneven import UNEVEN_SD, uneven_responses
 from palpate.core.worker.progress import Progress
 
 FloatArray = NDArray[np.float64]
@@ -87,7 +87,7 @@ def settle_first(
 ) -> tuple[Equilibrium, Misfit]:
     """Settle the walls at theta, from displacements `start` (n, 3) if given, and weigh the data.
 
-    uneven : count what regions that are not uniform would do, see `uneven_response`.
+    uneven : count what regions that are not uniform would do, see `uneven_responses`.
     Raises ConvergenceError when the model has no equilibrium there.
     """
     scene.assembler.set_materials(scene.parameters.materials(theta))
@@ -103,7 +103,8 @@ def settle_first(
     errors = [wall_response(scene, found.u)]
     if uneven:
         seen = lambda field: scene.observation.jacobian(found.u, field[None])[:, 0]  # noqa: E731
-        errors.append(uneven_response(scene.assembler, scene.parameters, theta, found, seen))
+        responses = uneven_responses(scene.assembler, scene.parameters, theta, found, seen)
+        errors += [UNEVEN_SD * response for response in responses]
     return found, Misfit.of(scene, *errors)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
 from palpate.core.identify.gauss_newton import GaussNewtonResult
 from palpate.core.identify.posterior import Posterior
 from palpate.core.identify.reduced_fit import ReducedFit
-from palpate.core.identify.uneven import uneven_response
+from palpate.core.identify.uneven import UNEVEN_SD, amplitudes, uneven_responses
 from palpate.core.observe.distance_field import SignedDistanceField
 from palpate.core.observe.noise import (
     Weighting,
@@ -32,8 +32,9 @@ FloatArray = NDArray[np.float64]
 
 # Points of the organ's surface, about as far apart as this, mm.
 SPACING_MM = 2.0
-# What two meshes and elements leave of each other on a uniform organ, mm rms (measured: 0.008), with room.
-MESHES_MM = 0.02
+# What two meshes and elements leave of each other where nobody has measured it, mm; and how much more than what they leave on a
+# uniform organ (0.008 mm rms on the studies' meshes) is allowed for.
+MESHES_MM, _ROOM = 0.02, 2.5
 # Rounds in which the error of an uneven half is taken at the stiffness found.
 _ROUNDS = 2
 # Of the least displacement in the box, 0.2 mm where the organ is hard: some thousandths of a millimetre.
@@ -42,12 +43,14 @@ REDUCED = ReducedOptions(tolerance=0.01, max_snapshots=120)
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """mu (2,) kPa of the left and the right half, 95 % interval (2, 2), and the fit they come from."""
+    """mu (2,) kPa of the left and the right half, 95 % interval (2, 2), and the fit they come from. uneven_sd : (2,) of ln G
+    within each half that was allowed for; none where they were taken for uniform."""
 
     mu: FloatArray
     interval: FloatArray
     fit: GaussNewtonResult
     posterior: Posterior
+    uneven_sd: FloatArray = field(default_factory=lambda: np.zeros(2))
 
 
 class TumourFit:
@@ -83,6 +86,7 @@ class TumourFit:
         volume = organ_volume(halved_ball(data))
         self.scene = DrivenScene(halved_ball(divisions, volume), element, strain)
         self.points = sample_surface(rest, SPACING_MM)[0]
+        self.meshes_mm = MESHES_MM
         self._operator = self.scene.space.interpolation(self.points, (1, 2))
         self.set_noise(self.scene.facts.noise_sd_mm)
 
@@ -124,32 +128,42 @@ class TumourFit:
         posterior = fit.posterior(optimum, self.scene.parameters.bounds)
         return Found(np.exp(optimum.theta) / 4.0, posterior.interval() / 4.0, optimum, posterior)
 
+    def learn_meshes(self, uniform: TumourData) -> None:
+        """Take from a uniform organ what this mesh and element leave of the data's own."""
+        rms = np.sqrt((self.of(uniform.organ.deformed).distance(self.identify(uniform).fit.theta) ** 2).mean())
+        self.meshes_mm = float(_ROOM * rms)
+
     def identify_uneven(self, data: TumourData, error_mm: FloatArray | None = None) -> Found:
         """The stiffness of both halves, neither taken to be uniform: see `identify.uneven`. error_mm (q,) as in `of`.
 
-        Without it the data are weighed as exact but for what two meshes leave of each other.
+        Without it the data are weighed as exact but for what two meshes leave of each other, and say how uneven each half is.
         """
         one = self.of(data.organ.deformed, error_mm)
         found = self.identify(one)
-        length = self.scene.facts.noise_correlation_mm
+        weights, noise = self.weighting.covariance, self.noise
         if error_mm is None:
-            weights = weighting_covariance(self.points, MESHES_MM, length, 0.375 * MESHES_MM)
-            noise = weights
-        else:
-            weights, noise = self.weighting.covariance, self.noise
+            length = self.scene.facts.noise_correlation_mm
+            weights = noise = weighting_covariance(self.points, self.meshes_mm, length, 0.375 * self.meshes_mm)
         for _ in range(_ROUNDS):
-            uneven = self._uneven(found.fit.theta, one.target)
-            both = uneven @ uneven.T
-            found = self.identify(replace(one, weighting=Weighting(weights + both), noise=noise + both, expected=None))
+            responses = self._uneven(found.fit.theta, one.target)
+            for _ in range(1 if error_mm is not None else _ROUNDS):
+                sd = np.full(len(responses), UNEVEN_SD)
+                if error_mm is None:
+                    sd = amplitudes(weights, responses, one.distance(found.fit.theta))
+                both = sum((s**2 * (r @ r.T) for s, r in zip(sd, responses, strict=True)), np.zeros_like(weights))
+                found = self.identify(
+                    replace(one, weighting=Weighting(weights + both), noise=noise + both, expected=None)
+                )
+                found = replace(found, uneven_sd=sd)
         return found
 
-    def _uneven(self, theta: FloatArray, target: SignedDistanceField) -> FloatArray:
-        """(q, m) mm, see `uneven_response`."""
+    def _uneven(self, theta: FloatArray, target: SignedDistanceField) -> list[FloatArray]:
+        """(q, m) mm of each half, see `uneven_responses`."""
         found = self.scene.solve(theta)
         if not found.converged:
             raise ConvergenceError(f"the stiffness found has no equilibrium: {found.reason}")
         _, normal = target.value_and_gradient(self.points + self._operator @ found.u)
-        return uneven_response(
+        return uneven_responses(
             self.scene.assembler,
             self.scene.parameters,
             theta,

@@ -1,7 +1,8 @@
 """The paper's Tables 1 and 2: a half with a tumour of growing size, then of growing stiffness; what is found beside what it has.
 
 What a half has is its mean stress over its mean strain (`tumour_effective`, with two other answers beside). It is found by
-weights that do not take the halves for uniform (`identify.uneven`); what uniform halves would say stands beside.
+weights that do not take the halves for uniform (`identify.uneven`), how uneven each is being told by the data where they are
+without noise; what uniform halves would say stands beside.
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ def _table(
         tell(0.0, "uniform organ")
         uniform = tumour_data(0.0, NORMAL_MU, o.data)
         fit = TumourFit(uniform.organ.rest, o.identify, o.element, o.data, progress=_part(tell, 0.02, 0.4))
+        fit.learn_meshes(uniform)
         rng = np.random.default_rng(o.seed)
         rows = []
         for k, (share, mu, paper, paper_normal) in enumerate(cases):
@@ -105,6 +107,7 @@ def _table(
         "element": o.element,
         "data_cells": o.data.cells,
         "data_element": DATA_ELEMENT,
+        "meshes_mm": fit.meshes_mm,
         "normal_mu_kpa": NORMAL_MU,
         "uniform": _told(bare),
         "rows": rows,
@@ -132,7 +135,9 @@ def _row(data: TumourData, fit: TumourFit, error: FloatArray) -> dict[str, Any]:
 
 
 def _told(found: Found) -> dict[str, Any]:
-    return {"mu_kpa": found.mu, "ci95_kpa": found.interval, "sd_ln": found.posterior.sd}
+    return {
+        "mu_kpa": found.mu, "ci95_kpa": found.interval, "sd_ln": found.posterior.sd, "uneven_sd_ln": found.uneven_sd,
+    }  # fmt: skip
 
 
 def _pearson(x: list[float], y: list[float]) -> float:

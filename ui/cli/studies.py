@@ -51,7 +51,8 @@ _TABLES_SAY = (
     "same mean stress at the same mean strain; it needs nothing but the half itself. The normal half has 30.",
     "other answers: the uniform half with which the whole body stores the same energy; the one that stores the same energy when its "
     "surface moves as it does, which counts every wrinkle of a soft rim. They differ because a half with a tumour is not uniform.",
-    "found: with weights that do not take the halves for uniform; taken as uniform: with those of contours of that noise alone",
+    "found: without taking the halves for uniform, how uneven each is being told by the data themselves where they are without noise, and "
+    "a factor of four where noise hides it; taken as uniform: by weights of contours of that noise alone",
 )
 
 
