@@ -110,7 +110,8 @@ def labels_of(surface: TriSurface) -> Volume:
     low = surface.points.min(axis=0) - _AROUND_MM - 3.0 * h
     shape = np.ceil((surface.points.max(axis=0) + _AROUND_MM + 3.0 * h - low) / h).astype(int) + 1
     grid = pv.ImageData(dimensions=tuple(shape), spacing=(h, h, h), origin=tuple(low))
-    body = pv.PolyData.from_regular_faces(surface.points, surface.faces)
+    counted = np.column_stack([np.full(len(surface.faces), 3), surface.faces])
+    body = pv.PolyData(surface.points, faces=counted.ravel())
     mask = body.voxelize_binary_mask(reference_volume=grid, foreground_value=1, background_value=0)
     inside = np.asarray(mask.point_data["mask"]).reshape(shape, order="F") > 0
     near = ndimage.distance_transform_edt(~inside, sampling=h) < _AROUND_MM

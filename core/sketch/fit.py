@@ -205,6 +205,7 @@ def fit_degree(
             raise ConvergenceError("the figure has no equilibrium near its keyframes; draw them nearer to each other")
         theta, coefficients = walk.split(result.theta)
         last = [State(e.u, e.p) for e in walk.best]
+    assert result is not None
     return _summed(figure, targets, result, walk, degree, solves)
 
 
@@ -273,7 +274,7 @@ def _summed(
     normal = result.jacobian.T @ result.jacobian + 1e-12 * np.eye(result.jacobian.shape[1])
     misfit = float(data @ data)
     scale = max(1.0, misfit / max(looks - forces.size - n, 1.0))
-    covariance = scale * np.linalg.inv(normal)[:n, :n]
+    covariance = np.asarray(scale * np.linalg.inv(normal)[:n, :n], dtype=np.float64)
     return Fit(
         theta, forces.copy(), walk.best, misfit, looks, covariance, degree, solves, result.converged
     )  # fmt: skip

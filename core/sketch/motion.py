@@ -135,7 +135,7 @@ def _near(figure: Figure, theta: FloatArray, load: _Load, last: Equilibrium, goa
     return bool(end) and float(np.abs(end[0].u - goal.u).max()) < _SAME * figure.outline.size
 
 
-def _beyond(figure: Figure, theta: FloatArray, loads: list[FloatArray], start: State, count: int, out: Moving) -> State:
+def _beyond(figure: Figure, theta: FloatArray, loads: list[_Load], start: State, count: int, out: Moving) -> State:
     share = _BEYOND * np.sin(0.5 * np.pi * np.arange(1, count + 1) / max(count, 1))
     found = _follow(figure, theta, [loads[0].towards(loads[1], 1.0 + s) for s in share], start)
     for end in found:

@@ -38,7 +38,7 @@ def write_example(folder: Path, letters: str = LETTERS) -> list[Path]:
 def letter_loops(letter: str) -> list[FloatArray]:
     """Closed loops (n, 2) of a letter that is 1 high, its foot on y = 0, x about 0; curves as many short lines."""
     path = TextPath((0, 0), letter, size=500.0, prop=FontProperties(family="DejaVu Sans", weight="bold"))
-    loops = [np.asarray(loop[:-1], dtype=np.float64) for loop in path.to_polygons(closed_only=True)]
+    loops = [np.asarray(loop, dtype=np.float64)[:-1] for loop in path.to_polygons(closed_only=True)]
     every = np.vstack(loops)
     low, high = every.min(axis=0), every.max(axis=0)
     middle = np.array([0.5 * (low[0] + high[0]), low[1]])
