@@ -80,14 +80,18 @@ def _colours(rgb: FloatArray, drawn: NDArray[np.bool_]) -> FloatArray:
 
 
 def _blended(rgb: FloatArray, background: FloatArray, colours: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-    """How much figure each pixel holds, and which colour: a pixel at an edge is background and the nearest pure colour."""
+    """How much figure each pixel holds, and which colour.
+
+    A pixel at the figure's edge is background and the nearest pure colour; away from the background it is colours alone.
+    """
     away = np.linalg.norm(rgb[:, :, None] - colours, axis=3)
     pure = away.min(axis=2) < 0.5 * _SAME
     nearest = ndimage.distance_transform_edt(~pure, return_distances=False, return_indices=True)
     part = away.argmin(axis=2)[tuple(nearest)]
     towards = colours[part] - background
     share = ((rgb - background) * towards).sum(axis=2) / (towards**2).sum(axis=2)
-    return np.clip(share, 0.0, 1.0), part
+    beside = ndimage.binary_dilation(np.linalg.norm(rgb - background, axis=2) < _PALE, iterations=2)
+    return np.where(beside, np.clip(share, 0.0, 1.0), 1.0), part
 
 
 def _is_line(mask: NDArray[np.bool_], drawn: NDArray[np.bool_]) -> bool:

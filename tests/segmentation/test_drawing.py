@@ -67,7 +67,8 @@ def test_one_figure_reads_the_same_in_every_form(tmp_path: Path, kind: str) -> N
 def test_colours_are_parts_and_a_dark_outline_is_none(tmp_path: Path) -> None:
     def draw(pen: ImageDraw.ImageDraw) -> None:
         pen.rectangle((100, 100, 300, 220), fill="#4080ff")
-        pen.rectangle((100, 220, 300, 340), fill="#ffb030")
+        pen.rectangle((100, 221, 300, 340), fill="#ffb030")
+        pen.line((100, 221, 300, 221), fill="#c0a074")  # a blend, as at every soft edge between two colours
         pen.rectangle((100, 100, 300, 340), outline="black", width=5)
 
     found = read_drawing(picture(tmp_path / "a.png", draw), size_mm=120.0)
