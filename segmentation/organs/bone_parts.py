@@ -34,6 +34,8 @@ CORE, LATERAL, MEDIAL = 0.85, 1.1, 0.6
 # The cortex and cartilage about a head, and how far above its upper pole the hip bone is certain, mm.
 SOCKET_MM, ROOF_MM, RIM_MM = 6.0, 8.0, 15.0
 SMALLEST_CC = 0.5
+# Bones further below and above the symphysis than this, mm, are not looked at: scans of the whole body are large.
+BELOW_MM, ABOVE_MM = 200.0, 250.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +54,23 @@ class BoneParts:
         result = np.zeros(grid.array.shape, dtype=np.uint8)
         if not self.labels.array.any() or not bone.any():
             return result
+        known = ndimage.find_objects((self.labels.array > 0).astype(np.uint8))[0]
+        near = self.labels.array[known]
         nearest = ndimage.distance_transform_edt(
-            self.labels.array == 0, sampling=self.labels.spacing, return_distances=False, return_indices=True
+            near == 0, sampling=self.labels.spacing, return_distances=False, return_indices=True
         )
-        index = self.labels.to_index(grid.to_lps(np.argwhere(bone).astype(float)))
-        at = np.clip(np.rint(index).astype(int), 0, np.array(self.labels.array.shape) - 1).T
-        result[bone] = self.labels.array[tuple(nearest[(slice(None), *at)])]
+        index = self.labels.to_index(grid.to_lps(np.argwhere(bone).astype(float))) - [part.start for part in known]
+        at = np.clip(np.rint(index).astype(int), 0, np.array(near.shape) - 1).T
+        result[bone] = near[tuple(nearest[(slice(None), *at)])]
         return result
 
 
 def bone_parts(hu: Volume, bone: Volume, pelvis: Pelvis) -> BoneParts:
     """The parts of a bone mask. hu : of the same even upright grid of about 2 mm."""
     heads = find_heads(hu, pelvis)
-    used = ndimage.find_objects(bone.array.astype(np.uint8))
     labels = np.zeros(bone.array.shape, dtype=np.uint8)
+    bone = bone.with_array(bone.array & _about(bone, pelvis))
+    used = ndimage.find_objects(bone.array.astype(np.uint8))
     if not used or not heads:
         return BoneParts(bone.with_array(labels), {})
     part = used[0]
@@ -82,6 +87,13 @@ def bone_parts(hu: Volume, bone: Volume, pelvis: Pelvis) -> BoneParts:
     if upper.any():
         confidence["spine"] = confidence["sacrum"]
     return BoneParts(bone.with_array(labels), confidence)
+
+
+def _about(bone: Volume, pelvis: Pelvis) -> Mask:
+    """Slices (1, 1, k) of the grid near the pelvis."""
+    z = bone.affine[2, 3] + bone.spacing[2] * np.arange(bone.array.shape[2])
+    low, high = pelvis.symphysis[0, 2] - BELOW_MM, pelvis.symphysis[1, 2] + ABOVE_MM
+    return np.asarray((z > low) & (z < high))[None, None, :]
 
 
 def _joints(hu: NDArray[np.floating], step: float) -> NDArray[np.float32]:
