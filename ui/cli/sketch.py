@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="swarm: the paper's, over the stiffness of the parts, beside Gauss-Newton (default %(default)s)")  # fmt: skip
     group.add_argument("--line-error", type=_positive, default=0.4, metavar="PERCENT",
                        help="how exact the lines are drawn, in per cent of the size (default %(default)g)")  # fmt: skip
-    group.add_argument("--tets", type=whole_number(150, 20000), default=600, metavar="N",
-                       help="tetrahedra to aim at (default %(default)s)")  # fmt: skip
+    group.add_argument("--tets", type=whole_number(150, 20000), default=None, metavar="N",
+                       help="tetrahedra to aim at (default: 600, of several colours 1500)")  # fmt: skip
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
