@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
@@ -113,19 +113,3 @@ def cores() -> int:
 def add_case(parser: argparse.ArgumentParser) -> None:
     """The positional argument of a command that works on an existing case."""
     parser.add_argument("case", type=Path, metavar="CASE", help="the case folder")
-
-
-def written_options(args: argparse.Namespace, hidden: Sequence[str] = ("json", "quiet", "workers")) -> str:
-    """What was asked for, for the record: no paths, because a folder's name may be a patient's."""
-    texts = []
-    for name, value in sorted(vars(args).items()):
-        plain = isinstance(value, str | int | float) and not isinstance(value, bool)
-        if name in hidden or name.startswith("_"):
-            continue
-        if value is True:
-            texts.append(f"--{name.replace('_', '-')}")
-        elif plain:
-            texts.append(f"--{name.replace('_', '-')} {value}")
-        elif isinstance(value, list):
-            texts += [f"--{name.replace('_', '-')} {text}" for text in value]
-    return " ".join(texts)

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 
 from palpate.segmentation.case import CaseFolder
-from palpate.ui.cli.arguments import written_options
+from palpate.ui.cli.typed import typed_options
 
 HISTORY = "history.json"
 _KEPT = 100
@@ -25,11 +25,11 @@ def recorded(case: CaseFolder, args: argparse.Namespace) -> Iterator[None]:
 
 
 def record(case: CaseFolder, args: argparse.Namespace, seconds: float) -> None:
-    """Adds a command to the case's history. Paths are left out of it, because a folder's name may be a patient's."""
+    """Adds a command to the case's history, as it would be typed again; paths are left out of it."""
     entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": args.command,
-        "options": written_options(args, ("json", "quiet", "workers", "command")),
+        "options": typed_options(args, args._module),
         "version": metadata.version("palpate"),
         "seconds": round(seconds, 1),
     }

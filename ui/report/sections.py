@@ -119,7 +119,9 @@ def _provenance(record: CaseRecord, date: str, version: str) -> Section:
 
 
 def _command(entry: Mapping[str, Any]) -> str:
-    return f"{entry.get('date', '')} palpate {entry.get('command', '')} {entry.get('options', '')}".strip()
+    """As it would be typed again, its paths called what the help calls them."""
+    typed = " ".join(text for text in ("palpate", entry.get("command", ""), entry.get("options", "")) if text)
+    return f"{typed} ({entry['date']})" if "date" in entry else typed
 
 
 def _shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
