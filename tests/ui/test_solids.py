@@ -16,14 +16,25 @@ from palpate.ui.pictures.scene import ANTERIOR, LEFT, POSTERIOR, RIGHT, Body, Sc
 VIEWS = (ANTERIOR, POSTERIOR, LEFT, RIGHT)
 
 
-@pytest.fixture(scope="module")
-def pictures() -> dict[str, np.ndarray]:
-    """A ball whose faces are red on the patient's left, green behind and blue above, from four sides."""
+def ball_scene() -> Scene:
+    """A ball of 20 mm radius whose faces are red on the patient's left, green behind and blue above, from four sides."""
     ball = pv.Sphere(radius=20.0, center=(50.0, -30.0, 10.0), theta_resolution=40, phi_resolution=40)
     faces = ball.regular_faces
     centres = ball.points[faces].mean(axis=1) - [50.0, -30.0, 10.0]
-    scene = Scene({"ball": Body(np.asarray(ball.points), faces, (centres > 0.0).astype(float))}, VIEWS, (120, 120))
-    return {view.name: picture.astype(int) for view, picture in zip(VIEWS, offscreen.render(scene), strict=True)}
+    return Scene({"ball": Body(np.asarray(ball.points), faces, (centres > 0.0).astype(float))}, VIEWS, (120, 120))
+
+
+@pytest.fixture(scope="module")
+def pictures() -> dict[str, np.ndarray]:
+    drawn = offscreen.render(ball_scene())
+    return {view.name: picture.astype(int) for view, picture in zip(VIEWS, drawn, strict=True)}
+
+
+def test_the_scale_of_a_picture_is_the_one_it_is_drawn_at(pictures: dict[str, np.ndarray]) -> None:
+    """The ball is 40 mm high in every view."""
+    for picture in pictures.values():
+        rows = np.flatnonzero((picture.min(axis=2) < 200).any(axis=1))
+        assert (rows[-1] - rows[0] + 1) * ball_scene().height_mm / len(picture) == pytest.approx(40.0, abs=1.5)
 
 
 @pytest.mark.parametrize(

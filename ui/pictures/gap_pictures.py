@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import PLANES, Plane, Window
-from palpate.ui.pictures.slice_axes import LETTER_FONT, ORGAN, WALLS, draw_background, draw_outlines
+from palpate.ui.pictures.slice_axes import (
+    LETTER_FONT,
+    ORGAN,
+    SCALE_BAR_MM,
+    WALLS,
+    draw_background,
+    draw_outlines,
+    spread_out,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -52,6 +60,7 @@ def residual_views(maps: Mapping[str, FloatArray]) -> Figure:
     """
     figure = Figure(figsize=(7.6, 2.6), layout="constrained")
     axes = list(figure.subplots(1, len(VIEWS)))
+    spread_out(figure)
     norm = Normalize(-_LIMIT_SD, _LIMIT_SD)
     for ax, view in zip(axes, VIEWS, strict=True):
         _seen_from(ax, view, maps, norm)
@@ -92,10 +101,21 @@ def _seen_from(ax: Axes, view: View, maps: Mapping[str, FloatArray], norm: Norma
     ax.set_aspect("equal")
     ax.set_xticks([])
     ax.set_yticks([])
-    ax.margins(0.12)
+    ax.margins(0.16)
     ax.set_title(view.name, fontsize=7)
-    for letter, x, y in ((view.left, 0.04, 0.5), (view.right, 0.96, 0.5), ("S", 0.5, 0.96), ("I", 0.5, 0.04)):
+    for letter, x, y in ((view.left, 0.06, 0.5), (view.right, 0.94, 0.5), ("S", 0.5, 0.95), ("I", 0.5, 0.05)):
         ax.text(x, y, letter, transform=ax.transAxes, fontsize=8, ha="center", va="center", family=LETTER_FONT)
+    _scale_bar(ax)
+
+
+def _scale_bar(ax: Axes) -> None:
+    """At the lower right; the axes are in mm."""
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    ax.set_xlim(left, right)
+    ax.set_ylim(bottom, top)
+    end, y = right - 0.03 * (right - left), bottom + 0.03 * (top - bottom)
+    ax.plot([end - SCALE_BAR_MM, end], [y, y], color="black", linewidth=1.6, solid_capstyle="butt")
+    ax.text(end - 0.5 * SCALE_BAR_MM, y, f"{SCALE_BAR_MM:.0f} mm", fontsize=5.5, ha="center", va="bottom")
 
 
 def _arrows(ax: Axes, plane: Plane, window: Window, maps: Mapping[str, FloatArray], norm: Normalize) -> None:

@@ -20,7 +20,8 @@ AIR_HU = -1024.0
 class CaseImages:
     """rest, deformed : label volumes in the rest frame. ct : the CT at rest, HU; None where the case has labels only.
 
-    stiffness_kpa : organ label -> G in kPa. untold : organ labels whose stiffness the pair does not tell.
+    stiffness_kpa : organ label -> G in kPa. untold : organ labels whose stiffness the pair does not tell. shared : colours that
+    hold more than these values, for pictures that stand beside a map; None where there is none.
     """
 
     rest: Volume
@@ -28,11 +29,14 @@ class CaseImages:
     ct: Volume | None = None
     stiffness_kpa: Mapping[int, float] = field(default_factory=dict)
     untold: frozenset[int] = frozenset()
+    shared: StiffnessScale | None = None
 
     @property
     def scale(self) -> StiffnessScale:
         """The colours of all stiffness pictures of this case."""
-        return StiffnessScale.of(G for label, G in self.stiffness_kpa.items() if label not in self.untold)
+        return self.shared or StiffnessScale.of(
+            G for label, G in self.stiffness_kpa.items() if label not in self.untold
+        )
 
     @property
     def organ(self) -> tuple[int, ...]:

@@ -32,7 +32,7 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
     """
     figure = Figure(figsize=(7.6, 5.3), layout="constrained")
     grid = figure.subplots(2, 3)
-    scale = map_scale(images.stiffness_kpa.values(), arrays)
+    scale = images.shared or map_scale(images.stiffness_kpa.values(), arrays)
     for column, plane in enumerate(PLANES):
         window = images.window(plane)
         inside, extent = _inside(images, plane, window)

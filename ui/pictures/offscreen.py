@@ -80,16 +80,13 @@ def draw(scene: Scene) -> list[NDArray[np.uint8]]:
 
 
 def _look(plotter: pv.Plotter, scene: Scene, view: View) -> None:
-    names = [scene.focus] if scene.focus else list(scene.bodies)
-    points = np.vstack([scene.bodies[name].points for name in names])
-    low, high = points.min(axis=0), points.max(axis=0)
-    centre, half = (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
+    centre, half = scene.reach
     towards = np.array(view.towards) / np.linalg.norm(view.towards)
     plotter.camera.parallel_projection = True
     plotter.camera.focal_point = centre.tolist()
     plotter.camera.position = (centre + 10.0 * half * towards).tolist()
     plotter.camera.up = view.up
-    plotter.camera.parallel_scale = (1.9 if scene.focus else 0.85) * half
+    plotter.camera.parallel_scale = 0.5 * scene.height_mm
     plotter.renderer.ResetCameraClippingRange()
 
 

@@ -57,6 +57,19 @@ class Scene:
     size: tuple[int, int] = (700, 700)
     focus: str | None = None
 
+    @property
+    def reach(self) -> tuple[NDArray[np.float64], float]:
+        """Centre (3,) mm of what is looked at, and its radius, mm."""
+        names = [self.focus] if self.focus else list(self.bodies)
+        points = np.vstack([self.bodies[name].points for name in names])
+        low, high = points.min(axis=0), points.max(axis=0)
+        return (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
+
+    @property
+    def height_mm(self) -> float:
+        """How many millimetres a picture is high, the same at every depth: the projection is parallel."""
+        return 2.0 * (1.9 if self.focus else 0.85) * self.reach[1]
+
     def save(self, path: Path) -> None:
         """Writes the scene for the process that draws it."""
         facts = {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
@@ -118,3 +119,10 @@ def draw_place(axes: Axes, plane: Plane, other: Plane, window: Window) -> None:
     place = window.centre[other.normal]
     draw = axes.axvline if other.normal == plane.across else axes.axhline
     draw(place, color="white", linewidth=0.6, linestyle=(0, (1, 3)))
+
+
+def spread_out(figure: Figure) -> None:
+    """Room between views side by side, so that the letters of one are not read as the other's."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.set(wspace=0.06)  # type: ignore[call-arg]

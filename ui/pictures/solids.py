@@ -17,7 +17,7 @@ from palpate.segmentation.surfaces import TriSurface
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.offscreen import render
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
-from palpate.ui.pictures.slice_axes import LETTER_FONT
+from palpate.ui.pictures.slice_axes import LETTER_FONT, SCALE_BAR_MM, spread_out
 from palpate.ui.pictures.slices import stiffness_bar
 
 # Red, green, blue and opacity of what stands around the organ.
@@ -58,8 +58,9 @@ def anatomy(surfaces: Mapping[str, TriSurface], stiffness: Mapping[int, float], 
     views = (ANTERIOR, OBLIQUE)
     figure = Figure(figsize=(7.6, 3.7), layout="constrained")
     axes = figure.subplots(1, 2)
-    for ax, picture, view in zip(axes, render(Scene(bodies, views, (800, 800), "organ")), views, strict=True):
-        _show(ax, picture, view)
+    scene = Scene(bodies, views, (800, 800), "organ")
+    for ax, picture, view in zip(axes, render(scene), views, strict=True):
+        _show(ax, picture, view, scene.height_mm)
     stiffness_bar(figure, list(axes), scale, 0.85)
     return figure
 
@@ -74,8 +75,9 @@ def misfit(found: MisfitMap) -> Figure:
     scene = Scene({"organ": Body(found.points, found.faces, rgb)}, views, (500, 500))
     figure = Figure(figsize=(7.6, 2.5), layout="constrained")
     axes = figure.subplots(1, 4)
+    spread_out(figure)
     for ax, picture, view in zip(axes, render(scene), views, strict=True):
-        _show(ax, picture, view)
+        _show(ax, picture, view, scene.height_mm)
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), shrink=0.95, aspect=18)
     bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=7)
     bar.ax.tick_params(labelsize=7)
@@ -85,13 +87,23 @@ def misfit(found: MisfitMap) -> Figure:
     return figure
 
 
-def _show(axes: Axes, picture: NDArray[np.uint8], view: View) -> None:
+def _show(axes: Axes, picture: NDArray[np.uint8], view: View, height_mm: float) -> None:
+    """height_mm : of the whole picture."""
     axes.imshow(picture)
     axes.set_axis_off()
     axes.set_title(view.name, fontsize=8)
-    places = ((view.left, 0.02, 0.5), (view.right, 0.98, 0.5), (view.top, 0.5, 0.97), (view.bottom, 0.5, 0.03))
+    places = ((view.left, 0.05, 0.5), (view.right, 0.95, 0.5), (view.top, 0.5, 0.96), (view.bottom, 0.5, 0.04))
     for letter, x, y in places:
         axes.text(
             x, y, letter, transform=axes.transAxes, fontsize=9, fontweight="bold", ha="center", va="center",
             family=LETTER_FONT,
         )  # fmt: skip
+    _scale_bar(axes, picture.shape[0], picture.shape[1], height_mm)
+
+
+def _scale_bar(axes: Axes, rows: int, columns: int, height_mm: float) -> None:
+    """At the lower right, where no cube stands."""
+    length = SCALE_BAR_MM * rows / height_mm
+    right, y = 0.97 * columns, 0.965 * rows
+    axes.plot([right - length, right], [y, y], color="black", linewidth=2.0, solid_capstyle="butt")
+    axes.text(right - 0.5 * length, y - 0.015 * rows, f"{SCALE_BAR_MM:.0f} mm", fontsize=6, ha="center", va="bottom")

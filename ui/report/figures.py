@@ -14,9 +14,10 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
 from palpate.segmentation.volume import Volume
 from palpate.ui.pictures import slices, solids
+from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
-from palpate.ui.pictures.map_planes import map_planes
+from palpate.ui.pictures.map_planes import Arrays, map_planes
 from palpate.ui.pictures.offscreen import OffscreenError, polydata
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.gap_section import gap_pictures
@@ -60,17 +61,17 @@ class Drawn:
 
 def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], folder: Path, progress: Progress) -> Drawn:
     """All pictures of a case, as PNG files in ``folder``. What this machine cannot draw is listed, not an error."""
-    images = _images(case, record, labels)
+    mapped = None
+    if record.result.get("stiffness_map") and case.has("identify/stiffness_map.npz"):
+        mapped = case.read_npz("identify/stiffness_map.npz")
+    images = _images(case, record, labels, mapped)
     drawn = Drawn()
     progress(0.1, "slices")
     _slices(drawn, images, folder, not tells_apart(record))
-    if record.result.get("stiffness_map") and case.has("identify/stiffness_map.npz"):
-        _map(drawn, case, record, images, folder)
+    if mapped is not None:
+        _map(drawn, mapped, record, images, folder)
     drawn.pictures.update(gap_pictures(case, images, folder))
-    best = record.result.get("convergence")
-    if best and len(best) > 1:
-        drawn.add("convergence", folder, convergence(best), "Search for the stiffness: the best misfit after each "
-                  "iteration, in units of the noise.", "A falling curve of the objective against the iteration.", 0.6)  # fmt: skip
+    _search(drawn, record, folder)
     if case.has("surfaces.npz"):
         progress(0.4, "three dimensions")
         _or_missing(drawn, "the 3D view", lambda: _anatomy(drawn, case, record, images, folder))
@@ -95,11 +96,13 @@ def misfit_map(case: CaseFolder, noise_mm: float | None) -> solids.MisfitMap:
     return solids.MisfitMap(moved[used], inverse.reshape(-1, 3), np.asarray(distance, dtype=float), noise_mm)
 
 
-def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume]) -> CaseImages:
+def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], mapped: Arrays | None) -> CaseImages:
+    """mapped : the stiffness map, whose colours are then those of all pictures: a reader compares them."""
     ct = case.ct("rest") if case.has("rest_ct") else None
     stiffness = {region.label: region.G for region in record.regions}
     untold = frozenset(region.label for region in record.regions if not region.told)
-    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold)
+    shared = None if mapped is None else map_scale([G for label, G in stiffness.items() if label not in untold], mapped)
+    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold, shared)
 
 
 def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
@@ -117,7 +120,6 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
         slices.stiffness_planes(images),
         _PLANES_CAPTION.format(ground=ground, doubt=doubt),
         says,
-        0.8,
     )
     caption = "Axial slices from the organ's lower to its upper end."
     drawn.add("stiffness_series", folder, slices.stiffness_series(images), caption, f"Six axial slices. {says}")
@@ -127,15 +129,29 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
         drawn.add("deformation_planes", folder, slices.deformation_planes(images), caption, says)
 
 
-def _map(drawn: Drawn, case: CaseFolder, record: CaseRecord, images: CaseImages, folder: Path) -> None:
+def _map(drawn: Drawn, mapped: Arrays, record: CaseRecord, images: CaseImages, folder: Path) -> None:
     facts = record.result["stiffness_map"]
-    figure = map_planes(images, case.read_npz("identify/stiffness_map.npz"))
+    figure = map_planes(images, mapped)
     caption = _MAP_CAPTION.format(
         told=100.0 * facts["told_share_of_volume"], patches=facts["patches"], values=facts["resolved_values"],
         blur=facts["blur_mm"], factor=np.exp(facts["prior_local_sd_ln_G"]), length=facts["prior_length_mm"],
     )  # fmt: skip
     says = "Slices in three planes with a smooth map of the shear modulus within the organ, and how well it is known."
-    drawn.add("stiffness_map", folder, figure, caption, says, 0.8)
+    drawn.add("stiffness_map", folder, figure, caption, says)
+
+
+def _search(drawn: Drawn, record: CaseRecord, folder: Path) -> None:
+    best, noise = record.result.get("convergence"), record.result["misfit"].get("weighted_from_noise")
+    if not best or len(best) < 2:
+        return
+    caption = (
+        "Search for the stiffness: the least weighted sum of squared distances after each iteration. It has no unit and is no number of "
+        "standard deviations."
+    )
+    if noise is not None:
+        caption += f" Dotted: {noise:.0f}, what noise alone would leave on average."
+    says = "A falling curve of the objective against the iteration."
+    drawn.add("convergence", folder, convergence(best, noise), caption, says, 0.6)
 
 
 def _anatomy(drawn: Drawn, case: CaseFolder, record: CaseRecord, images: CaseImages, folder: Path) -> None:
