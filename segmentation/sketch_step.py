@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from palpate.core.errors import InputError
 from palpate.core.sketch.closing import closed
 from palpate.core.sketch.figure import FORCE_UNIT, SIDES, Figure, FigureOptions
-from palpate.core.sketch.fit import HIT, Fit, FitOptions, Target, fit_keyframes
+from palpate.core.sketch.fit import HIT, Fit, FitOptions, fit_keyframes
 from palpate.core.sketch.held import sides_that_stay
 from palpate.core.sketch.matching import matched
 from palpate.core.sketch.motion import MotionOptions, Moving, animate
 from palpate.core.sketch.outline import Outline, hausdorff
+from palpate.core.sketch.residual import Target
 from palpate.core.sketch.swarm_fit import SwarmFitOptions, swarm_fit
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.case import file_sha256

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from palpate.core.fem.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
-from palpate.core.sketch.fit import HIT, Fit, Target, hits
+from palpate.core.sketch.fit import HIT, Fit, hits
 from palpate.core.sketch.matching import matched
 from palpate.core.sketch.outline import hausdorff
+from palpate.core.sketch.residual import Target
 
 FloatArray = NDArray[np.float64]
 

@@ -9,11 +9,12 @@ from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box, with_regions
 from palpate.core.sketch.closing import closed
 from palpate.core.sketch.figure import Figure, FigureOptions
-from palpate.core.sketch.fit import FitOptions, Target, fit_degree, fit_keyframes, residual_of
+from palpate.core.sketch.fit import FitOptions, fit_degree, fit_keyframes
 from palpate.core.sketch.held import sides_that_stay
 from palpate.core.sketch.matching import matched
 from palpate.core.sketch.motion import MotionOptions, animate
 from palpate.core.sketch.outline import Outline, hausdorff
+from palpate.core.sketch.residual import Target, residual_of
 from palpate.core.sketch.swarm_fit import SwarmFitOptions, swarm_fit
 
 WIDE, TALL, TRUE_RATIO = 42.0, 100.0, 0.4
