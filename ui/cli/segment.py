@@ -15,6 +15,7 @@ from palpate.segmentation.organs.prompts import Prompts, parse_prompts
 from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
+from palpate.ui.label_words import WORDS
 
 NAME, HELP = "segment", "CTs to label volumes: prostate, bladder, rectum, bone, tissue"
 _SIX = "NAME=X,Y,Z;...;X,Y,Z"
@@ -65,14 +66,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     return report, "\n".join(text_of(report))
 
 
-_WORDS = {
-    "auto": "found automatically", "carried": "carried over from the scan at rest", "user": "drawn by you",
-    "click": "from your click", "extremes": "from your six points", "box": "from your box",
-}  # fmt: skip
-
-
 def _origin(organ: dict[str, Any]) -> str:
-    words = _WORDS.get(organ["method"], organ["method"])
+    words = WORDS.get(organ["method"], organ["method"])
     return words if organ["method"] == "user" else f"{words}, confidence {organ['confidence']:.2f}"
 
 
@@ -81,8 +76,15 @@ def text_of(report: dict[str, Any]) -> list[str]:
     lines = []
     for state, facts in report["states"].items():
         organs = facts.get("organs", {})
-        found = [f"{name} {o['volume_cc']:.1f} cc ({_origin(o)})" for name, o in organs.items()]
+        found = [f"{name} {_written_cc(name, o, facts):.1f} cc ({_origin(o)})" for name, o in organs.items()]
         lines.append(f"labels  {state}: {', '.join(found) or facts.get('source', 'given')}")
         bones = [f"{name.replace('_', ' ')} {b['confidence']:.2f}" for name, b in facts.get("bones", {}).items()]
         lines += [f"bones   {state}: told apart with confidence: {', '.join(bones)}"] if bones else []
     return lines + [f"note    {note}" for note in report["notes"]]
+
+
+def _written_cc(name: str, organ: dict[str, Any], facts: dict[str, Any]) -> float:
+    """What the label volume holds, as the report has it; that of the working grid, coarser than a drawing, where it is not told."""
+    inside = facts.get("volume_in_region_cc", {})
+    parts = [cc for label, cc in inside.items() if label == name or label.startswith(f"{name}_")]
+    return float(sum(parts)) if parts else float(organ["volume_cc"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -19,20 +20,20 @@ from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import (
     Flowable,
-    Image,
     KeepTogether,
     ListFlowable,
     Paragraph,
     SimpleDocTemplate,
-    Spacer,
     Table,
     TableStyle,
 )
 
 from palpate.ui.report import document as doc
+from palpate.ui.report.pdf_parts import FittingPicture, column_widths
 
 # matplotlib brings a free font that has Greek letters; PDF's own fonts have none.
 _FONT, _BOLD = "DejaVuSans", "DejaVuSans-Bold"
+_CELL = 8.5
 _MARGIN = 17.0 * mm
 _WIDTH = A4[0] - 2.0 * _MARGIN
 _INK, _QUIET = colors.HexColor("#1b1f24"), colors.HexColor("#3d4650")
@@ -57,9 +58,16 @@ def _story(document: doc.Document) -> list[Flowable]:
     for section in document.sections:
         heading = Paragraph(escape(section.title), _style(13, bold=True, before=4, after=1.5))
         on_paper = [block for block in section.blocks if not isinstance(block, doc.Interactive)]
-        first, *others = [_flowable(block) for block in on_paper]
-        story += [KeepTogether([heading, first]), *others]
+        first, *others = [_flowables(block) for block in on_paper]
+        story += [KeepTogether([heading, *first]), *chain.from_iterable(others)]
     return story
+
+
+def _flowables(block: doc.Block) -> list[Flowable]:
+    """A block, after its caption where it is a table that has one."""
+    if isinstance(block, doc.Table) and block.caption:
+        return [Paragraph(escape(block.caption), _style(8, colour=_QUIET, after=1, with_next=True)), _table(block)]
+    return [_flowable(block)]
 
 
 def _flowable(block: doc.Block) -> Flowable:
@@ -85,33 +93,31 @@ def _bullets(block: doc.Bullets) -> Flowable:
 
 
 def _table(block: doc.Table) -> Flowable:
-    right = _style(8.5, align=2) if block.numbers else _style(8.5)
-    cells = [[Paragraph(escape(c), _style(8.5) if i == 0 else right) for i, c in enumerate(row)] for row in block.rows]
+    right = _style(_CELL, align=2) if block.numbers else _style(_CELL)
+    cells = [
+        [Paragraph(escape(c), _style(_CELL) if i == 0 else right) for i, c in enumerate(row)] for row in block.rows
+    ]
     lines = [("LINEBELOW", (0, 0), (-1, -1), 0.4, colors.HexColor("#c8cfd6")), ("VALIGN", (0, 0), (-1, -1), "TOP")]
     if any(block.header):
-        bold = [_style(8.5, bold=True), _style(8.5, bold=True, align=2 if block.numbers else 0)]
+        bold = [_style(_CELL, bold=True), _style(_CELL, bold=True, align=2 if block.numbers else 0)]
         cells.insert(0, [Paragraph(escape(c), bold[min(i, 1)]) for i, c in enumerate(block.header)])
     pads = [("TOPPADDING", (0, 0), (-1, -1), 1.5), ("BOTTOMPADDING", (0, 0), (-1, -1), 2)]
-    table = Table(cells, colWidths=_column_widths(block), repeatRows=int(any(block.header)), spaceAfter=2.5 * mm)
+    table = Table(
+        cells,
+        colWidths=column_widths(block, _WIDTH, _BOLD, _CELL),
+        repeatRows=int(any(block.header)),
+        spaceAfter=2.5 * mm,
+    )
     table.setStyle(TableStyle(lines + pads))
     return table
-
-
-def _column_widths(block: doc.Table) -> list[float]:
-    """Shares of the page by the longest text of each column, within reason."""
-    rows = [block.header, *block.rows]
-    lengths = [min(max(len(row[i]) for row in rows), 66) for i in range(len(block.header))]
-    lengths = [max(length + 3, 10) for length in lengths]
-    return [_WIDTH * length / sum(lengths) for length in lengths]
 
 
 def _picture(block: doc.Picture) -> Flowable:
     with PillowImage.open(block.path) as image:
         width, height = image.size
     shown = _WIDTH * block.width
-    drawn = Image(str(block.path), width=shown, height=shown * height / width, hAlign="LEFT")
-    caption = Paragraph(escape(block.caption), _style(8, colour=_QUIET, after=3))
-    return KeepTogether([drawn, Spacer(1, 1 * mm), caption])
+    caption = Paragraph(escape(block.caption), _style(8, colour=_QUIET))
+    return FittingPicture(str(block.path), shown, shown * height / width, caption)
 
 
 def _decorate(document: doc.Document, canvas: Canvas, template: SimpleDocTemplate) -> None:
@@ -126,11 +132,17 @@ def _decorate(document: doc.Document, canvas: Canvas, template: SimpleDocTemplat
 
 
 def _style(
-    size: float, bold: bool = False, colour: colors.Color = _INK, before: float = 0, after: float = 0, align: int = 0
+    size: float,
+    bold: bool = False,
+    colour: colors.Color = _INK,
+    before: float = 0,
+    after: float = 0,
+    align: int = 0,
+    with_next: bool = False,
 ) -> ParagraphStyle:
     return ParagraphStyle(
         f"{size}{bold}{align}", fontName=_BOLD if bold else _FONT, fontSize=size, leading=1.35 * size, textColor=colour,
-        spaceBefore=before * mm, spaceAfter=after * mm, alignment=align, splitLongWords=True, wordWrap="LTR",
+        spaceBefore=before * mm, spaceAfter=after * mm, alignment=align, splitLongWords=True, keepWithNext=int(with_next), wordWrap="LTR",
     )  # fmt: skip
 
 

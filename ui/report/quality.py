@@ -7,14 +7,22 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
+from palpate.ui.label_words import CARRIED, WORDS
 from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
 from palpate.ui.report.record import CaseRecord
 
 # From its first separator to the word after its last one, spaces included.
 _ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")
 _REGION_NOTE = (
+    "Volumes are those of the voxels in the label volumes. "
     "The volume of bone is that inside the region around the prostate that is modelled; in the deformed scan that region is wider, "
     "so that nothing leaves it."
+)
+_CARRIED_NOTE = (
+    f"\N{LEFT DOUBLE QUOTATION MARK}{CARRIED}\N{RIGHT DOUBLE QUOTATION MARK}: the search in the deformed scan begins near the place "
+    "where the organ's centre lies at rest (to within 8 mm, one standard deviation). Size and outline are not carried over: they are "
+    "drawn on the deformed CT's own edges as on the other scan, so that the difference between the two outlines is measured. Where "
+    "either CT shows no edge, a usual prostate's shape stands in; the confidence falls with the share of such places."
 )
 _DASH = "\N{EN DASH}"
 
@@ -24,6 +32,8 @@ def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
     blocks: list[Block] = [Table(("label", "rest, cc", "deformed, cc", "where from"), _label_rows(record))]
     if record.segmentation:
         blocks.append(Paragraph(_REGION_NOTE, "small"))
+    if any(CARRIED in row[-1] for row in _label_rows(record)):
+        blocks.append(Paragraph(_CARRIED_NOTE))
     blocks += _alignment(record) + _mesh(record)
     notes = [*record.imported.get("notes", ()), *record.segmentation.get("notes", ())]
     notes += [*record.alignment.get("notes", ()), *record.result.get("notes", ())]
@@ -53,13 +63,16 @@ def _origin(segmentation: Mapping[str, Any], name: str) -> str:
         if entry is None and "organs" in state:
             texts.append("what is left within the body")
         elif entry is not None:
-            sure = entry.get("confidence")
-            texts.append(str(entry["method"]) + ("" if sure is None else f", confidence {sure:.2f}"))
+            sure = None if entry["method"] == "user" else entry.get("confidence")
+            texts.append(
+                WORDS.get(entry["method"], str(entry["method"])) + ("" if sure is None else f", confidence {sure:.2f}")
+            )
     return "; ".join(dict.fromkeys(texts)) or "given with the case"
 
 
 def _alignment(record: CaseRecord) -> list[Block]:
-    residual = record.alignment.get("residual_mm")
+    # What the import has told at the console already; the other file rounds at another digit.
+    residual = record.imported.get("residual_mm", record.alignment.get("residual_mm"))
     if residual is None:
         return [Paragraph("The two states were taken as lying in one frame already; no alignment on bone was made.")]
     parts = record.alignment.get("part_residual_mm", {})

@@ -1,0 +1,95 @@
+"""How a report's PDF fills its pages, and that console and report give the same figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from phantoms import result
+from PIL import Image
+from pypdf import PdfReader
+from reportlab.pdfbase.pdfmetrics import stringWidth
+
+from palpate.segmentation.case import CaseFacts
+from palpate.ui.cli import import_scans, segment
+from palpate.ui.report import document as doc
+from palpate.ui.report import pdf
+from palpate.ui.report.pdf_parts import column_widths
+from palpate.ui.report.quality import quality
+from palpate.ui.report.record import CaseRecord
+
+WHOLE_PAGE = 730.0  # points between the margins, about
+
+
+def picture(folder: Path, height: int) -> doc.Picture:
+    """1000 pixels wide: drawn as wide as the page."""
+    path = folder / f"{height}.png"
+    Image.new("RGB", (1000, height), "grey").save(path)
+    return doc.Picture(path, "A caption.", "Nothing.")
+
+
+@pytest.mark.parametrize("share, fits", [(1.1, True), (0.8, True), (0.5, False)])
+def test_a_picture_shrinks_a_little_rather_than_leave_a_page_empty(tmp_path: Path, share: float, fits: bool) -> None:
+    pdf._register_fonts()
+    flowable = pdf._flowable(picture(tmp_path, 600))
+    whole = flowable.wrap(pdf._WIDTH, WHOLE_PAGE)[1]
+    left = share * whole
+    assert (flowable.wrap(pdf._WIDTH, left)[1] <= left) == fits
+    assert flowable.wrap(pdf._WIDTH, WHOLE_PAGE)[1] == whole, "whole again where there is room"
+
+
+def test_two_pictures_that_nearly_fit_share_a_page(tmp_path: Path) -> None:
+    pictures = [picture(tmp_path, height) for height in (620, 621)]
+    path = pdf.write_pdf(doc.Document("Title", "case", [doc.Section("Fit", pictures)]), tmp_path / "x.pdf")
+    assert len(PdfReader(path).pages) == 1
+
+
+def test_no_word_of_a_header_is_broken_and_captions_are_there(tmp_path: Path) -> None:
+    pdf._register_fonts()
+    table = doc.Table(
+        ("effect", "probability", "gain", "parameters"), [("prestress", "0.1", "0", "x" * 80)], "What it is"
+    )
+    widths = column_widths(table, pdf._WIDTH, "DejaVuSans-Bold", 8.5)
+    assert sum(widths) == pytest.approx(pdf._WIDTH)
+    assert all(
+        width > stringWidth(word, "DejaVuSans-Bold", 8.5) + 12.0  # the cell's own margins
+        for width, word in zip(widths, table.header, strict=True)
+    )
+    path = pdf.write_pdf(doc.Document("Title", "case", [doc.Section("Fit", [table])]), tmp_path / "x.pdf")
+    assert "What it is" in PdfReader(path).pages[0].extract_text()
+
+
+def test_alignment_is_one_figure_on_the_console_and_in_the_report() -> None:
+    """0.0454 mm is 0.045 in import.json and would be 0.05 in the report, 0.04 on the console."""
+    imported = {"case": "c", "residual_mm": 0.045, "notes": [], "sources_sha256": {"rest": "a", "deformed": "b"}}
+    record = CaseRecord(CaseFacts("c"), result(), {"residual_mm": 0.0454}, {}, {}, imported)
+    (told,) = [b.text for b in quality(record, []).blocks if isinstance(b, doc.Paragraph)]
+    assert "0.04 mm rms" in told and "0.04 mm rms" in import_scans.text_of(imported)[0]
+
+
+STATE = {
+    "organs": {
+        "prostate": {"method": "carried", "confidence": 0.63, "volume_cc": 69.15},
+        "bladder": {"method": "user", "confidence": 1.0, "volume_cc": 311.9},
+    },
+    "volume_in_region_cc": {"prostate_left": 32.72, "prostate_right": 35.77, "bladder": 308.99, "bone": 12.0},
+}
+
+
+def test_console_gives_the_volumes_of_the_written_labels() -> None:
+    (line,) = segment.text_of({"states": {"deformed": STATE}, "notes": []})
+    assert "prostate 68.5 cc (found near its place at rest, confidence 0.63)" in line
+    assert "bladder 309.0 cc (drawn by hand)" in line
+
+
+def test_the_report_says_what_an_organ_found_near_its_place_is() -> None:
+    volumes = {"deformed": {"prostate_left": 32.72, "bladder": 308.99}}
+    segmentation = {"states": {"deformed": STATE}}
+    record = CaseRecord(CaseFacts("c"), result(), {}, segmentation, {}, {}, volumes_cc=volumes)
+    blocks = quality(record, []).blocks
+    assert isinstance(blocks[0], doc.Table)
+    assert blocks[0].rows[0][-1] == "found near its place at rest, confidence 0.63"
+    assert any("outline are not carried over" in b.text for b in blocks if isinstance(b, doc.Paragraph))
+    by_hand = {**STATE, "organs": {"prostate": {"method": "user", "confidence": 1.0, "volume_cc": 1.0}}}
+    drawn = CaseRecord(CaseFacts("c"), result(), {}, {"states": {"deformed": by_hand}}, {}, {}, volumes_cc=volumes)
+    assert not any("carried over" in b.text for b in quality(drawn, []).blocks if isinstance(b, doc.Paragraph))

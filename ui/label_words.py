@@ -1,0 +1,12 @@
+"""How a label came about, in words: the same on the console and in the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+CARRIED = "found near its place at rest"
+# By the method that segmentation.json names.
+WORDS: Mapping[str, str] = {
+    "auto": "found automatically", "carried": CARRIED, "user": "drawn by hand", "click": "from a click",
+    "extremes": "from six points", "box": "from a box",
+}  # fmt: skip
