@@ -8,6 +8,7 @@ from phantoms import result
 
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
+from palpate.ui.cli import diagnose
 from palpate.ui.cli.identify import text_of
 
 
@@ -20,3 +21,20 @@ def test_the_console_says_what_the_pair_tells(tmp_path: Path) -> None:
     lines = text_of(case, found)
     assert "says    nothing can be identified: the second scan shows the same as the first" in lines
     assert "says    no more" in lines
+
+
+def test_the_console_doubts_a_stiffness_on_which_the_searches_differ(tmp_path: Path) -> None:
+    case = CaseFolder.create(tmp_path / "case", CaseFacts("made-up"))
+    words = "swarm and Gauss-Newton end at different stiffnesses (prostate left 20 and 60 kPa)"
+    assert f"doubt   {words}" in text_of(case, result(agreement={"harmless": False, "in_words": words}))
+    assert not any(words in line for line in text_of(case, result(agreement={"harmless": True, "in_words": words})))
+
+
+def test_an_alarm_on_the_console_says_that_it_may_be_a_false_one(tmp_path: Path) -> None:
+    case = CaseFolder.create(tmp_path / "case", CaseFacts("made-up"))
+    found = {"gap": {"rms_mm": 0.4, "noise_floor_mm": 0.3, "p_value": 0.01}, "in_words": "w", "ranking": [], "flags": [],
+             "next_measurement": None}  # fmt: skip
+    texts = {
+        verdict: " ".join(diagnose.text_of(case, found | {"verdict": verdict})) for verdict in ("none", "ambiguous")
+    }
+    assert "docs/gap.md" in texts["ambiguous"] and "docs/gap.md" not in texts["none"]

@@ -14,6 +14,7 @@ from palpate.ui.cli.steps import recorded
 
 NAME, HELP = "diagnose", "where the model is wrong, which effect it leaves out, how far that closes the gap"
 _SHOWN = 4
+FALSE_ALARMS = "pairs without any hidden effect can raise such an alarm too: docs/gap.md says how often that was seen"
 # As `diagnose_step.DiagnoseOptions` has it, which is not loaded for a list of options.
 DEFAULT_MESHES = 1
 
@@ -52,6 +53,7 @@ def text_of(case: CaseFolder, found: dict[str, Any]) -> list[str]:
         f"verdict {found['verdict']}: {found['in_words']}",
     ]
     if found["verdict"] != "none":
+        lines.append(f"        {FALSE_ALARMS}")
         for row in found["ranking"][:_SHOWN]:
             lines.append(f"        {row['effect']}: probability {row['probability']:.2f}")
     if found["next_measurement"]:

@@ -99,6 +99,9 @@ def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.jso
         edge = ", at the edge of what was allowed" if found["at_bound"] else ""
         lines.append(f"found   {name}: G = {found['G_kpa']:.3g} kPa, {sure}{edge}")
     lines.append(f"misfit  {result['misfit']['rms_mm']:.2f} mm rms")
+    searches = result.get("agreement", {})
+    if not searches.get("harmless", True):
+        lines.append(f"doubt   {searches['in_words']}")
     if case.has("noise.json"):
         lines.append(f"noise   {case.read_json('noise.json')['sd_mm']:.2f} mm, from contours drawn twice")
     lines += [f"says    {part}" for part in str(result["identifiability"]["verdict"]).split("; ")]

@@ -125,4 +125,4 @@ def spread_out(figure: Figure) -> None:
     """Room between views side by side, so that the letters of one are not read as the other's."""
     engine = figure.get_layout_engine()
     if engine is not None:
-        engine.set(wspace=0.06)  # type: ignore[call-arg]
+        engine.set(wspace=0.14)  # type: ignore[call-arg]
