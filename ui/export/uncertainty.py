@@ -58,7 +58,7 @@ def _map(labels: Volume, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Volume
     sd = np.asarray(arrays["sd"], dtype=np.float64)
 
     def volume(of: Callable[[NDArray[np.float64]], NDArray[Any]], kind: type) -> Volume:
-        value = np.zeros(labels.array.shape, dtype=kind)
+        value: NDArray[Any] = np.zeros(labels.array.shape, dtype=kind)
         parts = [of(points[k : k + _CHUNK]) for k in range(0, len(points), _CHUNK)]
         value[tuple(voxels.T)] = np.concatenate(parts) if parts else 0
         return labels.with_array(value)
