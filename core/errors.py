@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 
 class PalpateError(Exception):
-    """Base of the errors a person is shown as one line. ``exit_code`` is the process's exit status."""
+    """Base of the errors a person is shown as one line. ``exit_code`` is the process's exit status.
+
+    ``facts``: what had been found before, JSON-able, for who asked for JSON.
+    """
 
     exit_code = 1
+    facts: Mapping[str, Any] = {}
 
 
 class InputError(PalpateError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -197,14 +197,20 @@ class CaseFolder:
 
     # Steps
 
-    def inputs_sha256(self, names: Iterable[str], options: Any = None) -> str:
-        """One hash of the named files and folders (absent ones count as absent) and of JSON-able options."""
+    def inputs_sha256(
+        self, names: Iterable[str], options: Any = None, hash_of: Callable[[Path], str] | None = None
+    ) -> str:
+        """One hash of the named files and folders (absent ones count as absent) and of JSON-able options.
+
+        hash_of : the hash of one file, for who keeps them.
+        """
+        hash_of = hash_of or file_sha256
         digest = hashlib.sha256()
         for name in sorted(names):
             path = self.file(name)
             members = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
             for member in members:
-                content = file_sha256(member) if member.is_file() else "absent"
+                content = hash_of(member) if member.is_file() else "absent"
                 digest.update(f"{member.relative_to(self.path).as_posix()}\0{content}\0".encode())
         digest.update(_as_json(options).encode())
         return digest.hexdigest()
@@ -217,6 +223,11 @@ class CaseFolder:
         entry = self._state().get(step, {})
         same = entry.get("done") is True and entry.get("inputs_sha256") == inputs_sha256
         return same and all(self.has(name) for name in entry.get("outputs", []))
+
+    def noted_inputs(self, step: str) -> str | None:
+        """The hash of the inputs that the step last ran to its end on; None where it never did."""
+        entry = self._state().get(step, {})
+        return str(entry["inputs_sha256"]) if entry.get("done") is True and "inputs_sha256" in entry else None
 
     def mark_done(self, step: str, inputs_sha256: str, outputs: Iterable[str]) -> None:
         """Notes in state.json that the step ran to its end; call it after its last file is written."""

@@ -41,7 +41,11 @@ def controller() -> Iterator[Controller]:
 
 
 def wait(controller: Controller, seconds: float = 60.0) -> None:
-    until(controller, lambda: not (controller.reader.running or controller.jobs.running), seconds)
+    until(
+        controller,
+        lambda: not (controller.reader.running or controller.jobs.running or controller.freshness.running),
+        seconds,
+    )
 
 
 def until(controller: Controller, done: Callable[[], bool], seconds: float = 60.0) -> None:
@@ -182,34 +186,32 @@ def test_time_left_follows_the_step(tmp_path: Path) -> None:
 
 
 def test_steps_tell_what_is_next_and_what_is_out_of_date(tmp_path: Path) -> None:
+    judged: dict[str, str] = {}
+
     def states(edited: bool = False) -> dict[str, str]:
-        return {s.step.command: s.state for s in steps.step_states(tmp_path, EVERYTHING, edited)}
+        return {s.step.command: s.state for s in steps.step_states(tmp_path, EVERYTHING, edited, judged)}
 
     assert [s.state for s in steps.step_states(None, EVERYTHING)] == [steps.READY] + [steps.BLOCKED] * 5
-    times = iter(range(1_000_000_000, 2_000_000_000, 1_000_000))
-
-    def touch(name: str) -> None:
-        path = tmp_path / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_text("x")
-        os.utime(path, (next(times),) * 2)
-
-    touch("case.json")
+    (tmp_path / "report").mkdir()
+    (tmp_path / "case.json").touch()
     assert states() == {"import": "done", "segment": "ready", "mesh": "blocked", "identify": "blocked",
                         "diagnose": "blocked", "report": "blocked"}  # fmt: skip
     for name in ("rest.nii.gz", "deformed.nii.gz", "mesh.npz", "surfaces.npz", "mesh.json", "result.json"):
-        touch(name)
+        (tmp_path / name).touch()
+    assert (states()["segment"], states()["mesh"], states()["report"]) == ("done", "checking", "ready")
+    judged |= {"mesh": "", "identify": ""}
     assert states() | {} == {"import": "done", "segment": "done", "mesh": "done", "identify": "done",
                              "diagnose": "ready", "report": "ready"}  # fmt: skip
-    touch("report/report.html")
-    found = steps.step_states(tmp_path, EVERYTHING)
+    (tmp_path / "report/report.html").touch()
+    judged["report"] = ""
+    found = steps.step_states(tmp_path, EVERYTHING, judged=judged)
     assert steps.next_step(found) is None and found[4].state == steps.READY
     assert states(edited=True)["mesh"] == states(edited=True)["report"] == "out of date"
-    touch("rest.nii.gz")
-    after = steps.step_states(tmp_path, EVERYTHING)
+    judged["mesh"] = "the labels have been changed since"
+    after = steps.step_states(tmp_path, EVERYTHING, judged=judged)
     assert steps.next_step(after).step.command == "mesh"  # type: ignore[union-attr]
-    assert after[2].reason == "rest.nii.gz is newer"
-    without = steps.step_states(tmp_path, EVERYTHING - {"diagnose"})
+    assert after[2].reason == "the labels have been changed since" and after[5].state == steps.OUT_OF_DATE
+    without = steps.step_states(tmp_path, EVERYTHING - {"diagnose"}, judged=judged)
     assert without[4].reason == "this version of Palpate has no such command"
 
 
@@ -288,12 +290,48 @@ def test_the_map_of_a_diagnosis_is_shown_before_the_plain_misfit(tmp_path: Path)
     np.testing.assert_array_equal(gap.residual, plain)
     # The names that palpate.core.gap.record.maps gives.
     case.write_npz("diagnose/gap_maps.npz", points=spots + 1.0, residual_mm=found, standardised=found / 0.4)
-    case.write_json("diagnosis.json", {"where": {"map": "diagnose/gap_maps.npz"}})
+    said = {"verdict": "none", "gap": {"rms_mm": 0.3, "noise_floor_mm": 0.4, "p_value": 0.5}, "candidates": []}
+    case.write_json("diagnosis.json", {**said, "where": {"map": "diagnose/gap_maps.npz"}})
     gap = _gap_of(folder)
     assert gap is not None
     assert gap.diagnosed
     np.testing.assert_array_equal(gap.points, spots + 1.0)
     np.testing.assert_array_equal(gap.residual, found)
+
+
+def test_the_map_says_where_it_tells_nothing(controller: Controller, tmp_path: Path) -> None:
+    case = write_case(tmp_path / "case")
+    centres = np.array([ORGAN, ORGAN]) + [[3.0, 0.0, 0.0], [3.0, 0.0, 9.0]]
+    case.write_npz("identify/stiffness_map.npz", centres=centres, ln_G=np.log([60.0, 60.0]), sd=np.array([0.1, 0.1]),
+                   told=np.array([True, False]), prior=np.array([np.log(60.0), 0.5, 0.5, 8.0]), weights=np.zeros(2))  # fmt: skip
+    case.write_json("result.json", result(stiffness_map={"patches": 2}))
+    controller.open_case(case.path)
+    wait(controller)
+    controller.show(overlay="map", crosshair=ORGAN)
+    assert controller.value_at_crosshair() == "prostate left, G here = 60 kPa"
+    controller.show(surest_factor=1.1)
+    assert controller.value_at_crosshair() == "prostate left, the map does not tell G here"
+    controller.show(surest_factor=None, crosshair=(ORGAN[0], ORGAN[1], ORGAN[2] + 9.0))
+    assert controller.value_at_crosshair() == "prostate left, the map does not tell G here"
+    controller.show(mode="deformed")
+    assert controller.value_at_crosshair() == "prostate left, G of the half = 120 kPa"
+
+
+def test_a_stroke_puts_what_was_found_out_of_date_till_it_is_undone(controller: Controller, tmp_path: Path) -> None:
+    case = write_case(tmp_path / "case", result(inputs_sha256={}))
+    for name in ("mesh.json", "report/report.html"):
+        case.write_text(name, "{}")
+    controller.open_case(case.path)
+    wait(controller)
+    controller.look_at(*ORGAN)
+    assert not controller.out_of_date("identify") and not controller.out_of_date("report")
+    assert controller.value_at_crosshair() == "prostate left, G = 120 kPa"
+    paint(controller, 5, (ORGAN[0], ORGAN[1] + 8.0, ORGAN[2]))
+    assert controller.out_of_date("identify") == controller.out_of_date("report")
+    assert controller.out_of_date("identify") == "an earlier step has been changed since"
+    assert controller.value_at_crosshair() == "prostate left, G = 120 kPa, out of date"
+    controller.editing.undo()
+    assert not controller.out_of_date("identify") and not controller.out_of_date("diagnose")
 
 
 def _gap_of(folder: Path) -> GapMap | None:

@@ -147,9 +147,38 @@ def test_two_scans_are_shown_in_one_frame_and_a_script_that_fails_names_its_line
     bad = tmp_path / "bad.txt"
     bad.write_text(f"open {case.path}\nexpect unsaved true\n")
     monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
-    done = subprocess.run([sys.executable, "-m", "palpate.ui.cli", "open", "--headless", "--script", str(bad)],
+    done = subprocess.run([sys.executable, "-m", "palpate.ui.cli", "open", "--headless", "--script", str(bad), "--json"],
                           capture_output=True, text=True, timeout=120, check=False)  # fmt: skip
     assert done.returncode == 3 and f"palpate: {bad}, line 2: unsaved is false, not true" in done.stderr
+    told = json.loads(done.stdout)
+    assert told["exit_code"] == 3 and [e["command"] for e in told["events"]] == ["open"] and told["events"][0]["case"]
+
+
+def test_a_brush_paints_what_is_shown_and_a_small_window_is_as_small_as_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = write_case(tmp_path / "case", other={"simulated": True})
+    x, y, z = (float(c) for c in CENTRE)
+    before = {state: case.labels(state).array for state in ("rest", "deformed")}
+    script = f"""
+    open {case.path}
+    wait 100
+    expect labels deformed,rest
+    expect simulated true
+    expect steps.identify blocked
+    show mode deformed
+    brush bladder 5 {x} {y} {z}
+    save
+    show mode "side by side"
+    resize 900 600
+    screenshot small.png
+    """
+    events = play(tmp_path, script, monkeypatch)
+    assert next(e for e in events if e["command"] == "wait")["solid_settled"]
+    assert np.array_equal(case.labels("rest").array, before["rest"])
+    assert (case.labels("deformed").array == 5).any()
+    shot = picture(next(e["file"] for e in events if "file" in e))
+    assert shot.shape[:2] == (600, 900)
 
 
 def test_usage(tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

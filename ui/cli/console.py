@@ -66,10 +66,10 @@ class Console:
         elif not self.quiet:
             print(text)
 
-    def error(self, message: str, exit_code: int, usage: str = "") -> None:
-        """One line on standard error; with --json the same as an object on standard output."""
+    def error(self, message: str, exit_code: int, usage: str = "", facts: Mapping[str, Any] | None = None) -> None:
+        """One line on standard error; with --json the same, and what was found before, as an object on standard output."""
         if self.as_json:
-            print(encode({"error": message, "exit_code": exit_code}))
+            print(encode({**(facts or {}), "error": message, "exit_code": exit_code}))
         print(f"{usage}palpate: {message}", file=sys.stderr)
 
 

@@ -50,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return EXIT_CODE
     except PalpateError as error:
-        console.error(one_line(str(error)), error.exit_code)
+        console.error(one_line(str(error)), error.exit_code, facts=error.facts)
         return error.exit_code
     except UsageError as error:
         console.error(one_line(str(error)), 2, error.usage)

@@ -59,6 +59,9 @@ def play(commands: list[Command], folder: Path, source: str, headless: bool = Tr
             events.append(driver.run(command))
             if driver.over:
                 break
+    except InputError as error:
+        error.facts = {"events": events}  # what was done before is true all the same
+        raise
     except KeyboardInterrupt as error:
         raise Cancelled("the script was stopped") from error
     finally:

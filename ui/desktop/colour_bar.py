@@ -40,6 +40,8 @@ class ColourBar(QWidget):
         case, display = self._controller.case, self._controller.display
         if case is None:
             return False
+        if overlay.only_at_rest(display.overlay, display.mode):
+            return False
         there = {
             "stiffness": bool(case.regions),
             "map": case.stiffness_map is not None,

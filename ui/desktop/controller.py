@@ -1,6 +1,7 @@
 """The window's logic, without a toolkit: what is open, how it is shown, what is being done, and what a person may do next.
 
-Widgets call its methods and are told by name what has changed: "case", "labels", "results", "view", "tools", "job", "said".
+Widgets call its methods and are told by name what has changed: "case", "labels", "results", "view", "tools", "job", "steps",
+"said".
 All calls come from one thread; work is done by `jobs.JobControl` in other processes.
 """
 
@@ -19,9 +20,10 @@ from palpate.segmentation.case import STATES
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS
 from palpate.segmentation.volume import Volume
 from palpate.ui.cli.main import COMMANDS
-from palpate.ui.desktop import commands, steps
+from palpate.ui.desktop import commands, overlay, steps
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.editing import Editing
+from palpate.ui.desktop.freshness import Freshness
 from palpate.ui.desktop.jobs import JobControl
 from palpate.ui.desktop.open_case import OpenCase
 from palpate.ui.desktop.recent import remember
@@ -34,6 +36,7 @@ Labels = tuple[Path | None, Path | None]
 
 class Controller:
     """case : the open case or None. scans : what has been read of its CTs. jobs : the steps. reader : reading of scans.
+    freshness : which steps are out of date.
 
     available : commands of this version. said : the last thing a person was told.
     """
@@ -43,7 +46,7 @@ class Controller:
         self.scans: dict[str, Scan] = {}
         self.display = Display()
         self.jobs, self.reader = JobControl(), JobControl()
-        self.editing = Editing(self)
+        self.editing, self.freshness = Editing(self), Freshness()
         self.available = frozenset(COMMANDS)
         self.said = ""
         self.listeners: list[Callable[[str], None]] = []
@@ -97,6 +100,7 @@ class Controller:
             control.wait(2.0)
             control.poll()
             control.state = None
+        self.freshness.forget()
         if self.case is not None:
             self.case.save_session()
             self.case.close()
@@ -108,6 +112,7 @@ class Controller:
     def quit(self) -> None:
         """Ends everything."""
         self.close()
+        self.freshness.close()
         shutil.rmtree(self._scratch, ignore_errors=True)
 
     # What is shown
@@ -135,9 +140,21 @@ class Controller:
             words.append(f"{hu:.0f} HU".replace("-", "\N{MINUS SIGN}"))
         if label is not None:
             words.append(LABELS[int(label)].replace("_", " "))
-            found = [r for r in (self.case.regions if self.case else ()) if r.label == int(label)]
-            words += [f"G = {r.G:.3g} kPa" if r.told else "stiffness not told" for r in found]
+            words += self._stiffness_words(int(label), state, at)
         return ", ".join(words)
+
+    def _stiffness_words(self, label: int, state: str, at: np.ndarray) -> list[str]:
+        """What is known of the stiffness at a point (1, 3) mm of a label: by the map where that is shown, else of the region."""
+        case, display = self.case, self.display
+        if case is None or label not in ORGAN_LABELS:
+            return []
+        old = ["out of date"] if self.out_of_date("identify") else []
+        if display.overlay == "map" and case.stiffness_map is not None and state == "rest":
+            (G,), (told,) = overlay.map_at(case.stiffness_map, at, display.surest_factor)
+            return [f"G here = {G:.3g} kPa", *old] if told else ["the map does not tell G here"]
+        whole = "of the half " if display.overlay == "map" and len(case.regions) > 1 else ""
+        found = [r for r in case.regions if r.label == label]
+        return [f"G {whole}= {r.G:.3g} kPa" if r.told else "stiffness not told" for r in found] + (old if found else [])
 
     def show(self, **changes: Any) -> None:
         """Changes how the case is shown: fields of `Display`."""
@@ -154,7 +171,13 @@ class Controller:
     def steps(self) -> list[steps.StepState]:
         """Where the case is on the way to its report."""
         path = None if self.case is None else self.case.folder.path
-        return steps.step_states(path, self.available, self.case is not None and self.case.corrections.unsaved)
+        edited = self.case is not None and self.case.corrections.unsaved
+        return steps.step_states(path, self.available, edited, self.freshness.reasons)
+
+    def out_of_date(self, command: str) -> str:
+        """Why what a step has made is out of date; empty where it is not, or there is nothing yet."""
+        found = [s for s in self.steps() if s.step.command == command and s.state == steps.OUT_OF_DATE]
+        return found[0].reason if found else ""
 
     def run(self, *names: str) -> None:
         """Runs steps one after the other in the worker; corrections are saved before. Raises InputError when they cannot run."""
@@ -189,6 +212,7 @@ class Controller:
         if self.case is not None and self.case.volumes:
             self.case.save_labels()
             self.case.save_session()
+            self.freshness.start(self.case)
             self.notify("labels")
 
     def poll(self) -> None:
@@ -197,6 +221,8 @@ class Controller:
             self._reader_told()
         if self.jobs.poll():
             self._job_told()
+        if self.freshness.poll():
+            self.notify("steps")
         if self.case is not None and self.case.failures:
             self.say(self.case.failures.pop())
 
@@ -205,6 +231,7 @@ class Controller:
     def _take(self, opened: OpenCase) -> None:
         self.case, self.display = opened, opened.display
         remember(opened.folder.path)
+        self.freshness.start(opened)
         if not opened.has_session and opened.regions:
             self._show_stiffness()
         self.notify("case")
@@ -291,6 +318,7 @@ class Controller:
             had_result = bool(self.case.regions)
             if "segment" in self._running:
                 self._read({})
+            self.freshness.start(self.case)
             self.case.read_results()
             if self.case.regions and not had_result:
                 self._show_stiffness()

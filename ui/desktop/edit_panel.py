@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from PySide6.QtCore import QSignalBlocker
 from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
@@ -72,6 +73,8 @@ class EditPanel(QWidget):
         self.tools.select(display.tool)
         self.seed.setCurrentText(display.seed_name)
         self.label.setCurrentIndex(self.label.findData(display.label))
+        with QSignalBlocker(self.radius):
+            self.radius.setValue(round(10 * display.radius_mm))
         self.radius_words.setText(f"{display.radius_mm:.1f} mm")
         for name in ("brush", "eraser"):
             self.tools.buttons[name].setEnabled(not reason)

@@ -32,6 +32,7 @@ class JobPanel(QWidget):
         self.bar = QProgressBar()
         self.bar.setRange(0, 1000)
         self.bar.setFormat("%p %")
+        self.bar.setTextVisible(False)
         self.stop = QPushButton("Cancel")
         self.stop.setObjectName("stop")
         self.stop.setShortcut("Esc")
@@ -67,6 +68,7 @@ class JobPanel(QWidget):
         if job is None:
             self._clear()
             return
+        self.bar.setTextVisible(True)
         self.title.setText(self._title(job))
         done = job.outcome == "done"
         self.bar.setValue(1000 if done else round(1000 * job.step_fraction))
@@ -83,6 +85,7 @@ class JobPanel(QWidget):
     def _clear(self) -> None:
         self.title.setText("Nothing runs")
         self.bar.setValue(0)
+        self.bar.setTextVisible(False)  # "0 %" would be of nothing
         self.message.clear()
         self.left.clear()
         self.chart.setVisible(False)

@@ -121,7 +121,7 @@ class MainWindow(QMainWindow):
                 self.stack.setCurrentWidget(self.page)
         if what in ("case", "labels"):
             self._title()
-        if what in ("case", "view", "labels"):
+        if what in ("case", "view", "labels", "steps"):
             self.where.setText(self.place_words())
 
     def place_words(self) -> str:
@@ -174,7 +174,8 @@ class MainWindow(QMainWindow):
             self.setWindowTitle("Palpate")
             return
         unsaved = " (unsaved corrections)" if case.corrections.unsaved else ""
-        self.setWindowTitle(f"{case.folder.path.name}{unsaved} \N{EM DASH} Palpate")
+        made = " (simulated)" if case.simulated else ""
+        self.setWindowTitle(f"{case.folder.path.name}{made}{unsaved} \N{EM DASH} Palpate")
 
     def _tick(self) -> None:
         self.controller.poll()

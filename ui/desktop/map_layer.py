@@ -12,8 +12,8 @@ from PySide6.QtCore import QPointF
 from PySide6.QtGui import QImage, QPainterPath, QPolygonF
 from skimage import measure
 
-from palpate.core.identify.stiffness_map import nearest_patch, painted
 from palpate.segmentation.labels import ORGAN_LABELS
+from palpate.ui.desktop import overlay
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.sheets import Sheet
 from palpate.ui.pictures.colours import StiffnessScale
@@ -39,10 +39,7 @@ def map_layer(
     inside = np.isin(sheet.values, ORGAN_LABELS)
     rows, columns = np.nonzero(inside)
     points = _places(sheet, plane, position, rows, columns)
-    G, told = painted(arrays, points) if len(points) else (np.zeros(0), np.zeros(0, dtype=bool))
-    if display.surest_factor is not None and len(points):
-        sd = np.asarray(arrays["sd"])[nearest_patch(arrays, points)]
-        told = told & (np.exp(1.96 * sd) <= display.surest_factor)
+    G, told = overlay.map_at(arrays, points, display.surest_factor)
     low = -np.inf if display.low_kpa is None else display.low_kpa
     high = np.inf if display.high_kpa is None else display.high_kpa
     shown = told & (low <= G) & (high >= G)

@@ -20,11 +20,12 @@ from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.journal import Journal, content_hash, replay
 from palpate.ui.desktop.strokes import Corrections
 from palpate.ui.pictures.colours import StiffnessScale, map_scale
-from palpate.ui.report.record import read_record
+from palpate.ui.report.record import read_record, simulated
 from palpate.ui.report.regions import RegionStiffness, region_of
 from palpate.ui.report.summary import summary
 
 SESSION, EDITS, LOCK = "desktop/session.json", "desktop/edits.jsonl", "desktop/lock"
+MAP_FILE = "identify/stiffness_map.npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,9 @@ class OpenCase:
         self.scale = StiffnessScale.of(told)
         self.segmentation = self._json("segmentation.json")
         self.first_words = summary(read_record(self.folder, {}))[0] if found else ""
+        self.simulated = ""
+        with contextlib.suppress(InputError):  # reading the scans tells what is wrong with them
+            self.simulated = simulated(self.folder, result) or ""
         self.gap = self._gap()
         self.stiffness_map = self._map()
         self.map_scale = self.scale if self.stiffness_map is None else map_scale(told, self.stiffness_map)
@@ -154,8 +158,8 @@ class OpenCase:
                 self.folder.write_labels(state, volume)
 
     def _map(self) -> Mapping[str, NDArray[Any]] | None:
-        there = self.result.get("stiffness_map") and self.folder.has("identify/stiffness_map.npz")
-        return self.folder.read_npz("identify/stiffness_map.npz") if there else None
+        there = self.result.get("stiffness_map") and self.folder.has(MAP_FILE)
+        return self.folder.read_npz(MAP_FILE) if there else None
 
     def _gap(self) -> GapMap | None:
         where = self.diagnosis.get("where", {})

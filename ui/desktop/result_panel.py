@@ -36,13 +36,26 @@ class ResultPanel(QWidget):
 
     def told(self, what: str) -> None:
         """Something has changed."""
-        if what not in ("case", "results", "job"):
+        if what not in ("case", "results", "job", "labels", "steps"):
             return
         case = self._controller.case
+        old = self._controller.out_of_date("identify"), self._controller.out_of_date("report")
         has_report = case is not None and case.folder.has("report/report.html")
         self.report.setEnabled(has_report)
-        self.report.setToolTip("In the web browser" if has_report else "There is no report yet; run Report")
-        self.words.setText(_doubts(case) + (_found(case) if case is not None and case.regions else _nothing(case)))
+        self.report.setText("Show the report (out of date)" if has_report and old[1] else "Show the report")
+        tip = f"It shows what was found before: {old[1]}" if old[1] else "In the web browser"
+        self.report.setToolTip(tip if has_report else "There is no report yet; run Report")
+        words = _found(case, old[0]) if case is not None and case.regions else _nothing(case)
+        words = _simulated(case) + _doubts(case) + words
+        if words != self.words.text():  # a stroke tells often
+            self.words.setText(words)
+
+
+def _simulated(case: OpenCase | None) -> str:
+    """That the pair is not two scans of a patient."""
+    if case is None or not case.simulated:
+        return ""
+    return f"<span style='color:{style.WARN}'><b>Simulated</b>: {escape(case.simulated)}</span><br>"
 
 
 def _doubts(case: OpenCase | None) -> str:
@@ -61,14 +74,18 @@ def _nothing(case: OpenCase | None) -> str:
     return f"<span style='color:{style.FAINT}'>Nothing found yet.</span>"
 
 
-def _found(case: OpenCase) -> str:
+def _found(case: OpenCase, old: str) -> str:
+    """old : why the stiffness is out of date, or empty."""
     rows = []
+    beside_value = f" <span style='color:{style.WARN}'>out of date</span>" if old else ""
+    weight, tone = ("span", style.FAINT) if old else ("b", style.TEXT)
     for region in case.regions:
         if region.told:
             interval = (
                 "error not known" if region.ci is None else f"{region.ci[0]:.3g}\N{EN DASH}{region.ci[1]:.3g} kPa"
             )
-            value = f"<b>{region.G:.3g} kPa</b><br><span style='color:{style.FAINT}'>95 % {interval}</span>"
+            value = f"<{weight} style='color:{tone}'>{region.G:.3g} kPa</{weight}>{beside_value}"
+            value += f"<br><span style='color:{style.FAINT}'>95 % {interval}</span>"
         else:
             value = f"<span style='color:{style.WARN}'>not told by this pair</span>"
         rows.append(f"<tr><td style='padding-right:10px'>{escape(region.words)}</td><td>{value}</td></tr>")
@@ -76,7 +93,8 @@ def _found(case: OpenCase) -> str:
     expected = misfit.get("expected_noise_rms_mm")
     beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
     # The values stand below it.
-    parts = [escape(case.first_words.split(": G =")[0].rstrip(".") + ".")] if case.first_words else []
+    parts = [f"<span style='color:{style.WARN}'>Out of date: {escape(old)}. Found before that:</span>"] if old else []
+    parts += [escape(case.first_words.split(": G =")[0].rstrip(".") + ".")] if case.first_words else []
     parts += [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
              f"Misfit {misfit.get('rms_mm', float('nan')):.2f} mm rms{beside}"]  # fmt: skip
     parts += _gap(case)

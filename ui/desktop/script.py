@@ -1,28 +1,6 @@
 """The language that drives the window without hands, for tests and demonstrations: one command a line, words as in a shell.
 
-| command | does |
-| --- | --- |
-| `open CASE` or `open REST DEFORMED CASE [CONTOURS CONTOURS]` | opens a case, or two scans; waits till the case is made |
-| `crosshair X Y Z` | patient coordinates, mm LPS |
-| `show NAME VALUE` | changes how the case is shown; names as in `Display`: mode, overlay, opacity, centre, width, ... |
-| `preset NAME` | window and level |
-| `seed NAME X Y Z [STATE]` | points at an organ, in the scan at rest unless STATE says `deformed` |
-| `brush LABEL RADIUS X Y Z [X Y Z ...] [STATE]` | paints a ball, or along a line, as one stroke |
-| `eraser LABEL RADIUS X Y Z [X Y Z ...] [STATE]` | takes the label away |
-| `click PLANE X Y Z [STATE]` | a real click of the mouse into the view of a plane, at that place in the slice it shows |
-| `drag PLANE X Y Z X Y Z [STATE]` | presses there, moves, and lets go |
-| `press WORDS` | a real click on the button with these words |
-| `undo`, `redo`, `save` | as the buttons |
-| `run STEP [STEP ...]` | starts steps in the worker and does not wait for them |
-| `cancel` | stops what runs |
-| `wait [SECONDS]` | until nothing runs, at most so long (600) |
-| `until FRACTION [SECONDS]` | until the running step has come so far |
-| `pause SECONDS` | lets time pass |
-| `resize WIDTH HEIGHT` | of the window, pixels |
-| `screenshot FILE` | the window as it is, PNG |
-| `stalls` | tells the longest stall since the last time, ms, and the most processor time the window took at a stretch |
-| `expect NAME VALUE` | ends with exit 3 unless a fact (`state`) has this value |
-| `quit` | closes the window; unsaved corrections stay in the journal |
+docs/desktop.md tells all commands.
 
 Paths are relative to the script's folder. Empty lines and lines that begin with # are passed over.
 Every command gives one JSON-able event with the facts after it.
@@ -110,6 +88,7 @@ class Driver:
             "said": controller.said,
             "labels": sorted(() if case is None else case.volumes),
             "seeds": 0 if case is None else sum(map(len, case.seeds.values())),
+            "simulated": case is not None and bool(case.simulated),
             "steps": {s.step.command: s.state for s in controller.steps()},
         }
 
@@ -150,9 +129,9 @@ class Driver:
             raise ValueError(f"presets are {', '.join(PRESETS)}")
         self.controller.show(centre=PRESETS[name].centre, width=PRESETS[name].width)
 
-    def do_seed(self, name: str, x: str, y: str, z: str, state: str = "rest") -> None:
+    def do_seed(self, name: str, x: str, y: str, z: str, state: str = "") -> None:
         """Points at an organ."""
-        self.controller.editing.seed(state, name, (float(x), float(y), float(z)))
+        self.controller.editing.seed(state or self._shown(), name, (float(x), float(y), float(z)))
 
     def do_brush(self, label: str, radius: str, *rest: str) -> None:
         """One stroke with the brush."""
@@ -162,14 +141,14 @@ class Driver:
         """One stroke with the eraser."""
         self._stroke("eraser", label, radius, rest)
 
-    def do_click(self, plane: str, x: str, y: str, z: str, state: str = "rest") -> None:
+    def do_click(self, plane: str, x: str, y: str, z: str, state: str = "") -> None:
         """A click into a view."""
         hands.click(self._view(plane, state), (float(x), float(y), float(z)))
 
     def do_drag(self, plane: str, *words: str) -> None:
         """From one place to another with the button held."""
         numbers = [float(word) for word in words[:6]]
-        view = self._view(plane, words[6] if len(words) > 6 else "rest")
+        view = self._view(plane, words[6] if len(words) > 6 else "")
         hands.drag(view, (numbers[0], numbers[1], numbers[2]), (numbers[3], numbers[4], numbers[5]))
 
     def do_press(self, *words: str) -> None:
@@ -197,13 +176,15 @@ class Driver:
     def do_cancel(self) -> dict[str, Any]:
         """Stops what runs and waits till it has stopped."""
         self.controller.cancel()
-        self.do_wait("5")
+        self._until(lambda: not (self.controller.jobs.running or self.controller.reader.running), 5.0)
         return {"cancel_seconds": self.state()["cancel_seconds"]}
 
-    def do_wait(self, seconds: str = str(_SECONDS)) -> None:
-        """Until nothing runs."""
-        controller = self.controller
-        self._until(lambda: not (controller.jobs.running or controller.reader.running), float(seconds))
+    def do_wait(self, seconds: str = str(_SECONDS)) -> dict[str, Any]:
+        """Until nothing runs, and it is known which steps are out of date; then for the 3D view, if so much time is left."""
+        began, controller = time.monotonic(), self.controller
+        running = (controller.jobs, controller.reader, controller.freshness)
+        self._until(lambda: not any(one.running for one in running), float(seconds))
+        return {"solid_settled": self._settle(float(seconds) - (time.monotonic() - began))}
 
     def do_until(self, fraction: str, seconds: str = str(_SECONDS)) -> None:
         """Until the step has come so far, or has ended."""
@@ -216,17 +197,20 @@ class Driver:
         """Lets time pass."""
         self.process(float(seconds))
 
-    def do_resize(self, width: str, height: str) -> None:
-        """Of the window."""
+    def do_resize(self, width: str, height: str) -> dict[str, Any]:
+        """Of the window; one that it cannot be is refused."""
+        self.process(0.0)  # what is shown now says how small it can be
+        least = self.window.minimumSizeHint()
+        if int(width) < least.width() or int(height) < least.height():
+            raise InputError(f"the window cannot be smaller than {least.width()} x {least.height()}")
         self.window.resize(int(width), int(height))
+        self.process(0.0)
+        return {"width": self.window.width(), "height": self.window.height()}
 
     def do_screenshot(self, file: str) -> dict[str, Any]:
         """The window as a picture, once the 3D view has settled."""
-        solid = self.window.views.solid
         self.process(0.1)
-        end = time.monotonic() + _SOLID_SECONDS
-        while solid.isVisible() and not solid.settled and time.monotonic() < end:
-            self.process(0.02)
+        settled = self._settle(_SOLID_SECONDS)
         self.process(0.1)
         path = self._folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -234,7 +218,7 @@ class Driver:
         if not self.window.grab().save(str(temporary)):
             raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
         os.replace(temporary, path)  # whoever waits for the file finds it whole
-        return {"file": str(path), "solid_settled": solid.settled}
+        return {"file": str(path), "solid_settled": settled}
 
     def do_stalls(self) -> dict[str, Any]:
         """The longest stall since the last time."""
@@ -244,16 +228,32 @@ class Driver:
         return told
 
     def do_expect(self, name: str, value: str) -> None:
-        """A fact must have a value."""
-        found = str(self.state().get(name)).lower()
-        if found != value.lower():
-            raise InputError(f"{name} is {found}, not {value}")
+        """A fact must have a value; of `steps` one is named with a dot."""
+        facts, (first, _, further) = self.state(), name.partition(".")
+        if first not in facts or bool(further) != (first == "steps") or (further and further not in facts["steps"]):
+            known = [n for n in facts if n != "steps"] + [f"steps.{n}" for n in facts["steps"]]
+            raise InputError(f"there is no fact {name!r}; give one of {', '.join(known)}")
+        found = _in_words(facts["steps"][further] if further else facts[first])
+        if found.casefold() != value.casefold():
+            raise InputError(f"{name} is {found or 'empty'}, not {value or 'empty'}")
 
     def do_quit(self) -> None:
         """Ends the script."""
         self.over = True
 
+    def _settle(self, seconds: float) -> bool:
+        """Waits for the 3D view's picture; whether it has come, or the view is not shown."""
+        solid, end = self.window.views.solid, time.monotonic() + min(seconds, _SOLID_SECONDS)
+        while solid.isVisible() and not solid.settled and time.monotonic() < end:
+            self.process(0.02)
+        return bool(solid.settled or not solid.isVisible())
+
+    def _shown(self) -> str:
+        """The scan that a person would point at: the one shown, the one at rest where both are."""
+        return "deformed" if self.controller.display.mode == "deformed" else "rest"
+
     def _view(self, plane: str, state: str) -> Any:
+        state = state or self._shown()
         found = [
             v
             for v in self.window.views.visible_slices()
@@ -264,7 +264,7 @@ class Driver:
         return found[0]
 
     def _stroke(self, tool: str, label: str, radius: str, rest: Sequence[str]) -> None:
-        state = rest[-1] if rest and rest[-1] in STATES else "rest"
+        state = rest[-1] if rest and rest[-1] in STATES else self._shown()
         numbers = [float(word) for word in (rest[:-1] if rest and rest[-1] in STATES else rest)]
         if not numbers or len(numbers) % 3:
             raise ValueError("points are X Y Z")
@@ -282,3 +282,12 @@ class Driver:
             if time.monotonic() > end:
                 raise InputError(f"it was not done after {seconds:g} s; give a longer time")
             self.process(0.02)
+
+
+def _in_words(value: Any) -> str:
+    """A fact as a script writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return ",".join(map(str, value))
+    return "none" if value is None else str(value)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QBrush, QColor, QFont, QPainter, QPainterPath, QPen
+from PySide6.QtGui import QBrush, QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen
 
 from palpate.ui.desktop import style
 from palpate.ui.desktop.field import Screen
@@ -15,6 +15,7 @@ from palpate.ui.pictures.slice_axes import LETTER_FONT
 
 _BARS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 _NEAR_MM = 3.0
+_SHORT = {"Axial": "Ax", "Sagittal": "Sag", "Coronal": "Cor"}
 
 
 def text(painter: QPainter, where: QRectF, words: str, flags: Qt.AlignmentFlag, colour: str = style.TEXT) -> None:
@@ -38,6 +39,43 @@ def letters(painter: QPainter, screen: Screen) -> None:
     text(painter, QRectF(w / 2 - 10, h - 20, 20, 18), plane.bottom, middle)
 
 
+def captions(painter: QPainter, screen: Screen, plane: str, state: str, further: Sequence[str]) -> None:
+    """Which slice it is, in the upper left corner: on one line left of the letter above where there is room, else below it."""
+    room, corner = _half(screen) - 8.0, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
+    whole, lines = f"{plane}, {state}", [*further]
+    if _wide(painter, whole) <= room:
+        first = whole
+    else:
+        first = plane if _wide(painter, plane) <= room else _SHORT[plane]
+        lines = [state, *further]
+    text(painter, QRectF(8, 4, room, 16), first, corner)
+    wide = screen.size.width() - 12.0
+    for row, words in enumerate(filter(None, lines), start=1):
+        tone = style.TEXT if words == state else style.FAINT
+        if _wide(painter, words) > wide:
+            words = words.removesuffix(" mm")
+        # The last words may need a second line.
+        text(painter, QRectF(8, 4 + 16 * row, wide, 32), words, corner | Qt.TextFlag.TextWordWrap, tone)
+
+
+def window_words(painter: QPainter, screen: Screen, centre: float, width: float) -> None:
+    """Window and level in the lower right corner, as long as there is room right of the letter below."""
+    size, low = screen.size, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom
+    room = _half(screen) - 8.0
+    forms = (f"C {centre:.0f}  W {width:.0f} HU", f"C {centre:.0f} W {width:.0f}")
+    words = next((form for form in forms if _wide(painter, form) <= room), "")
+    text(painter, QRectF(size.width() - 8 - room, size.height() - 24, room, 18), words, low, style.FAINT)
+
+
+def _half(screen: Screen) -> float:
+    """Pixels from an edge to the letter in the middle of a side."""
+    return screen.size.width() / 2.0 - 12.0
+
+
+def _wide(painter: QPainter, words: str) -> float:
+    return QFontMetricsF(painter.font()).horizontalAdvance(words) + 1.0
+
+
 def scale_bar(painter: QPainter, screen: Screen) -> None:
     """A bar of a round length, at most a quarter of the view."""
     mm = screen.field.mm_per_pixel
@@ -48,7 +86,10 @@ def scale_bar(painter: QPainter, screen: Screen) -> None:
         painter.setPen(QPen(tone, width, Qt.PenStyle.SolidLine, Qt.PenCapStyle.FlatCap))
         painter.drawLine(QPointF(x, y), QPointF(x + pixels, y))
     corner = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignBottom
-    text(painter, QRectF(x, y - 22, 90, 18), f"{length:g} mm", corner)
+    words = f"{length:g} mm"
+    # Beside the letter below where there is room for both, else above it.
+    low = y - 4.0 if x + _wide(painter, words) <= _half(screen) else y - 10.0
+    text(painter, QRectF(x, low - 18, 90, 18), words, corner)
 
 
 def crosshair(painter: QPainter, screen: Screen, at: Sequence[float]) -> None:

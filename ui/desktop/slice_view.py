@@ -32,7 +32,7 @@ class SliceView(QWidget):
         self._pressed: Any = None
         self._mouse: QPointF | None = None
         self.setMouseTracking(True)
-        self.setMinimumSize(QSize(140, 140))
+        self.setMinimumSize(QSize(88, 140))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setFocusPolicy(Qt.FocusPolicy.WheelFocus)
         self.setAccessibleName(f"{plane.name} {state}")
@@ -145,16 +145,12 @@ class SliceView(QWidget):
         slice_marks.letters(painter, screen)
         painter.setFont(QFont("DejaVu Sans", 8))
         slice_marks.scale_bar(painter, screen)
-        corner = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
         name = {"rest": "at rest", "deformed": "deformed", BLEND: "rest, deformed dashed"}[self.state]
-        title = f"{self.plane.name.capitalize()}, {name}"
-        slice_marks.text(painter, QRectF(8, 4, 260, 16), title, corner)
+        there = case is not None and (case.stiffness_map if display.overlay == "map" else case.gap) is not None
+        why = overlay.only_at_rest(display.overlay, self.state) if there else ""
         place = slice_marks.position_words(screen, self.position)
-        slice_marks.text(painter, QRectF(8, 20, 260, 16), place, corner, style.FAINT)
-        low = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom
-        window = f"C {display.centre:.0f}  W {display.width:.0f} HU"
-        size = self.size()
-        slice_marks.text(painter, QRectF(size.width() - 168, size.height() - 24, 160, 18), window, low, style.FAINT)
+        slice_marks.captions(painter, screen, self.plane.name.capitalize(), name, (place, why))
+        slice_marks.window_words(painter, screen, display.centre, display.width)
         if not shown:
             text = "reading the scan \N{HORIZONTAL ELLIPSIS}" if self.controller.reader.running else "no scan here"
             slice_marks.text(painter, QRectF(self.rect()), text, Qt.AlignmentFlag.AlignCenter, style.FAINT)

@@ -8,7 +8,12 @@
 | labels | state, file (NumPy, uint8), affine |
 | scan | file (NumPy), affine: the scan whose slices are shown in space |
 | points | file (NumPy, (n, 7): x, y, z, residual, r, g, b) or null: misfit on the organ |
-| view | id, size, azimuth, elevation, zoom, crosshair, states, colours {label: [r, g, b, opacity 0 to 1]}, planes, window, residual, fast |
+| view | id, size, azimuth, elevation, zoom, crosshair, states, colours, planes, window, residual, map, fast |
+
+`colours` is {label: [r, g, b, opacity 0 to 1]}.
+
+`map` is null, or what colours the organ at rest: file (of the stiffness map), version (changes with the file), scale (low, high,
+logarithmic), untold (r, g, b), low_kpa, high_kpa, surest_factor as in `Display`.
 """
 
 from __future__ import annotations
@@ -29,8 +34,10 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from palpate.core.worker.lifeline import die_with_parent, give_way
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.segmentation.volume import Volume
+from palpate.ui.desktop import overlay
 from palpate.ui.desktop.grey import WindowLevel, to_grey
 from palpate.ui.desktop.sheets import Sheet, cut
+from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.images import AIR_HU
 from palpate.ui.pictures.planes import PLANES, Plane
 
@@ -75,6 +82,7 @@ class SolidScene:
         self._scan: Volume | None = None
         self._centre, self._half = np.zeros(3), 60.0
         self._points: NDArray[np.float64] | None = None
+        self._map: tuple[tuple[str, int], dict[str, NDArray[Any]]] | None = None
 
     def take_labels(self, message: dict[str, Any]) -> None:
         """New labels of one state."""
@@ -118,25 +126,37 @@ class SolidScene:
             r, g, b, opacity = message["colours"].get(f"{state} {label}", (0.0, 0.0, 0.0, 0.0))
             actor.visibility = state in message["states"] and opacity > 0.0
             actor.prop.color, actor.prop.opacity = (r, g, b), opacity
-            self._paint(state, label, actor, bool(message.get("residual")))
+            if state == "rest" and label in ORGAN_LABELS and actor.visibility:
+                self._paint(actor, bool(message.get("residual")), message.get("map"))
         self._planes(message)
         self._look(message)
         plotter.render()
         return np.asarray(plotter.screenshot(return_img=True))[:, :, :3]
 
-    def _paint(self, state: str, label: int, actor: Any, residual: bool) -> None:
+    def _paint(self, actor: Any, residual: bool, by_map: dict[str, Any] | None) -> None:
+        """Colours the organ at rest point by point, by misfit or by the map, or leaves it in its one colour."""
         mapper = actor.mapper
         mapper.SetScalarVisibility(False)
-        if residual and self._points is not None and state == "rest" and label in ORGAN_LABELS:
-            shape = mapper.GetInput()
-            nearest = cKDTree(self._points[:, :3]).query(vtk_to_numpy(shape.GetPoints().GetData()))[1]
-            colours = numpy_to_vtk(self._points[nearest, 4:7].astype(np.uint8), deep=True)
-            colours.SetName("misfit")
-            shape.GetPointData().AddArray(colours)
-            mapper.SetScalarModeToUsePointFieldData()
-            mapper.SelectColorArray("misfit")
-            mapper.SetColorModeToDirectScalars()
-            mapper.SetScalarVisibility(True)
+        shape = mapper.GetInput()
+        points = vtk_to_numpy(shape.GetPoints().GetData())
+        if residual and self._points is not None:
+            nearest = cKDTree(self._points[:, :3]).query(points)[1]
+            rgb = self._points[nearest, 4:7].astype(np.uint8)
+        elif by_map is not None:
+            key = (by_map["file"], by_map["version"])
+            if self._map is None or self._map[0] != key:
+                with np.load(by_map["file"], allow_pickle=False) as archive:
+                    self._map = (key, {name: archive[name] for name in archive.files})
+            rgb = map_colours(self._map[1], points.astype(np.float64), by_map)
+        else:
+            return
+        colours = numpy_to_vtk(np.ascontiguousarray(rgb), deep=True)
+        colours.SetName("colours")
+        shape.GetPointData().AddArray(colours)
+        mapper.SetScalarModeToUsePointFieldData()
+        mapper.SelectColorArray("colours")
+        mapper.SetColorModeToDirectScalars()
+        mapper.SetScalarVisibility(True)
 
     def _planes(self, message: dict[str, Any]) -> None:
         at = message["crosshair"]
@@ -172,6 +192,16 @@ class SolidScene:
         width, height = message["size"]
         camera.parallel_scale = 1.05 * self._half * max(1.0, height / width) / message["zoom"]
         self._plotter.renderer.ResetCameraClippingRange()
+
+
+def map_colours(arrays: dict[str, NDArray[Any]], points: NDArray[np.float64], how: dict[str, Any]) -> NDArray[np.uint8]:
+    """Colours (n, 3) of points (n, 3) mm by the stiffness map, as the slices have them. how : `map` of a view."""
+    scale = StiffnessScale(*how["scale"])
+    G, told = overlay.map_at(arrays, points, how["surest_factor"])
+    low, high = how["low_kpa"] or -np.inf, how["high_kpa"] or np.inf
+    rgb = np.rint(255.0 * scale.colormap(scale.norm(G))[:, :3]).astype(np.uint8)
+    rgb[~told | (low > G) | (high < G)] = how["untold"]
+    return rgb
 
 
 def _near(sheet: Sheet | None, plane: Plane, centre: NDArray[np.float64], reach: float) -> Sheet | None:

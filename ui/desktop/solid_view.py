@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QWidget
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.ui.desktop import overlay, style
 from palpate.ui.desktop.controller import Controller
+from palpate.ui.desktop.open_case import MAP_FILE
 from palpate.ui.desktop.slice_marks import text
 from palpate.ui.desktop.solid_client import SolidClient
 
@@ -34,8 +35,12 @@ class SolidView(QWidget):
         self._image: QImage | None = None
         self._pixels: NDArray[np.uint8] | None = None
         self._pressed: QPointF | None = None
+        # _version grows with the case's results. _awaited : the first picture of the case as it is; 0 while it is not
+        # asked for, None when it is here.
+        self._version = 0
+        self._awaited: int | None = None
         self._stale = {"labels": True, "scan": True, "points": True, "view": True}
-        self.setMinimumSize(QSize(160, 160))
+        self.setMinimumSize(QSize(88, 140))
         self.setAccessibleName("3D view")
 
     def told(self, what: str) -> None:
@@ -44,6 +49,8 @@ class SolidView(QWidget):
             self._stale |= {"labels": True, "view": True}
         if what == "case":
             self._stale |= {"scan": True, "points": True}
+            self._version += 1
+            self._awaited = 0
         if what in ("view", "results"):
             self._stale["view"] = True
 
@@ -54,6 +61,8 @@ class SolidView(QWidget):
             self._pixels = came.pixels
             height, width, _ = came.pixels.shape
             self._image = QImage(came.pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888).copy()
+            if self._awaited and came.number >= self._awaited:
+                self._awaited = None
             self.update()
         if self.isVisible() and self._stale["view"] and not self.client.busy and not self.client.failure:
             self._send()
@@ -76,7 +85,8 @@ class SolidView(QWidget):
         if self._stale["points"]:
             self.client.points(self._misfit())
         self._stale = dict.fromkeys(self._stale, False)
-        self.client.view(**self._how())
+        number = self.client.view(**self._how())
+        self._awaited = number if self._awaited == 0 else self._awaited
 
     def _how(self) -> dict[str, Any]:
         display = self.controller.display
@@ -89,7 +99,19 @@ class SolidView(QWidget):
             "azimuth": self.azimuth, "elevation": self.elevation, "zoom": self.zoom,
             "crosshair": list(display.crosshair), "states": states, "colours": self._colours(states),
             "planes": ["axial"], "window": [display.centre, display.width],
-            "residual": display.overlay == "misfit", "fast": turning,
+            "residual": display.overlay == "misfit", "map": self._map(), "fast": turning,
+        }  # fmt: skip
+
+    def _map(self) -> dict[str, Any] | None:
+        """What colours the organ at rest where the map is shown."""
+        case, display = self.controller.case, self.controller.display
+        if case is None or case.stiffness_map is None or display.overlay != "map":
+            return None
+        scale = case.map_scale
+        return {
+            "file": str(case.folder.file(MAP_FILE)), "version": self._version,
+            "scale": [scale.low, scale.high, scale.log], "untold": [round(255 * c) for c in _UNTOLD[:3]],
+            "low_kpa": display.low_kpa, "high_kpa": display.high_kpa, "surest_factor": display.surest_factor,
         }  # fmt: skip
 
     def _colours(self, states: list[str]) -> dict[str, list[float]]:
@@ -98,6 +120,8 @@ class SolidView(QWidget):
         if display.overlay == "stiffness" and case is not None and case.regions:
             table = overlay.painted_stiffness(display, case.regions, case.scale).table
             organ = {k: (*(c / 255.0 for c in table[k][:3]), 1.0) if k in table else _UNTOLD for k in ORGAN_LABELS}  # type: ignore[misc]
+        elif display.overlay in ("map", "misfit"):
+            organ = dict.fromkeys(ORGAN_LABELS, _UNTOLD)  # no colour that the bar would seem to explain
         out = {}
         for state in states:
             around = state == states[0]
@@ -127,13 +151,21 @@ class SolidView(QWidget):
         painter.setFont(QFont("DejaVu Sans", 8))
         top = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
         text(painter, QRectF(8, 6, 260, 16), "3D", top)
-        both = self.controller.display.mode in ("side by side", "blend")
-        text(painter, QRectF(8, 22, 300, 16), "blue: organ deformed" if both else "", top, style.FAINT)
-        if self.client.failure or self._image is None:
+        wrapped = top | Qt.TextFlag.TextWordWrap
+        text(painter, QRectF(8, 22, self.width() - 12, 96), self._note(), wrapped, style.FAINT)
+        if self.client.failure or self._image is None or self._awaited is not None:
             words = self.client.failure or "drawing \N{HORIZONTAL ELLIPSIS}"
-            text(painter, QRectF(self.rect()), words, Qt.AlignmentFlag.AlignCenter, style.FAINT)
+            middle = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
+            text(painter, QRectF(self.rect().adjusted(4, 0, -4, 0)), words, middle, style.TEXT)
         self._axes(painter)
         painter.end()
+
+    def _note(self) -> str:
+        """What colours of the organ mean that no bar tells."""
+        display = self.controller.display
+        words = ["blue: organ deformed"] if display.mode in ("side by side", "blend") else []
+        words += ["grey: not told by the map"] if display.overlay == "map" and display.mode != "deformed" else []
+        return "; ".join([*words, *filter(None, [overlay.only_at_rest(display.overlay, display.mode)])])
 
     def _axes(self, painter: QPainter) -> None:
         """Which way the patient lies: six letters on three lines, those behind faint."""

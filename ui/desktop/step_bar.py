@@ -13,6 +13,7 @@ _SIGNS = {
     steps.DONE: ("\N{CHECK MARK}", style.GOOD),
     steps.OUT_OF_DATE: ("\N{CLOCKWISE OPEN CIRCLE ARROW}", style.WARN),
     steps.READY: ("\N{BLACK RIGHT-POINTING SMALL TRIANGLE}", style.ACCENT),
+    steps.CHECKING: ("\N{HORIZONTAL ELLIPSIS}", style.FAINT),
     steps.BLOCKED: ("\N{MIDDLE DOT}", style.FAINT),
 }
 
@@ -48,7 +49,7 @@ class StepBar(QWidget):
 
     def told(self, what: str) -> None:
         """Something has changed."""
-        if what not in ("case", "labels", "job", "results"):
+        if what not in ("case", "labels", "job", "results", "steps"):
             return
         found = self._controller.steps()
         next_one = steps.next_step(found)
@@ -73,7 +74,11 @@ class StepBar(QWidget):
             button.style().polish(button)
         sign, tone = ("\N{HORIZONTAL ELLIPSIS}", style.ACCENT) if running else _SIGNS[state.state]
         words = "running" if running else ("next" if is_next else _WORDS.get(state.state, state.state))
-        optional = " (optional)" if state.step.optional and not blocked and state.state != steps.DONE else ""
+        optional = (
+            " (optional)"
+            if state.step.optional and not blocked and state.state not in (steps.DONE, steps.CHECKING)
+            else ""
+        )
         note.setText(
             f"<span style='color:{tone}'>{sign}</span> <span style='color:{style.FAINT}'>{words}{optional}</span>"
         )

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-DONE, OUT_OF_DATE, READY, BLOCKED = "done", "out of date", "ready", "blocked"
+DONE, OUT_OF_DATE, READY, BLOCKED, CHECKING = "done", "out of date", "ready", "blocked", "checking"
 
 
 @dataclass(frozen=True)
 class Step:
-    """command : of the command line. title : on the button. made_from, makes : files of the case, by whose times a step is
-    seen to be out of date. optional : a report can be made without it."""
+    """command : of the command line. title : on the button. makes : the file of the case that is there when it has run. made_from : files
+    by whose times it is seen to be out of date where it does not say what it was made from. optional : a report can be made without it."""
 
     command: str
     title: str
@@ -30,27 +30,33 @@ STEPS = (
     Step("diagnose", "Diagnose", "Where the model is still wrong, and why", ("result.json",), "diagnosis.json", True),
     Step("report", "Report", "Write the report as a page and as a PDF", ("result.json",), "report/report.html"),
 )  # fmt: skip
+_FIRST = ("import", "segment")  # which do not depend on labels, and are not asked whether they are out of date
 BY_COMMAND: Mapping[str, Step] = {step.command: step for step in STEPS}
 
 
 @dataclass(frozen=True)
 class StepState:
-    """state : one of DONE, OUT_OF_DATE, READY, BLOCKED. reason : why it cannot be run, or what is out of date."""
+    """state : one of DONE, OUT_OF_DATE, READY, BLOCKED, CHECKING. reason : why it cannot be run, or what is out of date."""
 
     step: Step
     state: str
     reason: str = ""
 
 
-def step_states(case: Path | None, available: frozenset[str], edited: bool = False) -> list[StepState]:
-    """The state of every step. available : commands that this version of Palpate has. edited : labels have unsaved corrections."""
+def step_states(
+    case: Path | None, available: frozenset[str], edited: bool = False, judged: Mapping[str, str] | None = None
+) -> list[StepState]:
+    """The state of every step. available : commands that this version of Palpate has. edited : labels have unsaved corrections.
+    judged : command -> why it is out of date by its own inputs, or "" (`freshness.judged`), as far as that is known yet."""
     found: list[StepState] = []
     fresh = True  # whether everything before is up to date
     for step in STEPS:
-        state = _state(case, step, found, fresh, edited, available)
+        state = _state(
+            case, step, found, fresh and not (edited and step.command not in _FIRST), judged or {}, available
+        )
         found.append(state)
         if not step.optional:
-            fresh = fresh and state.state == DONE
+            fresh = fresh and state.state in (DONE, CHECKING)
     return found
 
 
@@ -63,7 +69,12 @@ def next_step(states: list[StepState]) -> StepState | None:
 
 
 def _state(
-    case: Path | None, step: Step, before: list[StepState], fresh: bool, edited: bool, available: frozenset[str]
+    case: Path | None,
+    step: Step,
+    before: list[StepState],
+    fresh: bool,
+    judged: Mapping[str, str],
+    available: frozenset[str],
 ) -> StepState:
     if step.command not in available:
         return StepState(step, BLOCKED, "this version of Palpate has no such command")
@@ -73,16 +84,12 @@ def _state(
     needed = [state for state in before if not state.step.optional]
     if needed and needed[-1].state in (READY, BLOCKED):
         return StepState(step, BLOCKED, f"run {needed[-1].step.title} first")
-    made = case / step.makes
-    if not made.exists():
+    if not (case / step.makes).exists():
         return StepState(step, READY)
-    if not fresh or (edited and step.command not in ("import", "segment")):
+    if not fresh:
         return StepState(step, OUT_OF_DATE, "an earlier step has been changed since")
-    newer = [name for name in step.made_from if (case / name).exists() and _time(case / name) > _time(made)]
-    if newer:
-        return StepState(step, OUT_OF_DATE, f"{newer[0]} is newer")
-    return StepState(step, DONE)
-
-
-def _time(path: Path) -> int:
-    return path.stat().st_mtime_ns
+    if step.command in _FIRST:
+        return StepState(step, DONE)
+    if step.command not in judged:
+        return StepState(step, CHECKING, "being compared with what it was made from")
+    return StepState(step, OUT_OF_DATE, judged[step.command]) if judged[step.command] else StepState(step, DONE)

@@ -1,0 +1,66 @@
+"""What is written on a slice view keeps apart, however narrow the view is, and letters are never covered."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QRectF, QSize, Qt
+
+from palpate.ui.desktop import slice_marks
+from palpate.ui.desktop.field import Field, Screen
+from palpate.ui.pictures.planes import PLANES, Plane
+
+WIDE = 7.2  # pixels of a letter of DejaVu Sans at 8 points, the widest but W and M
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, QRectF]]:
+    """Words and the rectangle of their ink, in the order of writing."""
+    found: list[tuple[str, QRectF]] = []
+
+    def note(painter: object, where: QRectF, words: str, flags: Qt.AlignmentFlag, colour: str = "") -> None:
+        wide, high = WIDE * len(words), 12.0
+        if flags & Qt.TextFlag.TextWordWrap and wide > where.width():
+            wide, high = where.width(), 26.0
+        x, y = where.left(), where.top()
+        if flags & Qt.AlignmentFlag.AlignRight:
+            x = where.right() - wide
+        if flags & Qt.AlignmentFlag.AlignHCenter:
+            x = where.center().x() - wide / 2.0
+        if flags & Qt.AlignmentFlag.AlignBottom:
+            y = where.bottom() - high
+        if flags & Qt.AlignmentFlag.AlignVCenter:
+            y = where.center().y() - high / 2.0
+        if words:
+            found.append((words, QRectF(x, y, wide, high)))
+
+    monkeypatch.setattr(slice_marks, "text", note)
+    monkeypatch.setattr(slice_marks, "_wide", lambda painter, words: WIDE * len(words))
+    monkeypatch.setattr(slice_marks, "QFont", MagicMock())
+    return found
+
+
+@pytest.mark.parametrize("plane", PLANES, ids=lambda p: p.name)
+@pytest.mark.parametrize("width", [88, 95, 107, 140, 200, 235, 300, 500])
+def test_letters_titles_window_and_scale_bar_keep_apart(
+    written: list[tuple[str, QRectF]], plane: Plane, width: int
+) -> None:
+    screen = Screen(plane, Field(np.zeros(3), 0.7), QSize(width, 220))
+    painter = MagicMock()
+    slice_marks.letters(painter, screen)
+    slice_marks.captions(
+        painter, screen, plane.name.capitalize(), "deformed", ("z = -140.0 mm", "map is shown at rest only")
+    )
+    slice_marks.window_words(painter, screen, 40.0, 400.0)
+    slice_marks.scale_bar(painter, screen)
+    bar = painter.drawLine.call_args[0]
+    written.append(("bar", QRectF(bar[0], bar[1]).adjusted(0, -2, 0, 2)))
+    for (first, a), (second, b) in combinations(written, 2):
+        assert not a.intersects(b), f"{first!r} covers {second!r}"
+    words = " ".join(w for w, _ in written)
+    assert "deformed" in words and "mm" in words and plane.name[:2].capitalize() in words
+    assert (width < 235) or "C 40" in words
+    assert (width < 500) or f"{plane.name.capitalize()}, deformed" in words
