@@ -54,10 +54,11 @@ def two_noises(found: Mapping[str, Any], record: CaseRecord) -> str:
     here = "" if own is None else f", here {own:.2f} mm"
     return (
         f"Why the noise here is not the Summary's: the Summary takes contours to repeat to {sd:.2f} mm ({record.noise_from}) and "
-        f"compares the size of the whole misfit with what that would leave ({expected:.2f} mm). The diagnosis starts from the same "
-        f"figure but estimates from this pair how far its contours do wander{here}; adds what the walls' unknown motion along "
-        "themselves, voxels and mesh leave; smooths over detail finer than contours hold; and asks whether what is left has a "
-        "pattern that noise has not. So it can find a gap where the Summary's misfit is within its noise, and none where it is above."
+        f"compares the size of the whole misfit with what that would leave ({expected:.2f} mm). The diagnosis fits the model anew; "
+        f"starts from the same figure but estimates from this pair how far its contours do wander{here}; adds what the walls' unknown "
+        "motion along themselves, voxels and mesh leave; smooths over detail finer than contours hold; and asks whether what is "
+        "left is too large for that noise or has a pattern that noise has not. So it can find a gap where the Summary's misfit is "
+        "within its noise, and none where it is above."
     )
 
 
