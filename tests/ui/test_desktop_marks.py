@@ -24,7 +24,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, QRectF]]:
     def note(painter: object, where: QRectF, words: str, flags: Qt.AlignmentFlag, colour: str = "") -> None:
         wide, high = WIDE * len(words), 12.0
         if flags & Qt.TextFlag.TextWordWrap and wide > where.width():
-            wide, high = where.width(), 26.0
+            wide, high = where.width(), min(40.0, where.height())
         x, y = where.left(), where.top()
         if flags & Qt.AlignmentFlag.AlignRight:
             x = where.right() - wide

@@ -54,8 +54,10 @@ def captions(painter: QPainter, screen: Screen, plane: str, state: str, further:
         tone = style.TEXT if words == state else style.FAINT
         if _wide(painter, words) > wide:
             words = words.removesuffix(" mm")
-        # The last words may need a second line.
-        text(painter, QRectF(8, 4 + 16 * row, wide, 32), words, corner | Qt.TextFlag.TextWordWrap, tone)
+        # The last words may need further lines; they end above the letter at the left.
+        top = 4.0 + 16.0 * row
+        room = max(16.0, min(48.0, screen.size.height() / 2.0 - 12.0 - top))
+        text(painter, QRectF(8, top, wide, room), words, corner | Qt.TextFlag.TextWordWrap, tone)
 
 
 def window_words(painter: QPainter, screen: Screen, centre: float, width: float) -> None:
