@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from palpate.ui.desktop.dropping import Pair, case_beside
 from palpate.ui.desktop.jobs import JobControl
 from palpate.ui.desktop.open_case import GapMap, OpenCase
 from palpate.ui.desktop.recent import recent_cases, remember
-from palpate.ui.desktop.script import parse
+from palpate.ui.desktop.script import Driver, parse
 from palpate.ui.pictures.planes import AXIAL
 
 ORGAN = (float(CENTRE[0]) + 6.0, float(CENTRE[1]), float(CENTRE[2]))
@@ -277,6 +278,20 @@ def test_a_display_of_another_version_is_taken_as_far_as_it_goes() -> None:
 def test_a_script_that_cannot_be_understood_is_refused_before_it_starts(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         parse(text, "s.txt")
+
+
+def test_a_script_expects_facts_by_their_names_and_values(controller: Controller, tmp_path: Path) -> None:
+    controller.open_case(write_case(tmp_path / "case").path)
+    wait(controller)
+    driver = Driver(SimpleNamespace(controller=controller), lambda seconds: None, tmp_path, "s.txt")
+    for name, value in (("case", "true"), ("labels", "deformed,rest"), ("cancel_seconds", "none"), ("said", ""),
+                        ("seeds", "0"), ("job", "none"), ("simulated", "false"), ("steps.segment", "Done")):  # fmt: skip
+        driver.do_expect(name, value)
+    with pytest.raises(InputError, match="labels is deformed,rest, not rest"):
+        driver.do_expect("labels", "rest")
+    for name in ("unsafed", "steps", "steps.fly", "case.open"):
+        with pytest.raises(InputError, match=f"no fact '{name}'; give one of case, unsaved, .*steps.report"):
+            driver.do_expect(name, "true")
 
 
 def test_the_map_of_a_diagnosis_is_shown_before_the_plain_misfit(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.grey import PRESETS, WindowLevel, to_grey
 from palpate.ui.desktop.map_layer import map_layer
 from palpate.ui.desktop.sheets import Sheet, cut, is_aligned, positions
+from palpate.ui.desktop.solid_child import map_colours
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import AXIAL, PLANES, SAGITTAL, Plane
 from palpate.ui.report.regions import RegionStiffness
@@ -141,3 +142,9 @@ def test_the_map_is_painted_where_the_scans_tell_it_and_left_is_left() -> None:
     assert path.boundingRect().left() >= 0.0 and path.boundingRect().right() <= 8.5
     assert not map_layer(arrays, sheet, AXIAL, 0.0, Display(low_kpa=50.0), scale).data.any()
     assert not map_layer(arrays, sheet, AXIAL, 0.0, Display(surest_factor=1.1), scale).data.any()
+    # In 3D the same colours, and the grey that is asked for where nothing is told.
+    how = {"scale": [0.0, 100.0, False], "untold": [9, 9, 9], "low_kpa": None, "high_kpa": None, "surest_factor": None}
+    rgb = map_colours(arrays, centres, how)
+    np.testing.assert_allclose(rgb[0], 255.0 * np.array(scale.rgb(20.0)), atol=12)
+    assert rgb[1].tolist() == [9, 9, 9]
+    assert map_colours(arrays, centres, {**how, "low_kpa": 50.0})[0].tolist() == [9, 9, 9]
