@@ -96,6 +96,13 @@ def test_the_same_scan_twice_moves_nothing_and_tells_nothing(problem: Identifica
 def test_swarm_and_gauss_newton_name_the_same_optimum(job_result: dict[str, Any]) -> None:
     assert job_result["agreement"]["same_optimum"]
     assert job_result["method"] == "swarm"
+    assert (
+        set(job_result["agreement"]["swarm_G_kpa"])
+        == set(job_result["agreement"]["difference_sd"])
+        == set(job_result["parameters"])
+    )
+    # The data are without noise: less is left than noise would leave on average.
+    assert 0.0 < job_result["misfit"]["weighted"] < job_result["misfit"]["weighted_from_noise"]
     assert job_result["parameters"]["prostate_right"]["G_kpa"] > job_result["parameters"]["prostate_left"]["G_kpa"]
     assert job_result["misfit"]["rms_mm"] < 0.2 * job_result["misfit"]["rms_before_mm"]
 
