@@ -27,7 +27,9 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> CaseFolder:
     return pair(tmp_path_factory.mktemp("alone") / "case", affine())
 
 
-def test_a_label_volume_alone_is_enough_for_segment_and_tells_mesh_what_it_is(scans: CaseFolder, tmp_path: Path) -> None:
+def test_a_label_volume_alone_is_enough_for_segment_and_tells_mesh_what_it_is(
+    scans: CaseFolder, tmp_path: Path
+) -> None:
     summary = import_alone(scans.file("rest.nii.gz"), tmp_path / "case")
     case = CaseFolder(tmp_path / "case")
     assert list(summary["sources_sha256"]) == ["rest"]
