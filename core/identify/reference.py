@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -114,8 +114,12 @@ def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, pr
     best: tuple[GaussNewtonResult, tuple[Equilibrium, ...]] | None = None
     ends = []
     for k, start in enumerate(starts):
-        progress(k / len(starts), f"Gauss-Newton, start {k + 1} of {len(starts)}")
-        walk = Walk(states, count)
+        # How many equilibria a start takes is not known: the fraction nears the start's end without reaching it.
+        told = lambda solved, k=k: progress(  # noqa: E731
+            (k + solved / (solved + 6.0)) / len(starts),
+            f"Gauss-Newton, start {k + 1} of {len(starts)}, equilibrium {solved + 1}",
+        )
+        walk = Walk(states, count, told)
         fit = gauss_newton(walk.linearise, start, parameters.bounds)
         if fit is None or not walk.best:
             continue
@@ -130,11 +134,13 @@ def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, pr
 class Walk:
     """Linearises the states' misfits along a path of thetas, each equilibrium started from the one before.
 
-    best : every state's equilibrium where their misfits added up least; none before there was one.
+    best : every state's equilibrium where their misfits added up least; none before there was one. told : hears how many
+    equilibria have been solved, before each.
     """
 
-    def __init__(self, states: Sequence[Posed], count: Counter) -> None:
+    def __init__(self, states: Sequence[Posed], count: Counter, told: Callable[[int], None] = lambda _: None) -> None:
         self.states, self.count = states, count
+        self._told, self._solved = told, 0
         self.last = [state.equilibrium for state in states]
         self.best: tuple[Equilibrium, ...] = ()
         self._lowest = np.inf
@@ -143,6 +149,8 @@ class Walk:
         """Whitened residual and Jacobian of all states at theta, walls settled; None when one has no equilibrium."""
         residuals, jacobians = [], []
         for k, state in enumerate(self.states):
+            self._told(self._solved)
+            self._solved += 1
             found = state.scene.settle(theta, self.last[k], rounds=2).equilibrium
             self.count.add(found)
             if not found.converged:

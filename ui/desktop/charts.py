@@ -39,7 +39,7 @@ class SwarmChart(QWidget):
         painter.end()
 
     def _objective(self, painter: QPainter, box: QRectF) -> None:
-        self._frame(painter, box, "best misfit", "iteration", "")
+        self._frame(painter, box, "weighted misfit, best so far", "iteration", "")
         best, at = np.array(self.swarm.best), np.array(self.swarm.iterations, dtype=float)
         if not len(best):
             return
