@@ -12,6 +12,7 @@ from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import CaseFolder, file_sha256
+from palpate.segmentation.import_alone import is_alone
 from palpate.segmentation.mesh_file import Recipe, load_mesh, mesh_arrays, recipe_hash
 from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
 from palpate.segmentation.partition import HOLE_NAMES
@@ -36,7 +37,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         report: dict[str, Any] = case.read_json("mesh.json")
         return report
     for state in ("rest", "deformed"):
-        if state == "deformed" and not case.has("deformed_ct") and not case.has_labels(state):
+        if state == "deformed" and case.has("import.json") and is_alone(case):
             raise InputError(
                 f"{case.path} holds the scan at rest alone; `palpate plan` works on it, or import both scans"
             )

@@ -13,6 +13,7 @@ from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import STATES, CaseFolder
 from palpate.segmentation.drawn_labels import drawn_labels
+from palpate.segmentation.import_alone import is_alone
 from palpate.segmentation.itksnap import label_description
 from palpate.segmentation.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LABELS
 from palpate.segmentation.nifti_labels import write_labels
@@ -75,7 +76,7 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
     if case.step_is_done(STEP, inputs):
         report: dict[str, Any] = case.read_json("segmentation.json")
         return report
-    alone = _is_alone(case)
+    alone = is_alone(case)
     states = STATES[:1] if alone else STATES
     came_with_labels = all(case.has_labels(state) for state in states) and not case.has("segmentation.json")
     if came_with_labels or not all(case.has(f"{state}_ct") for state in states):
@@ -85,13 +86,6 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
     case.mark_done(STEP, inputs, [name for name in OUTPUTS if not (alone and name.startswith("deformed"))])
     progress(1.0, "labels written")
     return report
-
-
-def _is_alone(case: CaseFolder) -> bool:
-    """Whether the case is of the scan at rest only, as `plan` takes it; not where the import of a pair was cut short."""
-    if case.has("deformed_ct") or case.has_labels("deformed"):
-        return False
-    return not case.has("import.json") or len(case.read_json("import.json").get("sources_sha256", {})) < len(STATES)
 
 
 def _found(case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool) -> dict[str, SegmentedState]:

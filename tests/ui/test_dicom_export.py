@@ -109,7 +109,7 @@ def test_labels_beyond_the_last_slice_are_left_out(tmp_path: Path) -> None:
 
 
 def test_pydicom_and_simpleitk_see_the_same_pixels(written: dict[str, Path]) -> None:
-    """SimpleITK reads no floating-point pixels, hence no Parametric Map: for it there is the series (test_dicom_series)."""
+    """SimpleITK reads no floating-point pixels, hence no Parametric Map: for it there is the series (test_stiffness_series)."""
     other = sitk.GetArrayFromImage(sitk.ReadImage(str(written["rest_seg.dcm"]))) > 0
     np.testing.assert_array_equal(pydicom.dcmread(written["rest_seg.dcm"]).pixel_array > 0, other)
 
