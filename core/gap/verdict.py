@@ -17,6 +17,8 @@ PRIOR_UNKNOWN = 0.1
 # (Kass & Raftery 1995). Twins, which could imitate all but a tenth of what the best does to the data, need more: there the odds
 # hang on the small errors of model and noise.
 TIED, TIED_TWINS, TWINS = 5.0, 20.0, 0.95
+# A verdict of one name must be this probable; else the fewest effects that are so together are named.
+SURE = 0.9
 # At most so many are named: more would say nothing.
 MOST_CANDIDATES = 3
 # A remainder this improbable under the noise is no noise.
@@ -25,6 +27,7 @@ REMAINDER_LEVEL = 0.01
 _NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
 _TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
 _TWO = "no effect alone explains the gap, these two together do"
+_UNSURE = "the effect explains the gap best, but less than nine times as probably as all others together"
 _UNCONFIRMED = "the effect fits best, but does not predict what was left out clearly better"
 
 
@@ -107,4 +110,13 @@ def decide(
         )
     if not best.confirmed:
         return Verdict(AMBIGUOUS, names, probability, _UNCONFIRMED)
+    if top < SURE:
+        return Verdict(AMBIGUOUS, _together(ranked, probability), probability, _UNSURE)
     return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")
+
+
+def _together(ranked: Sequence[Judged], probability: Mapping[str, float]) -> tuple[str, ...]:
+    """The fewest effects, the likeliest first, that are sure together; at most as many as are named."""
+    total = np.cumsum([probability[j.effect] for j in ranked])
+    count = int(np.searchsorted(total, SURE)) + 1
+    return tuple(j.effect for j in ranked[: min(count, MOST_CANDIDATES)])
