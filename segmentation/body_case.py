@@ -1,4 +1,4 @@
-"""A case that is a body on a bench (CASE_FORMAT.md): its mesh from the surface, its states from their points files."""
+"""A case that is a body on a bench (docs/case.md): its mesh from the surface, its states from their points files."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def body_inputs(case: CaseFolder) -> tuple[str, ...]:
         names = ("case.json", str(case.facts.other["body"]), *(str(s["points"]) for s in states))
     except (KeyError, TypeError) as error:
         raise InputError(
-            f"{case.file('case.json')}: a state names no points file; write it as CASE_FORMAT.md shows"
+            f"{case.file('case.json')}: a state names no points file; write it as docs/case.md shows"
         ) from error
     if not all(name.isprintable() for name in names):
         raise InputError(f"{case.file('case.json')}: a file's name holds a line break; correct it")
@@ -57,7 +57,7 @@ def body_problem(case: CaseFolder) -> BodyProblem:
     source = str(case.file("case.json"))
     states = facts.get("states")
     if not isinstance(states, list) or not states:
-        raise InputError(f"{source}: a body needs states, at least one; write them as CASE_FORMAT.md shows")
+        raise InputError(f"{source}: a body needs states, at least one; write them as docs/case.md shows")
     mesh = _mesh(case)
     held = _held(mesh, facts, source)
     density = _density(facts, source)
@@ -77,7 +77,7 @@ def _density(facts: Mapping[str, Any], source: str) -> float:
 
 
 def _state(case: CaseFolder, data: Mapping[str, Any]) -> BodyState:
-    """points_sd_mm, per axis, may be given beside what CASE_FORMAT.md lists."""
+    """points_sd_mm, per axis, may be given beside what docs/case.md lists."""
     try:
         points = read_landmarks(case.file(str(data["points"])))
         loads = tuple(PointLoad(_vector(x["at"]), _vector(x["force_n"])) for x in data.get("loads", ()))
@@ -87,7 +87,7 @@ def _state(case: CaseFolder, data: Mapping[str, Any]) -> BodyState:
         return BodyState(str(data["name"]), rest, deformed, sd, gravity, loads)
     except (KeyError, TypeError, ValueError) as error:
         source = case.file("case.json")
-        raise InputError(f"{source}: a state is not written as CASE_FORMAT.md shows ({error}); correct it") from error
+        raise InputError(f"{source}: a state is not written as docs/case.md shows ({error}); correct it") from error
 
 
 def _vector(value: Any) -> tuple[float, float, float]:
@@ -152,7 +152,7 @@ def _held(mesh: TetMesh, facts: Mapping[str, Any], source: str) -> NDArray[np.in
             away = (X - np.array(_vector(support["plane_point"]))) @ (normal / max(np.linalg.norm(normal), 1e-9))
             held |= (np.abs(away) < float(support.get("tolerance_mm", 0.5))).all(axis=1)
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{source}: a support is not written as CASE_FORMAT.md shows ({error}); correct it") from error
+        raise InputError(f"{source}: a support is not written as docs/case.md shows ({error}); correct it") from error
     if not held.any():
         raise InputError(f"{source}: no face of the body lies on a support's plane; look at supports and tolerance_mm")
     return np.asarray(faces[held])

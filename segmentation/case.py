@@ -1,4 +1,4 @@
-"""The case folder: one patient, two states, and what each step has written (CASE_FORMAT.md)."""
+"""The case folder: one patient, two states, and what each step has written (docs/case.md)."""
 
 from __future__ import annotations
 

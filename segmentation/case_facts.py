@@ -15,7 +15,7 @@ OUTER_SURFACES = ("fixed", "free")
 
 @dataclass(frozen=True)
 class CaseFacts:
-    """What case.json says (CASE_FORMAT.md).
+    """What case.json says (docs/case.md).
 
     Moduli in kPa (small-strain shear moduli), noise in mm, gravity in m/s^2 in patient coordinates (LPS), None where
     unknown. ``other`` keeps the keys that this program does not type (body, supports, states, density_kg_m3,
@@ -39,7 +39,7 @@ class CaseFacts:
         ``source`` is the file's path. Raises InputError naming the property, its value and what is allowed.
         """
         if not isinstance(data, Mapping):
-            raise InputError(f"{source} holds {type(data).__name__}; write one JSON object as CASE_FORMAT.md shows")
+            raise InputError(f"{source} holds {type(data).__name__}; write one JSON object as docs/case.md shows")
         check = _Checker(data, source)
         return cls(
             name=check.text("name"),

@@ -1,4 +1,4 @@
-"""The label values of a case (CASE_FORMAT.md) and the colours they are drawn in."""
+"""The label values of a case (docs/case.md) and the colours they are drawn in."""
 
 from __future__ import annotations
 

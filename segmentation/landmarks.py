@@ -25,7 +25,7 @@ class Landmarks:
 
 
 def read_landmarks(path: Path) -> Landmarks:
-    """The points of a CSV file in the form of CASE_FORMAT.md (landmarks.csv and the points files of states).
+    """The points of a CSV file in the form of docs/case.md (landmarks.csv and the points files of states).
 
     Raises InputError naming the file and the line when a column is missing, a value is no number, a name comes twice
     or there is no point.

@@ -1,6 +1,6 @@
 """Further deformed states of a case: their labels and landmarks beside deformed.nii.gz, named in case.json.
 
-`states` of case.json (CASE_FORMAT.md) lists them: {"name": "full bladder", "labels": "deformed_2.nii.gz",
+`states` of case.json (docs/case.md) lists them: {"name": "full bladder", "labels": "deformed_2.nii.gz",
 "landmarks": "landmarks_2.csv"}, landmarks only where there are any. The first state stays deformed.nii.gz and landmarks.csv.
 All lie in the frame of the scan at rest.
 """
@@ -61,7 +61,7 @@ def _state(case: CaseFolder, entry: Mapping[str, Any]) -> FurtherState:
 
 
 def _refused(case: CaseFolder, why: str) -> InputError:
-    return InputError(f"{case.file('case.json')}: {why}; write states as CASE_FORMAT.md shows")
+    return InputError(f"{case.file('case.json')}: {why}; write states as docs/case.md shows")
 
 
 def state_labels(case: CaseFolder, state: FurtherState) -> Volume:

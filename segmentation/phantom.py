@@ -64,7 +64,7 @@ def hu(points: NDArray[np.float64]) -> FloatArray:
 
 
 def labels(points: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Label (n,) of CASE_FORMAT.md at points (n, 3) mm LPS; everything soft inside the skin is surrounding tissue."""
+    """Label (n,) of docs/case.md at points (n, 3) mm LPS; everything soft inside the skin is surrounding tissue."""
     local = np.asarray(points, dtype=np.float64) - ORIGIN_MM
     result = np.full(len(local), OUTSIDE, dtype=np.uint8)
     _mark(result, local, anatomy.BODY, SURROUNDING_TISSUE)

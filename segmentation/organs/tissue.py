@@ -34,7 +34,7 @@ def cropped(volume: Volume, box: FloatArray) -> Volume:
 
 
 def label_array(prostate: NDArray[np.uint8], masks: Mapping[str, Mask], body: Mask) -> NDArray[np.uint8]:
-    """Labels of CASE_FORMAT.md of one grid: organs first, then bladder, rectum, bone, and tissue in what is left of the body.
+    """Labels of docs/case.md of one grid: organs first, then bladder, rectum, bone, and tissue in what is left of the body.
 
     prostate : labels 1 and 2. masks : "bladder", "rectum", "bone" where known. Tissue that does not hang together with
     the prostate's surroundings is left outside: nothing that drives the organ reaches it; between organs it joins the nearest.

@@ -9,7 +9,7 @@ from palpate.segmentation.volume import Volume
 
 
 def body() -> Volume:
-    """Labels of CASE_FORMAT.md on a grid of 2 mm."""
+    """Labels of docs/case.md on a grid of 2 mm."""
     labels = grid((2.0, 2.0, 2.0), (40.0, 40.0, 40.0), np.zeros(3))
     labels = paint(labels.with_array(labels.array + 3), lambda p: 0.7 * prostate(p / 0.7), 2)
     left = (labels.to_lps(np.argwhere(labels.array >= 0).astype(float))[:, 0] > 0.0).reshape(labels.array.shape)
