@@ -8,7 +8,9 @@ import re
 from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
+
+N = TypeVar("N", int, float)
 
 
 class UsageError(Exception):
@@ -61,14 +63,22 @@ def common() -> Parser:
 
 def whole_number(low: int, high: int) -> Callable[[str], int]:
     """An argparse type: a whole number from low to high."""
+    return _within(int, "whole number", low, high)
 
-    def parse(text: str) -> int:
+
+def number(low: float, high: float) -> Callable[[str], float]:
+    """An argparse type: a number from low to high."""
+    return _within(float, "number", low, high)
+
+
+def _within(convert: Callable[[str], N], words: str, low: N, high: N) -> Callable[[str], N]:
+    def parse(text: str) -> N:
         try:
-            value = int(text)
+            value = convert(text)
         except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+            raise argparse.ArgumentTypeError(f"{text!r} is not a {words}") from None
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{value} is out of range; give {low} to {high}")
+            raise argparse.ArgumentTypeError(f"{value:.12g} is out of range; give {low:.12g} to {high:.12g}")
         return value
 
     return parse

@@ -7,7 +7,6 @@ docs/drop.md.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from palpate.core.errors import InputError
 from palpate.core.worker.progress import part
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import CaseFolder
-from palpate.ui.cli.arguments import no_points
+from palpate.ui.cli.arguments import no_points, number
 from palpate.ui.cli.console import Console
 
 NAME, HELP = "drop", "a film of the organ, or of two, falling onto a dish"
@@ -29,15 +28,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """CASE [CASE2], the film, and how it falls."""
     parser.add_argument("cases", type=Path, nargs="+", metavar="CASE", help="one identified case folder, or two")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE.mp4", help="the film")
-    parser.add_argument("--height", type=_number(1.0, 500.0), default=30.0, metavar="MM",
+    parser.add_argument("--height", type=number(1.0, 500.0), default=30.0, metavar="MM",
                         help="that it falls until it touches the dish (default %(default)g)")  # fmt: skip
-    parser.add_argument("--time", type=_number(0.02, 5.0), default=0.5, metavar="S",
+    parser.add_argument("--time", type=number(0.02, 5.0), default=0.5, metavar="S",
                         help="seconds of motion (default %(default)g)")  # fmt: skip
-    parser.add_argument("--slower", type=_number(1.0, 100.0), default=8.0, metavar="TIMES",
+    parser.add_argument("--slower", type=number(1.0, 100.0), default=8.0, metavar="TIMES",
                         help="how many times slower than real the film runs (default %(default)g)")  # fmt: skip
-    parser.add_argument("--damping", type=_number(0.0, 100.0), default=1.0, metavar="MS",
+    parser.add_argument("--damping", type=number(0.0, 100.0), default=1.0, metavar="MS",
                         help="relaxation time of the tissue's viscosity (default %(default)g ms; 0 for none)")  # fmt: skip
-    parser.add_argument("--friction", type=_number(0.0, 2.0), default=0.2, metavar="MU",
+    parser.add_argument("--friction", type=number(0.0, 2.0), default=0.2, metavar="MU",
                         help="Coulomb's coefficient on the dish (default %(default)g)")  # fmt: skip
     parser.add_argument("--element", choices=("p1p1", "p2p0", "p2p1"), default="p1p1",
                         help="quadratic ones take several times as long (default %(default)s)")  # fmt: skip
@@ -85,18 +84,3 @@ def _line(organ: dict[str, Any]) -> str:
         f"back up by {organ['rebound_mm']:.1f} mm; deepest penetration {organ['deepest_penetration_mm']:.3f} mm, "
         f"energy never grew by more than {100 * organ['energy_growth']:.2f} %; {organ['seconds']:.0f} s"
     )
-
-
-def _number(low: float, high: float) -> Callable[[str], float]:
-    """An argparse type: a number from low to high."""
-
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{value:g} is out of range; give {low:g} to {high:g}")
-        return value
-
-    return parse

@@ -72,12 +72,19 @@ def play(commands: list[Command], folder: Path, source: str, headless: bool = Tr
 
 def _window(headless: bool) -> tuple[Any, Any]:
     display_server.check(headless)
+    application = qt_application(headless)
+    from palpate.ui.desktop.main_window import MainWindow  # here, because the platform is chosen before
+
+    return MainWindow(Controller()), application
+
+
+def qt_application(headless: bool) -> Any:
+    """The one QApplication, dressed; without a screen where headless. `display_server.check` says beforehand whether it can be."""
     if headless:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from PySide6.QtCore import qInstallMessageHandler
     from PySide6.QtWidgets import QApplication  # here, because the platform is chosen before
 
-    from palpate.ui.desktop.main_window import MainWindow
     from palpate.ui.desktop.style import dress
 
     if headless:
@@ -86,7 +93,7 @@ def _window(headless: bool) -> tuple[Any, Any]:
     assert isinstance(application, QApplication)
     application.setApplicationName("Palpate")
     dress(application)
-    return MainWindow(Controller()), application
+    return application
 
 
 def told_by_qt(kind: object, context: object, message: str) -> None:

@@ -12,7 +12,6 @@ import os
 import shlex
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +22,11 @@ from palpate.ui.desktop import hands
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.grey import PRESETS
+from palpate.ui.desktop.obey import Command, obeyed
 
 _SECONDS = 600.0
 # A picture is taken without the 3D view's last state where that takes longer.
 _SOLID_SECONDS = 60.0
-
-
-@dataclass(frozen=True)
-class Command:
-    """A line of a script: number from 1, the command's name, and its words."""
-
-    line: int
-    name: str
-    words: tuple[str, ...]
 
 
 def parse(text: str, source: str) -> list[Command]:
@@ -65,13 +56,7 @@ class Driver:
     def run(self, command: Command) -> dict[str, Any]:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
         began = time.monotonic()
-        try:
-            told = getattr(self, f"do_{command.name}")(*command.words) or {}
-        except (TypeError, ValueError) as error:
-            form = f"`{command.name} {' '.join(command.words)}` is not of its form ({error})"
-            raise InputError(f"{self._source}, line {command.line}: {form}") from error
-        except InputError as error:
-            raise InputError(f"{self._source}, line {command.line}: {error}") from error
+        told = obeyed(self, command, self._source)
         self.process(0.0)
         seconds = round(time.monotonic() - began, 3)
         return {"line": command.line, "command": command.name, "seconds": seconds, **self.state(), **told}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -34,22 +33,11 @@ def show(body: Body, radius: float, output: Path, headless: bool, playing: Playi
 
     Raises InputError when a command cannot be done; `display_server.check` says beforehand whether a window can be opened.
     """
-    if headless:
-        os.environ["QT_QPA_PLATFORM"] = "offscreen"
-    from PySide6.QtCore import qInstallMessageHandler
-    from PySide6.QtWidgets import QApplication  # here, because the platform is chosen before
+    from palpate.ui.desktop.application import qt_application
 
-    from palpate.ui.desktop.application import told_by_qt
-    from palpate.ui.desktop.style import dress
-    from palpate.ui.desktop.touch_model import TouchModel
+    application = qt_application(headless)
+    from palpate.ui.desktop.touch_model import TouchModel  # here, because the platform is chosen before
     from palpate.ui.desktop.touch_window import TouchWindow
-
-    if headless:
-        qInstallMessageHandler(told_by_qt)
-    application = QApplication.instance() or QApplication(sys.argv[:1])
-    assert isinstance(application, QApplication)
-    application.setApplicationName("Palpate")
-    dress(application)
 
     def process(seconds: float) -> None:
         end = time.monotonic() + seconds

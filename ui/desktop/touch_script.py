@@ -27,13 +27,13 @@ from __future__ import annotations
 
 import shlex
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from palpate.core.errors import InputError
+from palpate.ui.desktop.obey import Command, obeyed
 
 # These need the window; a script without them runs without one.
 OF_THE_WINDOW = frozenset({"resize", "turn", "pause", "hold", "lift", "click", "screenshot"})
@@ -64,15 +64,6 @@ class Feeling(Protocol):
         """See `Hand`."""
 
 
-@dataclass(frozen=True)
-class Command:
-    """A line of a script: number from 1, the command's name, and its words."""
-
-    line: int
-    name: str
-    words: tuple[str, ...]
-
-
 def parse(text: str, source: str) -> list[Command]:
     """The commands of a script. Raises InputError naming the file and the line for one that cannot be understood."""
     known = sorted({name[3:] for name in dir(Driver) if name.startswith("do_")} | OF_THE_WINDOW)
@@ -99,13 +90,7 @@ class Driver:
     def run(self, command: Command) -> dict[str, Any]:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
         began = time.monotonic()
-        try:
-            told = getattr(self, f"do_{command.name}")(*command.words) or {}
-        except (TypeError, ValueError) as error:
-            form = f"`{command.name} {' '.join(command.words)}` is not of its form ({error})"
-            raise InputError(f"{self._source}, line {command.line}: {form}") from error
-        except InputError as error:
-            raise InputError(f"{self._source}, line {command.line}: {error}") from error
+        told = obeyed(self, command, self._source)
         seconds = round(time.monotonic() - began, 3)
         return {"line": command.line, "command": command.name, "seconds": seconds, **self.feeling.facts(), **told}
 
