@@ -31,7 +31,9 @@ def writing(path: Path) -> Iterator[None]:
         if error.filename is not None and not _concerns(Path(str(error.filename)), path):
             raise
         reason = error.strerror or type(error).__name__
-        raise InputError(f"{path} cannot be written ({reason}); choose a writable place with -o") from error
+        raise InputError(
+            f"{path} cannot be written ({reason}); choose another place, or allow writing there"
+        ) from error
 
 
 @contextmanager

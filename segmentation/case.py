@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
 from palpate.segmentation import atomic
 from palpate.segmentation.case_facts import CaseFacts
+from palpate.segmentation.case_files import CaseFiles, as_json, file_sha256
 from palpate.segmentation.dicom_series import SeriesFacts, read_series
 from palpate.segmentation.grid import in_lps_order
 from palpate.segmentation.itksnap import label_description, label_values
 from palpate.segmentation.landmarks import Landmarks, read_landmarks
-from palpate.segmentation.nifti_labels import read_labels, read_nifti, write_labels, write_nifti
+from palpate.segmentation.nifti_labels import read_labels, read_nifti, write_labels
 from palpate.segmentation.volume import Volume
 
 STATES = ("rest", "deformed")
 
-__all__ = ["STATES", "CaseFacts", "CaseFolder", "Landmarks"]
+__all__ = ["STATES", "CaseFacts", "CaseFolder", "Landmarks", "file_sha256"]
 
 
-class CaseFolder:
+class CaseFolder(CaseFiles):
     """An existing case folder.
 
     path : the folder. facts : what case.json says.
@@ -38,7 +36,7 @@ class CaseFolder:
     """
 
     def __init__(self, path: Path | str) -> None:
-        self.path = Path(path)
+        super().__init__(Path(path))
         if not self.path.is_dir():
             raise InputError(
                 f"{self.path} is no folder; give the path of a case folder, or make one with `palpate import`"
@@ -62,80 +60,15 @@ class CaseFolder:
             folder.mkdir(parents=True, exist_ok=True)
         atomic.sweep(folder)
         with atomic.atomic_path(folder / "case.json") as temporary:
-            temporary.write_text(_as_json(facts.to_dict()), encoding="utf-8")
+            temporary.write_text(as_json(facts.to_dict()), encoding="utf-8")
         return cls(folder)
-
-    def file(self, name: str) -> Path:
-        """The path of a file or folder of the case."""
-        return self.path / name
-
-    def has(self, name: str) -> bool:
-        """Whether the case holds this file or folder."""
-        return self.file(name).exists()
-
-    # Writing
-
-    def atomic_path(self, name: str) -> AbstractContextManager[Path]:
-        """A temporary path that becomes the file ``name`` when the ``with`` block ends well."""
-        return atomic.atomic_path(self.file(name))
-
-    def atomic_folder(self, name: str) -> AbstractContextManager[Path]:
-        """A temporary folder that becomes the folder ``name`` when the ``with`` block ends well."""
-        return atomic.atomic_folder(self.file(name))
-
-    def write_bytes(self, name: str, data: bytes) -> Path:
-        """Writes a file."""
-        with self.atomic_path(name) as temporary:
-            temporary.write_bytes(data)
-        return self.file(name)
-
-    def write_text(self, name: str, text: str) -> Path:
-        """Writes a text file in UTF-8."""
-        return self.write_bytes(name, text.encode())
-
-    def write_json(self, name: str, data: Any) -> Path:
-        """Writes a JSON file; numpy numbers and arrays become lists. Raises ValueError for NaN and infinity."""
-        return self.write_text(name, _as_json(data))
-
-    def write_npz(self, name: str, **arrays: Any) -> Path:
-        """Writes a compressed NumPy archive."""
-        with self.atomic_path(name) as temporary:
-            np.savez_compressed(temporary, **arrays)
-        return self.file(name)
-
-    def remove(self, name: str) -> None:
-        """Removes a file where it is there."""
-        with atomic.writing(self.file(name)):
-            self.file(name).unlink(missing_ok=True)
 
     def save_facts(self, facts: CaseFacts) -> None:
         """Replaces case.json."""
         self.write_json("case.json", facts.to_dict())
         self.facts = facts
 
-    # Reading
-
-    def read_json(self, name: str) -> Any:
-        """The content of a JSON file. Raises InputError naming the file and the line when it is not JSON."""
-        path = self.file(name)
-        try:
-            return json.loads(path.read_text(encoding="utf-8-sig"))
-        except FileNotFoundError as error:
-            raise InputError(f"{path} is not there; run the step that writes it first") from error
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            where = f" at line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
-            raise InputError(f"{path} is not valid JSON{where}; correct it") from error
-
-    def read_npz(self, name: str) -> dict[str, np.ndarray]:
-        """The arrays of a NumPy archive. Raises InputError naming the file when it is missing or damaged."""
-        path = self.file(name)
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                return {key: archive[key] for key in archive.files}
-        except FileNotFoundError as error:
-            raise InputError(f"{path} is not there; run the step that writes it first") from error
-        except DAMAGED_ARCHIVE as error:
-            raise InputError(f"{path} is damaged; remove it and run the step that writes it again") from error
+    # What it holds
 
     def has_labels(self, state: str) -> bool:
         """Whether the case holds a label volume of ``state`` ("rest" or "deformed")."""
@@ -179,12 +112,6 @@ class CaseFolder:
         self.write_text("labels.txt", label_description())
         return self.file(name)
 
-    def write_volume(self, name: str, volume: Volume) -> Path:
-        """Writes any volume as NIfTI."""
-        with self.atomic_path(name) as temporary:
-            write_nifti(temporary, volume)
-        return self.file(name)
-
     def deformed_to_rest(self) -> NDArray[np.float64]:
         """The rigid transform (4, 4), LPS mm, that brings the deformed scan into the rest frame; identity without one."""
         if not self.has("alignment.json"):
@@ -212,7 +139,7 @@ class CaseFolder:
             for member in members:
                 content = hash_of(member) if member.is_file() else "absent"
                 digest.update(f"{member.relative_to(self.path).as_posix()}\0{content}\0".encode())
-        digest.update(_as_json(options).encode())
+        digest.update(as_json(options).encode())
         return digest.hexdigest()
 
     def step_is_done(self, step: str, inputs_sha256: str) -> bool:
@@ -253,25 +180,7 @@ def check_new_case(folder: Path) -> None:
         raise InputError(f"{folder} cannot be written (the place is read-only); choose a writable place with -o")
 
 
-def file_sha256(path: Path) -> str:
-    """The SHA-256 of a file's content, in hex."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
 def _known(state: str) -> str:
     if state not in STATES:
         raise InputError(f"the state {state!r} is unknown; a case has {' and '.join(STATES)}")
     return state
-
-
-def _as_json(data: Any) -> str:
-    return json.dumps(data, indent=2, allow_nan=False, default=_plain, ensure_ascii=False) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Path):
-        return value.as_posix()
-    raise TypeError(f"{type(value).__name__} is not JSON")

@@ -32,7 +32,6 @@ class SeriesFacts:
     """
 
     series_uid: str
-    study_uid: str
     frame_of_reference_uid: str
     patient_hash: str | None
     study_date: str | None
@@ -106,7 +105,6 @@ def _facts(header: pydicom.Dataset, ordered: Stack, notes: list[str]) -> SeriesF
     date = str(header.get("StudyDate") or header.get("SeriesDate") or "").strip()
     return SeriesFacts(
         series_uid=str(header.get("SeriesInstanceUID", "")),
-        study_uid=str(header.get("StudyInstanceUID", "")),
         frame_of_reference_uid=str(header.get("FrameOfReferenceUID", "")),
         patient_hash=patient_hash(header),
         study_date=date if len(date) == 8 and date.isdigit() else None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,8 +14,9 @@ from palpate.core.mesh import TetMesh
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.identified import identified_shear
 from palpate.segmentation.identify_step import facts_of
-from palpate.segmentation.labels import LABELS, ORGAN_LABELS
+from palpate.segmentation.labels import ORGAN_LABELS
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def organ_of(case: CaseFolder, name: str) -> IdentifiedOrgan:
     if not regions:
         raise InputError(f"{path} has no cell in the organ (regions 1, 2); run `palpate mesh` again")
     return IdentifiedOrgan(
-        name, mesh.submesh(regions)[0], _stiffness(case, regions), facts_of(case).organ_poisson_ratio
+        name, mesh.submesh(regions)[0], identified_shear(case, regions), facts_of(case).organ_poisson_ratio
     )
 
 
@@ -83,15 +83,3 @@ class Dropped:
 
 def _named(progress: Progress, name: str) -> Progress:
     return lambda fraction, message: progress(fraction, f"organ {name}, {message}")
-
-
-def _stiffness(case: CaseFolder, regions: tuple[int, ...]) -> dict[int, float]:
-    path = case.file("result.json")
-    try:
-        found = {r: float(case.read_json("result.json")["parameters"][LABELS[r]]["G_kpa"]) for r in regions}
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} has no stiffness for {error} of the mesh; run `palpate identify` again") from error
-    for region, G in found.items():
-        if not (math.isfinite(G) and G > 0.0):
-            raise InputError(f"{path} says {G} kPa for {LABELS[region]}; run `palpate identify` again")
-    return found

@@ -22,7 +22,8 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.gap_truth.anatomy import Carried, Patient
 from palpate.segmentation.gap_truth.body import Body
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, Simulated
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
+from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, backward, effect_mm, landmarks, shown, true_surface
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv

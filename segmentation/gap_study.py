@@ -13,7 +13,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ from palpate.segmentation.gap_cases import Recipe, make_case
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, SIZES
 
+# A deformation that has no equilibrium is tried again so many times, easier each time.
+_EASIER = 3
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 
 
@@ -89,7 +91,7 @@ def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recip
 
 
 def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
-    """Cases that are not there; one that cannot be solved is left out, and counted as missing by its absence."""
+    """Cases that are not there; one that cannot be solved however easy is left out, and counted as missing by its absence."""
     todo = [r for r in recipes if not (folder / "answers" / f"{r.name}.json").exists()]
     if workers < 2:
         for k, recipe in enumerate(todo):
@@ -105,12 +107,20 @@ def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: P
 
 def _made(recipe: Recipe, folder: Path) -> None:
     case = folder / "cases" / recipe.name
-    if case.exists():  # a run that was stopped while it made this one
-        shutil.rmtree(case)
-    try:
-        make_case(recipe, case, folder / "answers", folder / "meshes")
-    except ConvergenceError:
-        return
+    for k in range(_EASIER + 1):
+        shutil.rmtree(case, ignore_errors=True)  # of a run that was stopped while it made this one
+        try:
+            make_case(_easier(recipe, k), case, folder / "answers", folder / "meshes")
+            return
+        except ConvergenceError:
+            shutil.rmtree(case, ignore_errors=True)
+
+
+def _easier(recipe: Recipe, k: int) -> Recipe:
+    """The recipe with walls that move less and effects half as far (in the logarithm) above their weakest, k times over."""
+    weakest = {name: SIZES[name][0] for name in recipe.effects}
+    effects = {name: weakest[name] * (size / weakest[name]) ** 0.5**k for name, size in recipe.effects.items()}
+    return replace(recipe, effects=effects, rectum_mm=recipe.rectum_mm * 0.8**k)
 
 
 def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, progress: Progress) -> None:
@@ -183,7 +193,8 @@ def _pair(case: Path, answer: Path) -> tuple[dict[str, Any], dict[str, Any] | No
     surface, maps = answer.with_name(f"{answer.stem}_surface.npz"), case / str(found["where"]["map"])
     if surface.exists() and maps.exists() and len(truth["effects"]) == 1:
         with np.load(surface) as true, np.load(maps) as seen:
-            truth["achieved"] = achieved(seen, true["points"], true["faces"], truth["effects"][0])
+            effect, noise_mm = truth["effects"][0], truth["noise_mm"]
+            truth["achieved"] = achieved(seen, true["points"], true["faces"], effect, noise_mm)
     return truth, found
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +11,14 @@ import numpy as np
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
+from palpate.segmentation.aligned_labels import in_own_frame
 from palpate.segmentation.alignment import Alignment, align_ct, align_labels
-from palpate.segmentation.case import STATES, CaseFolder, check_new_case, file_sha256
+from palpate.segmentation.case import STATES, CaseFolder, check_new_case
 from palpate.segmentation.case_facts import Vector
 from palpate.segmentation.contours_swapped import swapped_note
-from palpate.segmentation.dicom_files import list_files
 from palpate.segmentation.dicom_pair import check_pair
 from palpate.segmentation.dicom_series import read_series
+from palpate.segmentation.import_given import ImportOptions, check_kinds, inputs_sha256, scan_sha256, values_beside
 from palpate.segmentation.import_write import (
     gravity_of,
     open_or_create,
@@ -28,34 +27,13 @@ from palpate.segmentation.import_write import (
     write_scan,
     write_user_labels,
 )
-from palpate.segmentation.itksnap import label_values
 from palpate.segmentation.labels import BONE, ORGAN_LABELS
 from palpate.segmentation.landmarks import read_landmarks
 from palpate.segmentation.nifti_labels import read_labels
-from palpate.segmentation.user_labels import files_of, read_user_labels
+from palpate.segmentation.user_labels import read_user_labels
 from palpate.segmentation.volume import Volume
 
 STEP = "import"
-_NIFTI = (".nii", ".nii.gz")
-
-
-@dataclass(frozen=True)
-class ImportOptions:
-    """How to import. Each pair is (rest, deformed).
-
-    name : the case's name; the folder's where None. series : which series of a folder that holds several.
-    labels : label volume (NIfTI) or structure set (RTSTRUCT) drawn on that scan. roi : organ -> structure names.
-    landmarks : CSV of matched points, each in its own scan's coordinates. same_patient : the caller vouches for it.
-    align : False takes both states as lying in one frame already.
-    """
-
-    name: str | None = None
-    series: tuple[str | None, str | None] = (None, None)
-    labels: tuple[Path | None, Path | None] = (None, None)
-    roi: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    landmarks: Path | None = None
-    same_patient: bool = False
-    align: bool = True
 
 
 @dataclass(frozen=True)
@@ -83,9 +61,9 @@ def run_import(
     options = options or ImportOptions()
     paths, folder = (Path(rest), Path(deformed)), Path(case_path)
     check_new_case(folder)
-    _check_kinds(paths)
+    check_kinds(paths)
     sources = {state: scan_sha256(path) for state, path in zip(STATES, paths, strict=True)}
-    job = _Job(paths, folder, options, progress, sources, _inputs_sha256(sources, options))
+    job = _Job(paths, folder, options, progress, sources, inputs_sha256(sources, options))
     earlier = _earlier(job)
     if earlier is not None:
         progress(1.0, "already imported")
@@ -105,15 +83,17 @@ def _import_scans(job: _Job) -> dict[str, Any]:
         for state, path, scan in zip(STATES, options.labels, scans, strict=True)
         if path is not None
     }
+    points = read_landmarks(options.landmarks) if options.landmarks else None
+    job.progress(0.4, "aligning on bone")
+    alignment = _aligned(job, align_ct, scans[0][0], scans[1][0]) if options.align else None
+    if alignment is not None and "deformed" in drawn:
+        drawn["deformed"] = in_own_frame(drawn["deformed"], scans[1][0], alignment.deformed_to_rest)
     notes += [f"{state}: {note}" for state, labels in drawn.items() for note in labels.notes]
     notes += [
         f"{state}: the drawn labels hold no prostate; it will be looked for in the CT"
         for state, labels in drawn.items()
         if not np.isin(labels.volume.array, ORGAN_LABELS).any()
     ]
-    points = read_landmarks(options.landmarks) if options.landmarks else None
-    job.progress(0.4, "aligning on bone")
-    alignment = _aligned(job, align_ct, scans[0][0], scans[1][0]) if options.align else None
     job.progress(0.8, "writing the case")
     case = _begun(job, [gravity_of(facts.patient_position) for _, facts in scans])
     outputs = ["case.json", "alignment.json"]
@@ -210,52 +190,3 @@ def _earlier(job: _Job) -> dict[str, Any] | None:
         options = " and ".join(f"--{state}-labels" for state in forgotten)
         raise InputError(f"{job.folder} was made with {options}; give the same again, or choose a new folder with -o")
     return None
-
-
-def _check_kinds(paths: tuple[Path, Path]) -> None:
-    for path in paths:
-        if not path.exists():
-            raise InputError(f"{path} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
-        if path.is_file() and not path.name.lower().endswith(_NIFTI):
-            raise InputError(f"{path} is no folder and no NIfTI file; give the folder that holds the slices of the CT")
-    if paths[0].is_dir() != paths[1].is_dir():
-        raise InputError(
-            f"{paths[0]} and {paths[1]} are a folder and a file; give two DICOM folders or two NIfTI files"
-        )
-
-
-def scan_sha256(path: Path) -> str:
-    """Of a file, or of all files of a folder."""
-    if path.is_file():
-        return file_sha256(path)
-    return hashlib.sha256("".join(file_sha256(file) for file in list_files(path)).encode()).hexdigest()
-
-
-def _inputs_sha256(sources: Mapping[str, str], options: ImportOptions) -> str:
-    files = [path for path in (*options.labels, options.landmarks) if path is not None]
-    missing = [path for path in files if not path.is_file()]
-    if missing:
-        raise InputError(f"{missing[0]} is not there; correct the path of the labels or landmarks")
-    content = {
-        "sources": dict(sources),
-        "files": [[_content_of(path) for path in (*options.labels, options.landmarks)]],
-        "options": [options.series, {k: list(v) for k, v in options.roi.items()}, options.align, options.same_patient],
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _content_of(path: Path | None) -> str | None:
-    """The hash of a file and, of a workspace, of the label volume that it names."""
-    if path is None:
-        return None
-    files = files_of(path)
-    missing = [each for each in files if not each.is_file()]
-    if missing:
-        raise InputError(f"{path} names {missing[0].name}, which is not there; keep the workspace with its images")
-    return file_sha256(path) if len(files) == 1 else "".join(file_sha256(each) for each in files)
-
-
-def values_beside(path: Path) -> dict[int, int] | None:
-    """What the label values of a volume mean, where a labels.txt lies beside it."""
-    description = path.parent / "labels.txt"
-    return label_values(description) if description.is_file() else None

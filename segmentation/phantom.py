@@ -17,7 +17,8 @@ from palpate.segmentation.labels import (
     RECTUM,
     SURROUNDING_TISSUE,
 )
-from palpate.segmentation.phantom_shapes import FloatArray, Shrunk, Solid, near
+from palpate.segmentation.phantom_shapes import FloatArray, Solid, near
+from palpate.segmentation.phantom_unions import Shrunk
 
 # Where the anatomy's zero, about the prostate's centre, lies in the patient: nowhere near the scanner's origin.
 ORIGIN_MM = np.array([-6.5, 11.0, -148.0])
@@ -26,7 +27,7 @@ EDGE_MM = 1.2
 
 AIR_HU = -1000.0
 GAS_HU = -980.0
-BONE_MIN_HU = 180.0
+
 # Height of the stool's level in the rectum, mm behind its centre line: the patient lies on the back.
 GAS_LEVEL_MM = -1.5
 

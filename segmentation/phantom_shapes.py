@@ -6,7 +6,6 @@ smooth edge and a label need.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -133,86 +132,6 @@ class Tube:
         s = self.section(z)
         low, high = (s[:, :2] - s[:, 2:]).min(axis=0), (s[:, :2] + s[:, 2:]).max(axis=0)
         return np.append(low, -np.inf), np.append(high, np.inf)
-
-
-@dataclass(frozen=True)
-class Union:
-    """Solids joined; within ``blend_mm`` of where two meet the crease is rounded out."""
-
-    parts: Sequence[Solid]
-    blend_mm: float = 0.0
-
-    def distance(self, points: FloatArray) -> FloatArray:
-        """See `Solid.distance`."""
-        total = self.parts[0].distance(points)
-        for part in self.parts[1:]:
-            other = part.distance(points)
-            if self.blend_mm > 0.0:
-                h = np.maximum(self.blend_mm - np.abs(total - other), 0.0)
-                total = np.minimum(total, other) - h**2 / (4.0 * self.blend_mm)
-            else:
-                total = np.minimum(total, other)
-        return total
-
-    @property
-    def bounds(self) -> Bounds:
-        """See `Solid.bounds`."""
-        boxes = [part.bounds for part in self.parts]
-        low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-        return low - self.blend_mm, high + self.blend_mm
-
-
-@dataclass(frozen=True)
-class Shrunk:
-    """The inside of a solid that lies deeper than ``depth_mm``: a lumen, a marrow space."""
-
-    solid: Solid
-    depth_mm: float
-
-    def distance(self, points: FloatArray) -> FloatArray:
-        """See `Solid.distance`."""
-        return self.solid.distance(points) + self.depth_mm
-
-    @property
-    def bounds(self) -> Bounds:
-        """See `Solid.bounds`."""
-        return self.solid.bounds
-
-
-@dataclass(frozen=True)
-class Cut:
-    """The part of a solid on one side of a plane: where (x - point) . normal < 0."""
-
-    solid: Solid
-    point: Triple
-    normal: Triple
-
-    def distance(self, points: FloatArray) -> FloatArray:
-        """See `Solid.distance`."""
-        normal = np.array(self.normal) / np.linalg.norm(self.normal)
-        return np.maximum(self.solid.distance(points), (points - np.array(self.point)) @ normal)
-
-    @property
-    def bounds(self) -> Bounds:
-        """See `Solid.bounds`."""
-        return self.solid.bounds
-
-
-@dataclass(frozen=True)
-class Without:
-    """A solid less another."""
-
-    solid: Solid
-    removed: Solid
-
-    def distance(self, points: FloatArray) -> FloatArray:
-        """See `Solid.distance`."""
-        return np.maximum(self.solid.distance(points), -self.removed.distance(points))
-
-    @property
-    def bounds(self) -> Bounds:
-        """See `Solid.bounds`."""
-        return self.solid.bounds
 
 
 def near(points: FloatArray, solid: Solid, margin_mm: float) -> NDArray[np.intp]:

@@ -59,12 +59,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
     ConvergenceError when not even the smallest amount has an equilibrium.
     """
     options = options or PlanOptions()
-    if options.deformation not in DEFORMATIONS:
-        raise InputError(f"{options.deformation!r} cannot be planned; choose one of {', '.join(DEFORMATIONS)}")
-    unit, usual, words = DEFORMATIONS[options.deformation]
-    amounts = options.amounts or usual
-    if list(amounts) != sorted(set(amounts)) or amounts[0] <= 0.0:
-        raise InputError(f"the amounts {list(amounts)} are not positive and ascending")
+    unit, amounts = _asked(options)
     if not case.has_labels("rest"):
         raise InputError(f"{case.file('rest.nii.gz')} is not there; segment the scan at rest first")
     labels = case.labels("rest")
@@ -85,23 +80,40 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
         raise ConvergenceError(
             f"{options.deformation} {amounts[0]:g} {unit}: {rows[0]['reason']}; plan smaller amounts"
         )
-    plan = {
-        "case": case.facts.name,
-        "deformation": options.deformation,
-        "what": words,
-        "unit": unit,
-        "assumed_G_kpa": stiffness,
-        "assumed_from": source,
+    about = {
+        "case": case.facts.name, "assumed_G_kpa": stiffness, "assumed_from": source,
         "noise_sd_mm": problem.facts.noise_sd_mm,
-        "element": options.element,
-        "rows": rows,
-        "verdict": _verdict(rows, list(names.values()), options.deformation, unit),
-        "notes": list(NOTES.get(options.deformation, ())),
-        "research_use": True,
-    }
+    }  # fmt: skip
+    plan = about | _told(options, rows, list(names.values()))
     case.write_json("plan.json", plan)
     progress(1.0, "planned")
     return plan
+
+
+def _asked(options: PlanOptions) -> tuple[str, tuple[float, ...]]:
+    """Unit and amounts of a plan. Raises InputError for one that makes no sense."""
+    if options.deformation not in DEFORMATIONS:
+        raise InputError(f"{options.deformation!r} cannot be planned; choose one of {', '.join(DEFORMATIONS)}")
+    unit, usual, _ = DEFORMATIONS[options.deformation]
+    amounts = options.amounts or usual
+    if list(amounts) != sorted(set(amounts)) or amounts[0] <= 0.0:
+        raise InputError(f"the amounts {list(amounts)} are not positive and ascending")
+    return unit, amounts
+
+
+def _told(options: PlanOptions, rows: list[dict[str, Any]], names: list[str]) -> dict[str, Any]:
+    """What plan.json says of the deformation."""
+    unit, _, words = DEFORMATIONS[options.deformation]
+    return {
+        "deformation": options.deformation,
+        "what": words,
+        "unit": unit,
+        "element": options.element,
+        "rows": rows,
+        "verdict": _verdict(rows, names, options.deformation, unit),
+        "notes": list(NOTES.get(options.deformation, ())),
+        "research_use": True,
+    }
 
 
 def _stiffness(case: CaseFolder, options: PlanOptions, names: list[str]) -> tuple[dict[str, float], str]:

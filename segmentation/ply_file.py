@@ -91,7 +91,7 @@ def _ascii(body: bytes, elements: list[_Element]) -> Rows:
             table.append(row)
         columns = list(zip(*table, strict=True)) if table else [()] * len(element.properties)
         found[element.name] = {
-            name: list(column) if length else np.array(column, dtype=np.float64)  # type: ignore[arg-type]
+            name: list(column) if length else np.array(column, dtype=np.float64)
             for (name, _, length), column in zip(element.properties, columns, strict=True)
         }
     return found

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.core.errors import InputError
+from palpate.segmentation.aligned_labels import in_own_frame
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.grid import in_lps_order
 from palpate.segmentation.itksnap import label_values
@@ -19,14 +20,20 @@ _NIFTI = (".nii", ".nii.gz")
 
 
 def redrawn_labels(case: CaseFolder, state: str, path: Path) -> Volume:
-    """Labels of the rest frame, axes in LPS order. path : of any kind that an import takes, in that scan's own coordinates.
+    """Labels of the rest frame, axes in LPS order. path : of any kind that an import takes, in that scan's own coordinates or
+    as `export` has written it.
 
     Raises InputError naming the file when it is missing, unreadable or holds no organ.
     """
     if not path.is_file():
         raise InputError(f"{path} is not there; give the labels drawn on the {state} scan")
     if case.has(f"{state}_ct"):
-        volume = read_user_labels(path, *case.series(state)).volume
+        ct, facts = case.series(state)
+        drawn = read_user_labels(path, ct, facts)
+        if state == "deformed":
+            case_grid = case.labels(state) if case.has_labels(state) else None
+            drawn = in_own_frame(drawn, ct, case.deformed_to_rest(), case_grid)
+        volume = drawn.volume
     elif path.name.lower().endswith(_NIFTI):
         beside = path.parent / "labels.txt"
         volume = read_labels(path, label_values(beside) if beside.is_file() else None)

@@ -15,21 +15,12 @@ from palpate.segmentation.contours import contours_to_mask
 from palpate.segmentation.dicom_files import read_file, reading
 from palpate.segmentation.dicom_same_scan import check_same_scan
 from palpate.segmentation.dicom_series import SeriesFacts
-from palpate.segmentation.labels import BLADDER, BONE, PROSTATE_LEFT, PROSTATE_RIGHT, RECTUM
+from palpate.segmentation.named_labels import PAINT_ORDER
 from palpate.segmentation.roi_names import choose_rois
 from palpate.segmentation.volume import Volume
 
 # Contours of one slice are combined by exclusive or, whatever the newer of the two names says.
 _CLOSED = ("CLOSED_PLANAR", "CLOSEDPLANAR_XOR")
-# Where structures overlap the later one wins: contours of neighbours are drawn to touch, and the organ matters most.
-_PAINT_ORDER = {
-    "bone": BONE,
-    "bladder": BLADDER,
-    "rectum": RECTUM,
-    "prostate": PROSTATE_LEFT,
-    "prostate_left": PROSTATE_LEFT,
-    "prostate_right": PROSTATE_RIGHT,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +43,7 @@ class Structures:
     def labels(self, grid: Volume) -> Volume:
         """The label volume; a prostate that is not split has the value of its left part throughout."""
         array = np.zeros(grid.array.shape, dtype=np.uint8)
-        for organ, value in _PAINT_ORDER.items():
+        for organ, value in PAINT_ORDER.items():
             if organ in self.masks:
                 array[self.masks[organ]] = value
         return grid.with_array(array)

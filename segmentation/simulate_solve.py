@@ -19,6 +19,7 @@ from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_paramet
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.meshing import MeshedCase
+from palpate.segmentation.simulate_figures import organ_strain, smallest_volume_ratio, solver_figures
 from palpate.segmentation.simulate_glide import Glide
 from palpate.segmentation.simulate_motion import MovedWall
 from palpate.segmentation.smooth_field import FloatArray, IntArray
@@ -97,35 +98,15 @@ def solve_deformed(
     progress(0.0, f"solving {len(meshed.mesh.cells)} cells, walls tied")
     found = solve_equilibrium(assembler, stiffness.materials(), prescribed.ravel(), options=_OPTIONS)
     _require(found)
-    figures = _figures(space, found)
+    figures = solver_figures(space, found)
     if contact == "gliding":
         found, rounds, moved = _glide(meshed, space, nodes, stiffness, walls, found, progress)
         figures |= {"glide_rounds": rounds, "glide_last_motion_mm": moved}
     F = assembler.deformation_gradients(found.u)
     near = {name: (space.nodes[nodes[name]], found.u[nodes[name]]) for name in walls if name in nodes}
-    figures |= {"contact": contact, "smallest_volume_ratio": _unfolded(meshed, F, near)}
+    figures |= {"contact": contact, "smallest_volume_ratio": smallest_volume_ratio(meshed, F, near)}
     organ = np.isin(meshed.mesh.regions, ORGAN_LABELS)
     return DeformedState(space, found.u, nodes, organ_strain(F[organ], assembler.weight[organ]), figures)
-
-
-def organ_strain(F: FloatArray, weight: FloatArray) -> dict[str, float]:
-    """Size of the organ's strain from F (m, q, 3, 3) at points of volume weight (m, q) mm3.
-
-    rms and p95 of the largest principal logarithmic (Hencky) strain by magnitude, max_i |ln lambda_i|, and the rms
-    equivalent (von Mises) strain sqrt(2/3 dev H : dev H).
-    """
-    stretches = np.linalg.svd(F, compute_uv=False)
-    H = np.log(stretches).reshape(-1, 3)
-    share = weight.ravel() / weight.sum()
-    largest = np.abs(H).max(axis=1)
-    deviator = H - H.mean(axis=1, keepdims=True)
-    order = np.argsort(largest)
-    p95 = largest[order][np.searchsorted(np.cumsum(share[order]), 0.95)]
-    return {
-        "rms_largest_principal": float(np.sqrt(share @ largest**2)),
-        "p95_largest_principal": float(p95),
-        "rms_equivalent": float(np.sqrt(share @ (2.0 / 3.0 * (deviator**2).sum(axis=1)))),
-    }
 
 
 def _prescribed(space: Space, nodes: Mapping[str, IntArray], walls: Mapping[str, MovedWall]) -> FloatArray:
@@ -186,39 +167,3 @@ def _require(found: Equilibrium) -> None:
         raise ConvergenceError(
             f"the simulated deformation has no equilibrium ({found.reason}); make the walls move less"
         )
-
-
-def _unfolded(meshed: MeshedCase, F: FloatArray, walls: Mapping[str, tuple[FloatArray, FloatArray]]) -> float:
-    """Smallest volume ratio. Raises ConvergenceError where it is not positive, naming the nearest wall that was moved.
-
-    walls : name -> places (n, 3) at rest and motions (n, 3), mm.
-    """
-    ratio = np.linalg.det(F).min(axis=1)
-    worst = int(ratio.argmin())
-    if ratio[worst] > 0.0:
-        return float(ratio[worst])
-    place = meshed.mesh.points[meshed.mesh.cells[worst]].mean(axis=0)
-    message = (
-        f"the simulated tissue folds over itself (volume ratio {ratio[worst]:.2f} at {place.round(1).tolist()} mm)"
-    )
-    distances = {name: np.linalg.norm(points - place, axis=1) for name, (points, _) in walls.items()}
-    if not distances:
-        raise ConvergenceError(f"{message}; make the walls move less")
-    name = min(distances, key=lambda key: float(distances[key].min()))
-    nearest = int(distances[name].argmin())
-    moved = float(np.linalg.norm(walls[name][1][nearest]))
-    raise ConvergenceError(
-        f"{message}, {distances[name][nearest]:.0f} mm from the {name}'s wall, which moves {moved:.1f} mm there; make that wall "
-        "move less, over a longer half_length_mm, or inwards instead of outwards"
-    )
-
-
-def _figures(space: Space, found: Equilibrium) -> dict[str, Any]:
-    return {
-        "element": space.element.name,
-        "cells": len(space.mesh.cells),
-        "nodes": space.n_nodes,
-        "load_steps": found.load_steps,
-        "factorisations": found.factorisations,
-        "relative_residual": found.residual,
-    }

@@ -81,7 +81,7 @@ def load_spec(path: Path | str) -> dict[str, Any]:
     except json.JSONDecodeError as error:
         raise InputError(f"{path} is not valid JSON at line {error.lineno}; correct it") from error
     if not isinstance(data, dict):
-        raise InputError(f"{path} holds no JSON object; see `palpate simulate --help` for its form")
+        raise InputError(f"{path} holds no JSON object; docs/simulate.md tells its form")
     return data
 
 

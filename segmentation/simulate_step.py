@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,44 +13,20 @@ from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import CaseFolder, check_new_case
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
-from palpate.segmentation.itksnap import label_description
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS
 from palpate.segmentation.meshing import MeshOptions, mesh_labels
-from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.scanner import Scanner
-from palpate.segmentation.simulate_contours import drawn_labels
 from palpate.segmentation.simulate_ct import CtSource, ct_source
-from palpate.segmentation.simulate_solve import DeformedState, solve_deformed
+from palpate.segmentation.simulate_solve import solve_deformed
 from palpate.segmentation.simulate_source import PhantomSource, Source, case_source, labels_on
 from palpate.segmentation.simulate_spec import ScanSpec, SimulationSpec, parse_spec
 from palpate.segmentation.simulate_truth import surface_truth, truth_of, write_answers
 from palpate.segmentation.simulate_walls import moved_walls
 from palpate.segmentation.simulate_warp import BackwardMap
+from palpate.segmentation.simulate_write import SimulatedPair, write_label_case, write_scans
 from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.volume import Volume
 
 GRAVITY_SUPINE = (0.0, 9.81, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """A body, its deformed state and how the patient lay in the second scan."""
-
-    spec: SimulationSpec
-    source: Source
-    state: DeformedState
-    warp: BackwardMap
-    deformed_to_rest: FloatArray
-
-    def to_rest(self, points: FloatArray) -> FloatArray:
-        """Rest positions of points (n, 3) mm in the second scan's frame."""
-        T = self.deformed_to_rest
-        return self.warp.rest_points(points @ T[:3, :3].T + T[:3, 3])
-
-    @property
-    def rng(self) -> np.random.Generator:
-        return np.random.default_rng(self.spec.seed)
 
 
 def run_simulate(
@@ -79,9 +54,9 @@ def run_simulate(
     case = CaseFolder.create(case_path, _facts(pair, case_path.name))
     truth = _write_truth(pair, case_path.name, answers_path, progress)
     if parsed.output == "dicom":
-        _write_scans(pair, case, progress)
+        write_scans(pair, case, progress)
     else:
-        _write_label_case(pair, case, progress)
+        write_label_case(pair, case, progress)
     progress(1.0, f"simulated, organ strain {100 * truth['organ_strain']['rms_largest_principal']:.0f} %")
     return truth
 
@@ -95,7 +70,7 @@ def _source(spec: SimulationSpec) -> Source:
     return PhantomSource(voxel_mm=scan.voxel_mm, scanner=Scanner(scan.blur_mm, scan.noise_hu))
 
 
-def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mesh_cache: Path | None) -> _Pair:
+def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mesh_cache: Path | None) -> SimulatedPair:
     labels = source.model_labels
     present = {label for label in ORGAN_LABELS if (labels.array == label).any()}
     if present != set(spec.stiffness.organ):
@@ -110,7 +85,7 @@ def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mes
     )
     warp = BackwardMap(state.space, state.u, state.boundary, {name: wall.motion for name, wall in walls.items()})
     centre = meshed.mesh.points[meshed.mesh.cells[np.isin(meshed.mesh.regions, ORGAN_LABELS)]].mean(axis=(0, 1))
-    return _Pair(
+    return SimulatedPair(
         spec, source, state, warp, np.asarray(np.linalg.inv(second_position(spec.scan, centre)), dtype=np.float64)
     )
 
@@ -123,7 +98,7 @@ def second_position(scan: ScanSpec, centre: FloatArray) -> FloatArray:
     return motion
 
 
-def _facts(pair: _Pair, folder: str) -> CaseFacts:
+def _facts(pair: SimulatedPair, folder: str) -> CaseFacts:
     spec, source = pair.spec, pair.source
     real = not isinstance(source, PhantomSource)
     note = f"second state simulated by finite elements from {'a real scan' if real else 'an analytic phantom'}"
@@ -138,7 +113,7 @@ def _facts(pair: _Pair, folder: str) -> CaseFacts:
     )
 
 
-def _write_truth(pair: _Pair, name: str, folder: Path, progress: Progress) -> dict[str, Any]:
+def _write_truth(pair: SimulatedPair, name: str, folder: Path, progress: Progress) -> dict[str, Any]:
     progress(0.6, "answers")
     spec, source = pair.spec, pair.source
     truth = {"name": name, "simulated": True, "spec": dict(spec.raw), "seed": spec.seed}
@@ -149,70 +124,6 @@ def _write_truth(pair: _Pair, name: str, folder: Path, progress: Progress) -> di
     }
     write_answers(folder, name, truth, surface_truth(pair.state, spec.seed), labels)
     return truth
-
-
-def _write_scans(pair: _Pair, case: CaseFolder, progress: Progress) -> None:
-    seeds = pair.rng.integers(0, 2**31, size=2)
-    rest = None
-    for number, state in enumerate(("rest", "deformed")):
-        progress(0.65 + 0.15 * number, f"{state} scan")
-        to_rest = pair.to_rest if number else None
-        ct = pair.source.scan(to_rest, rest, int(seeds[number]))
-        rest = ct if rest is None else rest
-        write_ct_series(case.file(f"{state}_ct"), ct, _identity(pair, case, number, ct))
-    progress(0.95, "contours")
-    first, second = _drawn(pair, pair.to_rest, _padded(pair.source.label_grid, 6.0))
-    for state, labels in (("rest", first), ("deformed", second)):
-        with case.atomic_path(f"contours/{state}.nii.gz") as temporary:
-            write_labels(temporary, labels)
-    case.write_text("contours/labels.txt", label_description())
-
-
-def _write_label_case(pair: _Pair, case: CaseFolder, progress: Progress) -> None:
-    progress(0.7, "label volumes")
-    first, second = _drawn(pair, pair.warp.rest_points, pair.source.label_grid)
-    case.write_labels("rest", first)
-    case.write_labels("deformed", second)
-
-
-def _drawn(pair: _Pair, to_rest: Any, second_grid: Volume) -> tuple[Volume, Volume]:
-    """Contours of both states; each state's errors are its own."""
-    spec, source, rng = pair.spec, pair.source, pair.rng
-    noise = (spec.contour_noise_sd_mm, spec.noise_correlation_mm, rng)
-    rest = drawn_labels(source.labels, source.label_grid, *noise)
-    return rest, drawn_labels(lambda points: source.labels(to_rest(points)), second_grid, *noise)
-
-
-def _identity(pair: _Pair, case: CaseFolder, number: int, ct: Volume) -> SeriesIdentity:
-    real = not isinstance(pair.source, PhantomSource)
-    name = case.path.name
-    # The same spec and pixels give the same UIDs, anything else others.
-    key = f"{name} {pair.spec.seed} {int(ct.array.astype(np.int64).sum())} {number}"
-    what = ("rest", "deformed, simulated")[number] if real else ("rest, simulated", "deformed, simulated")[number]
-    derivation = (
-        ("Pixels of the source CT, identity replaced", "Source CT moved by a finite element simulation")
-        if real
-        else ("Analytic phantom", "Analytic phantom moved by a finite element simulation")
-    )[number]
-    return SeriesIdentity(
-        patient_id=f"PALPATE-{pair.spec.seed:04d}",
-        patient_name="Simulated^Pelvis",
-        study=f"study {key}",
-        series=f"series {key}",
-        frame_of_reference=f"frame {key}",
-        number=number + 1,
-        study_description="Palpate simulated pair, research use only",
-        series_description=f"CT pelvis {what}",
-        derivation=derivation,
-        date=("20240108", "20240115")[number],
-    )
-
-
-def _padded(grid: Volume, margin_mm: float) -> Volume:
-    extra = np.ceil(margin_mm / grid.spacing).astype(int)
-    affine = grid.affine.copy()
-    affine[:3, 3] = grid.to_lps(-extra[None, :].astype(float))[0]
-    return Volume(np.zeros(tuple(np.array(grid.array.shape) + 2 * extra), dtype=np.uint8), affine)
 
 
 def _check_folders(case_path: Path, answers_path: Path) -> None:

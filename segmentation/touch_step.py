@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from palpate.core.errors import InputError
 from palpate.core.touch.body import SUPPORTS, Body
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.identified import identified_shear
 from palpate.segmentation.identify_step import facts_of
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.segmentation.meshing import MeshOptions, mesh_labels
@@ -48,7 +48,7 @@ def body_of(case: CaseFolder, options: TouchStepOptions | None = None, progress:
         raise InputError(f"{case.file('rest.nii.gz')} is not there; segment the scan at rest first")
     labels = organ_in_tissue(case.labels("rest"))
     regions = [r for r in ORGAN_LABELS if (labels.array == r).any()]
-    stiffness = _stiffness(case, regions)
+    stiffness = identified_shear(case, regions)
     progress(0.05, "mesh of the organ")
     volume = float(np.isin(labels.array, ORGAN_LABELS).sum() * np.prod(labels.spacing))
     edge = (volume / options.tets / _CELL) ** (1.0 / 3.0)
@@ -85,15 +85,3 @@ def organ_in_tissue(labels: Volume) -> Volume:
 def _intervals(case: CaseFolder, regions: list[int]) -> dict[int, tuple[float, float]]:
     found = {r: case.read_json("result.json")["parameters"][LABELS[r]].get("ci95_kpa") for r in regions}
     return {r: (float(ci[0]), float(ci[1])) for r, ci in found.items() if isinstance(ci, list) and len(ci) == 2}
-
-
-def _stiffness(case: CaseFolder, regions: list[int]) -> dict[int, float]:
-    path = case.file("result.json")
-    try:
-        found = {r: float(case.read_json("result.json")["parameters"][LABELS[r]]["G_kpa"]) for r in regions}
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} has no stiffness for {error} of the labels at rest; identify again") from error
-    for region, G in found.items():
-        if not (math.isfinite(G) and G > 0.0):
-            raise InputError(f"{path} says {G} kPa for {LABELS[region]}; identify again")
-    return found

@@ -118,7 +118,9 @@ def _window() -> Check:
         display_server.check(headless=False)
     except InputError as error:
         why, _, remedy = str(error).partition("; ")
-        return Check("window", False, f"{why}; `palpate open` needs one, nothing else does", False, remedy)
+        return Check(
+            "window", False, f"{why}; `palpate open` and `palpate touch` need one, nothing else does", False, remedy
+        )
     return Check("window", True, "opens", False)
 
 

@@ -8,5 +8,6 @@ CARRIED = "found near its place at rest"
 # By the method that segmentation.json names.
 WORDS: Mapping[str, str] = {
     "auto": "found automatically", "carried": CARRIED, "user": "drawn by hand", "click": "from a click",
-    "extremes": "from six points", "box": "from a box",
+    "extremes": "from six points", "box": "from a box", "threshold": "dense in the CT",
+    "threshold and user": "drawn by hand, and dense in the CT",
 }  # fmt: skip

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 
 from palpate.core.dynamics.contact import Contact, Layer
-from palpate.core.dynamics.march import Ledger, MarchOptions, march, open_ledger
+from palpate.core.dynamics.drop_watch import Watch, energies_of, fall_figures
+from palpate.core.dynamics.march import MarchOptions, march, open_ledger
 from palpate.core.dynamics.mass import KG_MM3, STANDARD_GRAVITY
-from palpate.core.dynamics.motion import Motion
-from palpate.core.dynamics.rigid import RigidSurface, depth, dish
+from palpate.core.dynamics.rigid import RigidSurface, dish
 from palpate.core.dynamics.system import MovingBody
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
@@ -94,7 +94,7 @@ def drop(
     _check(options)
     began = time.perf_counter()
     body, space, faces = _body(mesh, materials, on, options)
-    watch = _Watch(space.nodes, faces, on)
+    watch = Watch(space.nodes, faces, on)
     motion = body.at_rest()
     watch.see(motion)
     ledger = open_ledger(body, motion, options.height)
@@ -105,9 +105,9 @@ def drop(
         motion = march(body, motion, float(until), MarchOptions(options.dt), ledger, watch.see)
         frames.append(space.nodes + motion.u)
         progress(k / count, f"{1e3 * until:.0f} of {1e3 * options.seconds:.0f} ms")
-    figures = _figures(watch, ledger, options) | {"seconds": time.perf_counter() - began}
+    figures = fall_figures(watch, ledger, options.layer[0]) | {"seconds": time.perf_counter() - began}
     figures |= {"cells": len(mesh.cells), "options": asdict(options)}
-    return _drop(np.array(frames), times, space, figures, _energies(ledger))
+    return _drop(np.array(frames), times, space, figures, energies_of(ledger))
 
 
 def _check(options: DropOptions) -> None:
@@ -139,70 +139,6 @@ def _clearance(points: FloatArray, on: RigidSurface) -> float:
     """How far points (n, 3) could go straight down until one touches the dish, mm; outside its rim there is nothing to touch."""
     height = LinearNDInterpolator(on.points[:, :2], on.points[:, 2])(points[:, :2])
     return float(np.min(np.where(np.isnan(height), np.inf, points[:, 2] - height)))
-
-
-class _Watch:
-    """Looks at every step: how deep the surface is in the dish, how high the organ stands."""
-
-    def __init__(self, nodes: FloatArray, faces: IntArray, on: RigidSurface) -> None:
-        self._nodes, self._faces, self._on = nodes, faces, on
-        self.times, self.depths, self.heights, self.fallen = (list[float]() for _ in range(4))
-
-    def see(self, motion: Motion) -> None:
-        x = self._nodes + motion.u
-        corners = x[self._faces]
-        looked = np.vstack([corners.mean(axis=1), 0.5 * (corners + corners[:, [1, 2, 0]]).reshape(-1, 3), *corners])
-        self.times.append(motion.time)
-        self.depths.append(depth(self._on, looked))
-        self.heights.append(float(np.ptp(x[:, 2])))
-        self.fallen.append(-float(motion.u[:, 2].mean()))
-
-
-def _figures(watch: _Watch, ledger: Ledger, options: DropOptions) -> dict[str, Any]:
-    gaps, times, fallen = -np.array(watch.depths), np.array(watch.times), np.array(watch.fallen)
-    inside = np.flatnonzero(gaps < options.layer[0])
-    first = int(inside[0]) if len(inside) else len(gaps) - 1
-    return {
-        "landed": len(inside) > 0,
-        **_fall(gaps, times, fallen, first if len(inside) else None, options.layer[0]),
-        "rebound_mm": max(0.0, float(gaps[first:].max()) - options.layer[0]) if len(inside) else None,
-        "flattest": min(watch.heights) / watch.heights[0],
-        "deepest_penetration_mm": max(0.0, -float(gaps.min())),
-        "nearest_mm": float(gaps.min()),
-        "energy_scale_mj": 1e-3 * ledger.scale,
-        "energy_growth": ledger.largest_growth,
-        "lost_in_tissue": ledger.viscous / ledger.scale,
-        "lost_to_friction": ledger.friction / ledger.scale,
-        "unaccounted": ledger.unaccounted,
-        "steps": len(ledger.times) - 1,
-        "steps_taken_again": ledger.rejected,
-        "newton_iterations": ledger.iterations,
-    }
-
-
-def _fall(gaps: FloatArray, times: FloatArray, fallen: FloatArray, first: int | None, layer: float) -> dict[str, Any]:
-    """When and how fast the dish's layer is reached: the last free step, continued."""
-    if first is None or first < 2:
-        return dict.fromkeys(("fall_mm", "fall_time_s", "fall_time_error", "impact_speed_mm_s"))
-    k = first - 1
-    dt = float(times[k] - times[k - 1])
-    speed = float(fallen[k] - fallen[k - 1]) / dt + 0.5 * STANDARD_GRAVITY * dt
-    closing = float(gaps[k - 1] - gaps[k]) / dt
-    more = float(np.clip((gaps[k] - layer) / max(closing, 1e-12), 0.0, times[first] - times[k]))
-    when, way = float(times[k]) + more, float(fallen[k]) + speed * more + 0.5 * STANDARD_GRAVITY * more**2
-    error = when / float(np.sqrt(2.0 * way / STANDARD_GRAVITY)) - 1.0
-    return {
-        "fall_mm": way,
-        "fall_time_s": when,
-        "fall_time_error": error,
-        "impact_speed_mm_s": speed + STANDARD_GRAVITY * more,
-    }
-
-
-def _energies(ledger: Ledger) -> dict[str, FloatArray]:
-    names = ("kinetic", "elastic", "gravity", "contact", "total")
-    by_name = {name: np.array([getattr(e, name) for e in ledger.energies]) for name in names}
-    return {"time_s": np.array(ledger.times)} | by_name
 
 
 def _drop(

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.core.fem import kernels
+from palpate.core.fem.kept_matrix import KeptMatrix
 from palpate.core.fem.linear_solvers import SymmetricSolver, make_solver
 from palpate.core.fem.materials import Material, MaterialGroup, group_by_law
-from palpate.core.fem.pattern import Pattern, scatter
+from palpate.core.fem.pattern import Pattern
 from palpate.core.fem.pressure_block import PressureBlock
 from palpate.core.fem.projection import nearest_positive_semidefinite
 from palpate.core.fem.space import Space
@@ -35,7 +36,7 @@ class Assembler:
     """Assembles one space with its terms and constrained unknowns; materials may change at no symbolic cost.
 
     free : (3 n,) True for displacement unknowns that are solved for; they lead the kept unknowns. n_free : their number.
-    total_volume : mm3. Raises InputError for materials that do not fit the mesh and
+    total_volume : mm3. kappa : (m,) kPa of every cell. Raises InputError for materials that do not fit the mesh and
     for loads that have no energy under these constraints.
     """
 
@@ -57,7 +58,6 @@ class Assembler:
         self.kept = np.flatnonzero(kept)
         self._terms_unknowns = [t.unknowns for t in self.terms]
         self.pattern = Pattern.of([self._cell_unknowns, *self._terms_unknowns], number_of)
-        self._solver_name = solver
         self.solver: SymmetricSolver = make_solver(self.pattern, solver)
         self.weight = np.ascontiguousarray(space.mesh.volumes[:, None] * e.weights)
         self.pressures = PressureBlock(space, self.weight, solver)
@@ -67,15 +67,15 @@ class Assembler:
         """Take new laws and values, region id -> Material."""
         self.groups = group_by_law(self.space.mesh.regions, materials)
         m = len(self.space.mesh.cells)
-        self._kappa, shear = np.empty(m), np.empty(m)
+        self.kappa, shear = np.empty(m), np.empty(m)
         self._guarded = np.zeros(m, dtype=bool)
         for g in self.groups:
-            self._kappa[g.cells] = g.law.kappa_of(g.values)
+            self.kappa[g.cells] = g.law.kappa_of(g.values)
             shear[g.cells] = g.law.shear_modulus_of(g.values)
             self._guarded[g.cells] = g.law.needs_positive_jacobian
         # A body at rest has no forces to compare with; rounding in terms must not count as out-of-balance there.
         self._least_force = _REST_STRAIN * float(shear.mean()) * self.total_volume ** (2.0 / 3.0)
-        self.pressures.set_moduli(self._kappa, shear)
+        self.pressures.set_moduli(self.kappa, shear)
 
     @property
     def cell_size(self) -> float:
@@ -113,33 +113,10 @@ class Assembler:
             if self.pressures.exists:
                 self.pressures.add_volume_change(v.g, g.cells, b)
             else:
-                total += 0.5 * float((self.weight[g.cells] * self._kappa[g.cells, None] * v.g**2).sum())
+                total += 0.5 * float((self.weight[g.cells] * self.kappa[g.cells, None] * v.g**2).sum())
         if self.pressures.exists:
             total += 0.5 * float(b @ self.pressures.solve(b))
         return float(total)
-
-    def point_pressures(self, u: FloatArray) -> FloatArray:
-        """kappa g (m, points) kPa."""
-        F = self.deformation_gradients(u)
-        out = np.empty(self.weight.shape)
-        for g in self.groups:
-            out[g.cells] = self._kappa[g.cells, None] * g.law.evaluate(F[g.cells], g.values, 0).g
-        return out
-
-    def pressure_slopes(self, u: FloatArray) -> FloatArray:
-        """G0 = dg/dF (m, points, 3, 3)."""
-        F = self.deformation_gradients(u)
-        out = np.empty_like(F)
-        for g in self.groups:
-            out[g.cells] = g.law.evaluate(F[g.cells], g.values, 1).G
-        return out
-
-    def pressure_step(self, slopes: FloatArray, lag: FloatArray, du: FloatArray) -> FloatArray:
-        """What q (m, points) gains where nodes move by du (n, 3): lag + kappa G0 : grad du."""
-        out = np.empty_like(lag)
-        space = self.space
-        kernels.volume_rates(du, space.cell_nodes, space.element.dN, space.inverse_jacobians, slopes, out)
-        return lag + self._kappa[:, None] * out
 
     def residual(self, state: State, load: float, slopes: FloatArray | None = None) -> Residual:
         """Out-of-balance of a state under a fraction of the load. slopes : `pressure_slopes` of the factor, for a state with q."""
@@ -153,10 +130,10 @@ class Assembler:
                 kernels.add_pressure(self._pressures(state.p, v.g, g.cells), v.G, v.P)
             else:
                 q = state.q[g.cells]
-                lag[g.cells] = self._kappa[g.cells, None] * v.g - q
+                lag[g.cells] = self.kappa[g.cells, None] * v.g - q
                 kernels.add_pressure(q, v.G, v.P)
                 kernels.add_pressure(lag[g.cells], slopes[g.cells], v.P)
-            self._add_internal_force(v.P, g.cells, r_u, scale)
+            self.add_internal_force(v.P, g.cells, r_u, scale)
             self.pressures.add_volume_change(v.g, g.cells, b)
         r = r_u.reshape(-1)
         for term, unknowns in zip(self.terms, self._terms_unknowns, strict=True):
@@ -174,8 +151,7 @@ class Assembler:
         makes the step a descent direction of the energy (Teran et al. 2005).
         """
         F = self.deformation_gradients(state.u)
-        values = np.zeros(len(self.pattern.indices))
-        product = np.zeros(self.space.n_displacements + self.space.n_pressures)
+        matrix = KeptMatrix(self.pattern, self.space.n_displacements + self.space.n_pressures, along)
         chunk = max(1, _CHUNK // self.weight.shape[1])
         workspace = np.empty((chunk, self._cell_unknowns.shape[1], self._cell_unknowns.shape[1]))
         for g in self.groups:
@@ -183,49 +159,19 @@ class Assembler:
                 part = slice(start, start + chunk)
                 blocks = workspace[: len(g.cells[part])]
                 self._fill_blocks(F, g.law, g.cells[part], g.values[part], state, project, blocks)
-                self._scatter(0, blocks, g.cells[part], self._cell_unknowns, values, along, product)
+                matrix.add(0, blocks, g.cells[part], self._cell_unknowns)
         for k, term in enumerate(self.terms):
             blocks = term.evaluate(state.u, load, 2)[2]
             if project:
                 blocks = nearest_positive_semidefinite(blocks)
-            self._scatter(k + 1, blocks, np.arange(len(blocks)), self._terms_unknowns[k], values, along, product)
-        return values, product[self.kept]
-
-    def parameter_force(self, state: State, direction: Mapping[int, FloatArray]) -> FloatArray:
-        """dR/dtheta (kept,) for a parameter theta along which region r's law parameters change by direction[r] (k,) or (cells, k).
-
-        Uses that every law is linear in its parameters, so the derivative of the residual is the residual of the direction.
-        """
-        F = self.deformation_gradients(state.u)
-        r_u, scale = np.zeros_like(state.u), np.zeros_like(state.u)
-        r_p = np.zeros(self.space.n_pressures)
-        regions = self.space.mesh.regions
-        for g in self.groups:
-            rate = np.zeros_like(g.values)
-            for region, d in direction.items():
-                here = regions[g.cells] == region
-                if here.any():
-                    rate[here] = d
-            touched = np.abs(rate).sum(axis=1) > 0.0
-            cells, rate, held = g.cells[touched], np.ascontiguousarray(rate[touched]), g.values[touched]
-            if len(cells) == 0:
-                continue
-            v = g.law.evaluate(F[cells], rate, 1)
-            stress, kappa_rate = v.P, g.law.kappa_of(rate)
-            if self.pressures.exists:
-                kappa = (self._kappa[cells], kappa_rate)
-                shear = (g.law.shear_modulus_of(held), g.law.shear_modulus_of(rate))
-                self.pressures.add_rate(cells, kappa, shear, state.p, r_p)
-            else:
-                stress = stress + (kappa_rate[:, None] * v.g)[..., None, None] * v.G
-            self._add_internal_force(stress, cells, r_u, scale)
-        return np.concatenate([r_u.reshape(-1), r_p])[self.kept]
+            matrix.add(k + 1, blocks, np.arange(len(blocks)), self._terms_unknowns[k])
+        return matrix.values, matrix.product[self.kept]
 
     def _pressures(self, p: FloatArray, g: FloatArray, cells: IntArray) -> FloatArray:
         """Pressure (m, q) at the points: interpolated, or kappa g without pressure unknowns."""
         if self.pressures.exists:
             return self.pressures.at_points(p, cells, np.empty_like(g))
-        return self._kappa[cells, None] * g
+        return self.kappa[cells, None] * g
 
     def _fill_blocks(
         self,
@@ -240,34 +186,15 @@ class Assembler:
         """Upper triangles of the cells' dense blocks into out (cells, d, d)."""
         e = self.space.element
         v = law.evaluate(F[cells], values, 2)
-        curvature = np.zeros(len(cells)) if self.pressures.exists else self._kappa[cells]
+        curvature = np.zeros(len(cells)) if self.pressures.exists else self.kappa[cells]
         pressures = self._pressures(state.p, v.g, cells) if state.q is None else state.q[cells]
         kernels.complete_moduli(v.A, v.H, v.G, pressures, curvature)
         A = nearest_positive_semidefinite(v.A) if project else v.A
         inverse = self.space.inverse_jacobians
         kernels.tangent_blocks(A, v.G, e.Np, e.dN, inverse, self.weight, cells, self.pressures.compliance, out)
 
-    def _scatter(
-        self,
-        family: int,
-        blocks: FloatArray,
-        rows: IntArray,
-        unknowns: IntArray,
-        values: FloatArray,
-        along: FloatArray | None,
-        product: FloatArray,
-    ) -> None:
-        scatter(blocks, self.pattern.slots[family][rows], values)
-        if along is None or not along.any():
-            return
-        padded = np.concatenate([along, np.zeros(self.space.n_pressures)])
-        local = padded[unknowns[rows]]
-        moved = local.any(axis=1)
-        upper = blocks[moved]
-        full = np.triu(upper) + np.swapaxes(np.triu(upper, 1), 1, 2)
-        np.add.at(product, unknowns[rows][moved], np.einsum("eij,ej->ei", full, local[moved]))
-
-    def _add_internal_force(self, stress: FloatArray, cells: IntArray, out: FloatArray, scale: FloatArray) -> None:
+    def add_internal_force(self, stress: FloatArray, cells: IntArray, out: FloatArray, scale: FloatArray) -> None:
+        """Adds what stress (k, q, 3, 3) kPa in `cells` pulls on nodes to out (n, 3) mN, and its size to scale (n, 3)."""
         space = self.space
         kernels.add_internal_force(
             stress, cells, space.cell_nodes, space.element.dN, space.inverse_jacobians, self.weight, out, scale

@@ -13,6 +13,7 @@ import numpy as np
 
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton_work import FloatArray, Work, certify, is_minimum, moved, relative, size
+from palpate.core.fem.point_pressures import point_pressures, pressure_slopes
 from palpate.core.fem.state import Residual, State
 
 _HISTORY = 5  # corrections that the accelerated chord mixes
@@ -55,7 +56,7 @@ def iterate_mixed(assembler: Assembler, state: State, goal: FloatArray, load: fl
         if not work.factorise(assembler, values):
             return Outcome(state, False, stable, in_place)
         stable = is_minimum(assembler)
-        work.slopes = None if state.q is None else assembler.pressure_slopes(state.u)
+        work.slopes = None if state.q is None else pressure_slopes(assembler, state.u)
         residual = assembler.residual(state, load, work.slopes)
         step = work.correction(assembler, residual, coupling, move)
         accepted = _damped(assembler, state, residual, step, move, load, work)
@@ -74,7 +75,7 @@ def iterate_mixed(assembler: Assembler, state: State, goal: FloatArray, load: fl
 def _with_point_pressures(assembler: Assembler, state: State) -> State:
     if assembler.space.n_pressures or state.q is not None:
         return state
-    return State(state.u, state.p, assembler.point_pressures(state.u))
+    return State(state.u, state.p, point_pressures(assembler, state.u))
 
 
 def _balanced(assembler: Assembler, state: State, load: float, work: Work) -> bool:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear_solvers import FactorisationError
+from palpate.core.fem.point_pressures import pressure_step
 from palpate.core.fem.state import Residual, State
 
 FloatArray = NDArray[np.float64]
@@ -83,7 +84,7 @@ class Work:
             return step
         change = np.zeros(assembler.space.n_displacements) if move is None else move.copy()
         change[assembler.kept] += step
-        points = assembler.pressure_step(self.slopes, residual.lag, change.reshape(-1, 3))
+        points = pressure_step(assembler, self.slopes, residual.lag, change.reshape(-1, 3))
         return np.concatenate([step, points.ravel()])
 
 

@@ -116,11 +116,6 @@ class ReducedModel:
         estimate = np.where(self._inside(theta), estimate, np.inf)
         return estimate[0] if one else estimate
 
-    def needs_full_solve(self, theta: FloatArray, tolerance: float | None = None) -> BoolArray:
-        """Whether the estimate exceeds tolerance (relative to the largest displacement; default: as built), () or (m,)."""
-        limit = (self.tolerance if tolerance is None else tolerance) * self.scale
-        return np.asarray(self.error_estimate(theta) > limit, dtype=bool)
-
     def save(self, path: Path) -> None:
         """Write as npz without pickle; an older file stays whole until the new one is. Raises InputError when it cannot."""
         arrays = {name: np.asarray(getattr(self, name)) for name in _STORED}

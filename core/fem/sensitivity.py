@@ -22,7 +22,7 @@ def factorise_at(assembler: Assembler, state: State, load: float = 1.0) -> None:
 
 def direct(assembler: Assembler, state: State, directions: Sequence[Direction]) -> FloatArray:
     """du/dtheta (t, n, 3) mm per unit of each theta: one back-substitution each. The tangent at `state` must be factorised."""
-    rhs = np.stack([-assembler.parameter_force(state, d) for d in directions], axis=1)
+    rhs = np.stack([-_parameter_force(assembler, state, d) for d in directions], axis=1)
     n = assembler.space.n_displacements
     full = np.zeros((n + assembler.space.n_pressures, len(directions)))
     full[assembler.kept] = assembler.solver.solve(rhs)
@@ -34,7 +34,7 @@ def adjoint(assembler: Assembler, state: State, directions: Sequence[Direction],
     rhs = np.zeros(assembler.space.n_displacements + assembler.space.n_pressures)
     rhs[: gradient.size] = gradient.reshape(-1)
     multiplier = assembler.solver.solve(rhs[assembler.kept])
-    return np.array([-float(multiplier @ assembler.parameter_force(state, d)) for d in directions])
+    return np.array([-float(multiplier @ _parameter_force(assembler, state, d)) for d in directions])
 
 
 def response_to_forces(assembler: Assembler, forces: FloatArray) -> FloatArray:
@@ -47,14 +47,32 @@ def response_to_forces(assembler: Assembler, forces: FloatArray) -> FloatArray:
     return full[:n].T.reshape(len(forces), -1, 3)
 
 
-def response_to_moves(assembler: Assembler, state: State, moves: FloatArray, load: float = 1.0) -> FloatArray:
-    """du/ds (r, n, 3) mm when constrained unknowns move by moves (r, n, 3) mm per unit of s. The tangent must be factorised."""
-    n = assembler.space.n_displacements
-    held = ~assembler.free
-    out = np.zeros((len(moves), n))
-    for row, move in zip(out, np.asarray(moves, dtype=float).reshape(len(moves), -1), strict=True):
-        along = np.where(held, move, 0.0)
-        full = np.zeros(n + assembler.space.n_pressures)
-        full[assembler.kept] = -assembler.solver.solve(assembler.tangent(state, load, along)[1])
-        row[:] = full[:n] + along
-    return out.reshape(len(moves), -1, 3)
+def _parameter_force(assembler: Assembler, state: State, direction: Direction) -> FloatArray:
+    """dR/dtheta (kept,) for a parameter theta along which region r's law parameters change by direction[r] (k,) or (cells, k).
+
+    Uses that every law is linear in its parameters, so the derivative of the residual is the residual of the direction.
+    """
+    F = assembler.deformation_gradients(state.u)
+    r_u, scale = np.zeros_like(state.u), np.zeros_like(state.u)
+    r_p = np.zeros(assembler.space.n_pressures)
+    regions = assembler.space.mesh.regions
+    for g in assembler.groups:
+        rate = np.zeros_like(g.values)
+        for region, d in direction.items():
+            here = regions[g.cells] == region
+            if here.any():
+                rate[here] = d
+        touched = np.abs(rate).sum(axis=1) > 0.0
+        cells, rate, held = g.cells[touched], np.ascontiguousarray(rate[touched]), g.values[touched]
+        if len(cells) == 0:
+            continue
+        v = g.law.evaluate(F[cells], rate, 1)
+        stress, kappa_rate = v.P, g.law.kappa_of(rate)
+        if assembler.pressures.exists:
+            kappa = (assembler.kappa[cells], kappa_rate)
+            shear = (g.law.shear_modulus_of(held), g.law.shear_modulus_of(rate))
+            assembler.pressures.add_rate(cells, kappa, shear, state.p, r_p)
+        else:
+            stress = stress + (kappa_rate[:, None] * v.g)[..., None, None] * v.G
+        assembler.add_internal_force(stress, cells, r_u, scale)
+    return np.concatenate([r_u.reshape(-1), r_p])[assembler.kept]

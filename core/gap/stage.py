@@ -61,7 +61,8 @@ class Stage:
         }
         stage = cls(problem, element, SurfaceObservation.of(problem, space), fields)
         for name in fields:
-            stage.motions[name] = WallMotion.of(_seen(problem, name, fields[name]), problem.facts.noise_sd_mm)
+            seen = _seen(problem, name, fields[name])
+            stage.motions[name] = WallMotion.of(seen, fields[name][0].value_and_gradient, problem.facts.noise_sd_mm)
         return stage
 
     @property

@@ -83,3 +83,13 @@ class Law:
         F4 = np.ascontiguousarray(np.asarray(F, dtype=float).reshape(-1, 1, 3, 3))
         p2 = np.ascontiguousarray(np.broadcast_to(np.asarray(p, dtype=float), (len(F4), len(self.parameters))))
         return F4, p2
+
+
+def shear_of_G_K(p: FloatArray) -> FloatArray:
+    """G (n,) of parameters (n, k) whose first is G."""
+    return p[:, 0].copy()
+
+
+def bulk_of_G_K(p: FloatArray) -> FloatArray:
+    """K (n,) of parameters (n, k) whose second is K: it is kappa."""
+    return p[:, 1].copy()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from palpate.core.laws.base import FloatArray, Law
+from palpate.core.laws.base import Law, bulk_of_G_K, shear_of_G_K
 
 
 @njit(cache=True)
@@ -39,15 +39,7 @@ def _kernel(F, p, W, g, P, G, A, H, order):  # type: ignore[no-untyped-def]
                         A[n, q, 4 * i, 4 * j] -= 2.0 * shear / 3.0
 
 
-def _kappa(p: FloatArray) -> FloatArray:
-    return p[:, 1].copy()
-
-
-def _shear_modulus(p: FloatArray) -> FloatArray:
-    return p[:, 0].copy()
-
-
-LINEAR = Law("linear", ("G", "K"), _kernel, _kappa, _shear_modulus, needs_positive_jacobian=False)
+LINEAR = Law("linear", ("G", "K"), _kernel, bulk_of_G_K, shear_of_G_K, needs_positive_jacobian=False)
 
 
 def bulk_modulus(G: float, poisson_ratio: float) -> float:

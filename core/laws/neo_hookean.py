@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from palpate.core.laws.base import FloatArray, Law
+from palpate.core.laws.base import FloatArray, Law, bulk_of_G_K, shear_of_G_K
 from palpate.core.laws.kinematics import add_cofactor_derivative, flat_with_cofactor
 
 
@@ -52,12 +52,4 @@ def _second_derivatives(
         A[i, i] += w
 
 
-def _kappa(p: FloatArray) -> FloatArray:
-    return p[:, 1].copy()
-
-
-def _shear_modulus(p: FloatArray) -> FloatArray:
-    return p[:, 0].copy()
-
-
-NEO_HOOKEAN = Law("neo-hookean", ("G", "K"), _kernel, _kappa, _shear_modulus)
+NEO_HOOKEAN = Law("neo-hookean", ("G", "K"), _kernel, bulk_of_G_K, shear_of_G_K)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from palpate.core.laws.base import FloatArray, Law
+from palpate.core.laws.base import Law, bulk_of_G_K, shear_of_G_K
 
 
 @njit(cache=True)
@@ -64,14 +64,6 @@ def _kernel(F, p, W, g, P, G, A, H, order):  # type: ignore[no-untyped-def]
             W[n, q], g[n, q] = _point(F[n, q], p[n, 0], S, Pq, Gq, Aq, Hq, order)
 
 
-def _kappa(p: FloatArray) -> FloatArray:
-    return p[:, 1].copy()
-
-
-def _shear_modulus(p: FloatArray) -> FloatArray:
-    return p[:, 0].copy()
-
-
 ST_VENANT_KIRCHHOFF = Law(
-    "st-venant-kirchhoff", ("G", "K"), _kernel, _kappa, _shear_modulus, needs_positive_jacobian=False
+    "st-venant-kirchhoff", ("G", "K"), _kernel, bulk_of_G_K, shear_of_G_K, needs_positive_jacobian=False
 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from palpate.core.laws.base import FloatArray, Law
+from palpate.core.laws.base import Law, bulk_of_G_K, shear_of_G_K
 
 
 @njit(cache=True)
@@ -50,12 +50,6 @@ def _kernel(F, p, W, g, P, G, A, H, order):  # type: ignore[no-untyped-def]
                         A[n, q, 4 * i, 4 * j] -= 2.0 * modulus / 3.0
 
 
-def _kappa(p: FloatArray) -> FloatArray:
-    return p[:, 1].copy()
-
-
-def _shear_modulus(p: FloatArray) -> FloatArray:
-    return p[:, 0].copy()
-
-
-STIFFENING = Law("linear-stiffening", ("G", "K", "B"), _kernel, _kappa, _shear_modulus, needs_positive_jacobian=False)
+STIFFENING = Law(
+    "linear-stiffening", ("G", "K", "B"), _kernel, bulk_of_G_K, shear_of_G_K, needs_positive_jacobian=False
+)

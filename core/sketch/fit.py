@@ -6,7 +6,7 @@ from the rim. All keyframes share the stiffness, each has forces of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,34 +16,20 @@ from palpate.core.fem.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.sketch.figure import Figure
+from palpate.core.sketch.fit_walk import FitOptions, Walk
 from palpate.core.sketch.outline import hausdorff
-from palpate.core.sketch.residual import CORRELATION, Target, residual_of
+from palpate.core.sketch.residual import CORRELATION, Target
 from palpate.core.worker.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
 
 # A keyframe is hit when no part of the outlines is further away than this, in figure sizes.
 HIT = 0.02
-# Ratios of stiffness looked for, and forces in their unit: the last only keeps apart what the outlines do not tell.
-RATIO_BOUNDS = (np.log(1.0 / 50.0), np.log(50.0))
-_FORCE_SD, _FORCE_BOUND = 60.0, 300.0
-# What is thought of a ratio before anything is drawn: within a factor of ten, about (standard deviation of ln).
-RATIO_SD = 2.3
 # The keyframe is approached in so many stages at first, point to point, with the stiffness left alone.
 _STAGES = (0.34, 0.67, 1.0)
 _FEW = 6
-# The rim is on the wrong part of a line when its points are this far from their partners in the mean, in figure sizes.
-_ASTRAY = 0.3
 # Ratios (ln) that fits up to this degree of the forces are begun from.
 _STARTS, _STARTED_ANEW = (0.0, -1.5, 1.5), 1
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """line_error : standard deviation of the drawn lines, in figure sizes. evaluations : most, of one Gauss-Newton run."""
-
-    line_error: float = 0.004
-    evaluations: int = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,64 +59,6 @@ class Fit:
         return self.misfit + self.forces.size * float(np.log(self.looks))
 
 
-@dataclass
-class _Walk:
-    """Linearises the residual along Gauss-Newton's path; every equilibrium starts from the one before."""
-
-    figure: Figure
-    targets: tuple[Target, ...]
-    basis: FloatArray
-    options: FitOptions
-    share: float | None
-    fixed: FloatArray | None = None  # theta, where only forces are looked for
-    last: list[State | None] = field(default_factory=list)
-    best: tuple[Equilibrium, ...] = ()
-    lowest: float = np.inf
-    solves: int = 0
-
-    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """theta (P - 1,) and coefficients (k, r)."""
-        n = 0 if self.fixed is not None else len(self.figure.parts) - 1
-        return (x[:n] if self.fixed is None else self.fixed), x[n:].reshape(len(self.targets), -1)
-
-    def __call__(self, x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        theta, forces = self.split(x)
-        rows, jacobians, found = [], [], []
-        for k, target in enumerate(self.targets):
-            end = self.figure.solve(theta, np.tensordot(forces[k], self.basis, 1), self.last[k])
-            self.solves += 1
-            if not end.converged or self._elsewhere(end, target):
-                return None
-            found.append(end)
-            moves = self.figure.sensitivities(theta, end, self.basis)
-            residual, jacobian = residual_of(self.figure, end, moves, target, self.share, self.options.line_error)
-            rows.append(residual)
-            jacobians.append(jacobian)
-        self.last = [State(e.u, e.p) for e in found]
-        residual, jacobian = self._stacked(rows, jacobians, x)
-        if residual @ residual < self.lowest:
-            self.lowest, self.best = float(residual @ residual), tuple(found)
-        return residual, jacobian
-
-    def _elsewhere(self, end: Equilibrium, target: Target) -> bool:
-        """Whether the figure has turned over or snapped to where the line is met by other parts of the rim."""
-        off = np.linalg.norm(self.figure.rim_at(end.u).points - target.partners, axis=1)
-        return self.share is None and float(off.mean()) > _ASTRAY * self.figure.outline.size
-
-    def _stacked(self, rows: list[FloatArray], parts: list[FloatArray], x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        n, r = len(self.figure.parts) - 1, len(self.basis)
-        shown = 0 if self.fixed is not None else n
-        jacobian = np.zeros((sum(map(len, rows)), shown + r * len(rows)))
-        start = 0
-        for k, part in enumerate(parts):
-            stop = start + len(part)
-            jacobian[start:stop, :shown] = part[:, :shown]
-            jacobian[start:stop, shown + k * r : shown + (k + 1) * r] = part[:, n:]
-            start = stop
-        prior = np.diag(np.where(np.arange(len(x)) < shown, 1.0 / RATIO_SD, 1.0 / _FORCE_SD))
-        return np.concatenate([*rows, prior @ x]), np.vstack([jacobian, prior])
-
-
 def fit_degree(
     figure: Figure,
     targets: tuple[Target, ...],
@@ -157,10 +85,10 @@ def fit_degree(
     solves = 0
     for share in stages:
         kept = fixed if share is None else theta
-        walk = _Walk(figure, targets, basis, options, share, kept, last)
+        walk = Walk(figure, targets, basis, options, share, kept, last)
         x = np.concatenate([theta if kept is None else [], coefficients.ravel()])
         most = options.evaluations if share is None else _FEW
-        result = gauss_newton(walk, x, _bounds(walk, len(x)), max_evaluations=most)
+        result = gauss_newton(walk, x, walk.bounds(), max_evaluations=most)
         solves += walk.solves
         if result is None:
             raise ConvergenceError("the figure has no equilibrium near its keyframes; draw them nearer to each other")
@@ -226,7 +154,7 @@ def _better(
 
 
 def _summed(
-    figure: Figure, targets: tuple[Target, ...], result: GaussNewtonResult, walk: _Walk, degree: int, solves: int
+    figure: Figure, targets: tuple[Target, ...], result: GaussNewtonResult, walk: Walk, degree: int, solves: int
 ) -> Fit:
     theta, forces = walk.split(result.theta)
     n = 0 if walk.fixed is not None else len(theta)
@@ -239,10 +167,3 @@ def _summed(
     return Fit(
         theta, forces.copy(), walk.best, misfit, looks, covariance, degree, solves, result.converged
     )  # fmt: skip
-
-
-def _bounds(walk: _Walk, n: int) -> FloatArray:
-    bounds = np.tile([-_FORCE_BOUND, _FORCE_BOUND], (n, 1))
-    if walk.fixed is None:
-        bounds[: len(walk.figure.parts) - 1] = RATIO_BOUNDS
-    return bounds

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.identify.swarm import Swarm, SwarmOptions
 from palpate.core.sketch.figure import Figure
-from palpate.core.sketch.fit import RATIO_BOUNDS, RATIO_SD, Fit, FitOptions, fit_degree
+from palpate.core.sketch.fit import Fit, fit_degree
+from palpate.core.sketch.fit_walk import RATIO_BOUNDS, RATIO_SD, FitOptions
 from palpate.core.sketch.residual import Target
 from palpate.core.worker.progress import Progress, silent
 

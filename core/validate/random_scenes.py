@@ -43,11 +43,11 @@ def random_scene(seed: int) -> RandomScene:
     element = str(rng.choice(list(ELEMENT_SHARES), p=list(ELEMENT_SHARES.values())))
     space = Space.of(mesh, element)
     kind = str(rng.choice(list(_LOADS)))
-    materials, moduli = _random_materials(rng, mesh)
+    materials, moduli = _random_materials(rng)
     free, prescribed, terms = _LOADS[kind](rng, space, float(materials[TISSUE].law.shear_modulus_of(
         np.asarray(materials[TISSUE].values)[None])[0]))  # fmt: skip
     scene = Scene(Assembler(space, free.ravel(), terms), materials, prescribed.ravel())
-    start, start_name = _random_start(rng, space, prescribed)
+    start, start_name = _random_start(rng, space)
     description: dict[str, str | float | int] = {
         "seed": seed,
         "cells": len(mesh.cells),
@@ -83,7 +83,7 @@ def _random_mesh(rng: np.random.Generator) -> TetMesh:
     return TetMesh(points @ np.diag(np.linalg.svd(shape)[1]).T, mesh.cells, regions)
 
 
-def _random_materials(rng: np.random.Generator, mesh: TetMesh) -> tuple[dict[int, Material], list[float]]:
+def _random_materials(rng: np.random.Generator) -> tuple[dict[int, Material], list[float]]:
     """Organ moduli anywhere in the bounds; tissue of 20 kPa, linear as in the paper or, in a quarter, neo-Hookean."""
     materials, moduli = {}, []
     for region in (ORGAN, SECOND_ORGAN):
@@ -181,7 +181,7 @@ _LOADS: dict[str, Callable[[np.random.Generator, Space, float], Load]] = {
 }
 
 
-def _random_start(rng: np.random.Generator, space: Space, prescribed: FloatArray) -> tuple[FloatArray | None, str]:
+def _random_start(rng: np.random.Generator, space: Space) -> tuple[FloatArray | None, str]:
     """Half from rest; else a smooth guess, noise that turns cells inside out, or garbage that is not finite."""
     name = str(rng.choice(["rest", "smooth", "inverted", "not finite"], p=[0.5, 0.25, 0.2, 0.05]))
     if name == "rest":

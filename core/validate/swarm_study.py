@@ -71,8 +71,7 @@ def swarm_study(options: SwarmStudyOptions | None = None, progress: Progress = s
         progress(0.9, "a new surface")
         other = tumour_data(0.0, 45.0, o.data, 45.0, 25.0)
         new, again_s = _again(fit, other)
-    values, positions = swarm.track[1], swarm.track[0]
-    shown = [k for k in SHOWN if k < len(positions)]
+    one, bounds = fit.of(data.organ.deformed), fit.scene.parameters.bounds
     progress(1.0, "done")
     return {
         "study": "swarm",
@@ -92,15 +91,21 @@ def swarm_study(options: SwarmStudyOptions | None = None, progress: Progress = s
         },
         "again": {"truth_mu_kpa": (45.0, 25.0), "mu_kpa": new, "seconds": again_s[0], "cpu_seconds": again_s[1]},
         "largest_ln_G_difference": float(np.abs(ended - descent.theta).max()),
-        "posterior_sd_ln_G": fit.of(data.organ.deformed).posterior(descent, fit.scene.parameters.bounds).sd,
+        "posterior_sd_ln_G": one.posterior(descent, bounds).sd,
         "paper": {"seconds": 24 * 3600.0, "cores": 1, "cells": 4000},
-        "shown": {
-            "iterations": [k % len(positions) + 1 for k in shown],
-            "mu_kpa": [np.exp(positions[k]) / 4.0 for k in shown],
-            "values": [values[k] for k in shown],
-            "landscape": _landscape(fit.of(data.organ.deformed), fit.scene.parameters.bounds),
-        },
+        "shown": _positions(swarm) | {"landscape": _landscape(one, bounds)},
     }  # fmt: skip
+
+
+def _positions(swarm: Swarm) -> dict[str, Any]:
+    """Where the particles were in some iterations, and what they found there."""
+    positions, values = swarm.track
+    shown = [k for k in SHOWN if k < len(positions)]
+    return {
+        "iterations": [k % len(positions) + 1 for k in shown],
+        "mu_kpa": [np.exp(positions[k]) / 4.0 for k in shown],
+        "values": [values[k] for k in shown],
+    }
 
 
 def _swarm(

@@ -35,7 +35,9 @@ def save_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], finge
             os.fsync(stream.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose a writable place with -o") from error
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}); choose another place, or allow writing there"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
 

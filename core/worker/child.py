@@ -97,7 +97,9 @@ def _open(descriptor: int, folder: Path) -> Channel:
         (folder / "traceback.txt").unlink(missing_ok=True)
         return Channel(descriptor, folder / "messages.jsonl")
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}); choose a writable place with -o") from error
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror}); choose another place, or allow writing there"
+        ) from error
 
 
 def _stop(channel: Channel, asked: bool) -> None:

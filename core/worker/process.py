@@ -96,7 +96,7 @@ class _Process:
             log = (folder / "worker.log").open("wb")
         except OSError as error:
             raise InputError(
-                f"{folder}: cannot be written ({error.strerror}); choose a writable place with -o"
+                f"{folder}: cannot be written ({error.strerror}); choose another place, or allow writing there"
             ) from error
         with log:
             self._child = subprocess.Popen(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.segmentation.simulate_motion import WallMotion
-from palpate.segmentation.simulate_source import LabelArray, PhantomSource, labels_on
+from palpate.segmentation.simulate_source import LabelArray, PhantomSource
 from palpate.segmentation.smooth_field import FloatArray
 from palpate.segmentation.volume import Volume
 
@@ -53,11 +53,6 @@ class Patient:
         affine[:3, 3] = low
         shape = np.ceil((high - low) / plain.spacing).astype(int) + 1
         return Volume(np.zeros(tuple(shape), dtype=np.uint8), affine)
-
-    @property
-    def label_volume(self) -> Volume:
-        """Labels at rest on `grid`."""
-        return labels_on(self.labels, self.grid)
 
 
 @dataclass(frozen=True, eq=False)

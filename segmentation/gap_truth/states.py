@@ -6,15 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from palpate.core.errors import ConvergenceError
 from palpate.segmentation.gap_truth.body import Body, equilibrium, slopes_in
-from palpate.segmentation.gap_truth.hidden import Simulated
+from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.labels import ORGAN_LABELS
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_warp import BackwardMap
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 
+# How far from bone the region's edge is drawn along with it.
+_DRAWN_MM = 15.0
 # Cells whose volume changes by more than this cannot be drawn.
 _FLAT = 0.02
 
@@ -71,6 +74,11 @@ def held_nodes(body: Body, boundary: Mapping[str, IntArray], motions: Mapping[st
     for name in sorted(boundary, key=("rectum", "bladder", "bone", "outer").index):
         nodes = np.unique(body.face_nodes(boundary[name]))
         held[nodes] = motions[name].displacement(body.nodes[nodes]) if name in motions else 0.0
+    if "bone" in motions and "bone" in boundary and "outer" in boundary:
+        # The edge goes along where bone meets it: one that stayed would fold the cells between them.
+        edge, bone = (np.unique(body.face_nodes(boundary[name])) for name in ("outer", "bone"))
+        apart = cKDTree(body.nodes[bone]).query(body.nodes[edge])[0]
+        held[edge] = np.exp(-0.5 * (apart / _DRAWN_MM) ** 2)[:, None] * motions["bone"].displacement(body.nodes[edge])
     return held
 
 

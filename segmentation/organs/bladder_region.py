@@ -19,7 +19,7 @@ ABOVE_HU = (10.0, 15.0)
 # much rougher than the core is still urine, and how far the HU may be off, in units of noise, or at least.
 WINDOW_MM, ROUGHER, LIKE_SD, LIKE_HU, FINE_SIGMA_MM = 6.25, 2.0, 3.0, 10.0, 1.0
 # A ball of this share of the largest one fits everywhere into a bladder, but for bulges as high as given.
-ROUND_SHARE, ROUND_MM, BULGE_MM, SMOOTH_MM = 0.5, (3.0, 9.0), 8.0, 4.0
+ROUND_SHARE, ROUND_MM, BULGE_MM, SMOOTH_MM, CORRIDOR_MM = 0.5, (3.0, 9.0), 8.0, 4.0, 3.0
 # The wall lies about this far from what is even (half the window), and nowhere further than FAR_MM.
 REACH_MM, FAR_MM, ROOM_MM = 3.0, 10.0, 15.0
 # A difference of neighbours that is an edge, in units of those in urine; and the prior's pull (see random_walk.py).
@@ -63,7 +63,9 @@ def _calm(urine: Urine, smooth: NDArray[np.float32], core: Mask, allowed: Mask, 
     parts, _ = ndimage.label(calm)
     calm &= np.isin(parts, np.unique(parts[core]))
     trunk = opened(calm, float(np.clip(ROUND_SHARE * _deepest(calm, step), *ROUND_MM)), step)
-    return np.asarray(ndimage.binary_fill_holes(largest(calm & dilated(trunk, BULGE_MM, step))))
+    # Corridors of the core, along vessels and at corners where fat and muscle mix to urine's HU, hold no ball.
+    kept = opened(calm & dilated(trunk, BULGE_MM, step), CORRIDOR_MM, step) | trunk
+    return np.asarray(ndimage.binary_fill_holes(largest(kept)))
 
 
 def _deepest(mask: Mask, step: float) -> float:

@@ -12,7 +12,6 @@ from palpate.segmentation.organs.edges import moved_to_edges
 from palpate.segmentation.organs.optimal_surface import fall, optimal_surface, region_cost
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.prostate_guess import (
-    POWER,
     USUAL_HU,
     Guess,
     first_guess,
@@ -20,9 +19,9 @@ from palpate.segmentation.organs.prostate_guess import (
     typical_hu,
     valleys_of,
 )
-from palpate.segmentation.organs.prostate_walk import between, block, walked
+from palpate.segmentation.organs.prostate_walk import between, block, deep_in, walked
 from palpate.segmentation.organs.scene import Found, Scene
-from palpate.segmentation.organs.six_points import ellipsoid_of
+from palpate.segmentation.organs.six_points import POWER, ellipsoid_of
 from palpate.segmentation.organs.star import ellipsoid_radii, sphere, star
 from palpate.segmentation.organs.surface_mesh import Shell, shell_of_mask
 from palpate.segmentation.organs.working_grid import Mask, blurred, largest
@@ -36,7 +35,7 @@ SOFT_WEIGHT, PRIOR_WEIGHT, VALLEY_WEIGHT, STIFFNESS = 0.05, 0.8, 0.1, 0.2
 EDGE_WEIGHT, CORE_SHARE = 3.0, 0.75
 # Rounds of drawing, how much of what was drawn goes into the next round's shape, and how far a last edge may be.
 ROUNDS, LEARNT, SNAP_MM = 4, 0.6, 2.5
-# Within this level of the ellipsoid of six given points other organs do not count.
+# Within this level of the ellipsoid of six given points other organs do not count, but for what is deep in a large one.
 SURE_LEVEL = 0.9
 
 
@@ -50,7 +49,7 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
     ellipsoid = None if points is None else ellipsoid_of(points)
     if ellipsoid is not None:
         # Who gives its outermost points says that what they surround is prostate, whatever was found there.
-        others &= ellipsoid.level(scene) > SURE_LEVEL
+        others &= (ellipsoid.level(scene) > SURE_LEVEL) | deep_in(others, scene.step)
     blocked = block(scene, others)
     smooth = blurred(scene.filled, 1.0, scene.step)
     guess = first_guess(scene, prompts, likeness_of(scene, smooth, blocked, USUAL_HU), ellipsoid)

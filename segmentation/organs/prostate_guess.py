@@ -10,7 +10,7 @@ from scipy import ndimage, signal
 
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.scene import Scene
-from palpate.segmentation.organs.six_points import Ellipsoid
+from palpate.segmentation.organs.six_points import POWER, Ellipsoid
 from palpate.segmentation.organs.star import ellipsoid_radii, star
 from palpate.segmentation.organs.working_grid import GAS_HU, Mask
 
@@ -26,8 +26,8 @@ PLACE_SD_MM = np.array([4.0, 8.0, 7.0])
 CLICK_SD_MM = 3.5
 SEARCH_MM, SEARCH_STEP_MM = 16.0, 2.5
 PLACE_WEIGHT = 0.12
-# Prostates are boxier than ellipsoids. Spread of the radii about the ellipsoid, as a share, by what is known.
-POWER, SPREAD, BOX_SPREAD, POINTS_SPREAD = 2.3, 0.2, 0.08, 0.12
+# Spread of the radii about the ellipsoid, as a share, by what is known.
+SPREAD, BOX_SPREAD, POINTS_SPREAD = 0.2, 0.08, 0.12
 # Typical HU of the prostate, what it can be, and how much darker than it the edge against thin fat is.
 USUAL_HU, HU_RANGE, DARKER_HU = 33.0, (20.0, 70.0), 24.0
 

@@ -10,7 +10,7 @@ from scipy.special import expit
 from palpate.segmentation.organs.random_walk import walk
 from palpate.segmentation.organs.scene import Scene
 from palpate.segmentation.organs.six_points import Ellipsoid
-from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, largest, opened
+from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest, opened
 
 FloatArray = NDArray[np.float64]
 
@@ -24,6 +24,9 @@ SMOOTH_MM = 2.0
 # Balls of the first size, so deep behind each given point (along the axis that it is outermost on), are organ: room for
 # points that are set a few mm off.
 POINT_MM, DEEP_MM = 3.0, 3.5
+# A bladder's trunk, wider than a urethra that resection has opened, holds a ball of the first size; it is sure but for its
+# wall and what a drawing may be off, the second.
+TRUNK_MM, RIM_MM = 8.0, 4.0
 
 
 def walked(
@@ -70,6 +73,11 @@ def between(first: Mask, second: Mask, step: float) -> Mask:
 def block(scene: Scene, others: Mask) -> Mask:
     """Where the organ cannot be: other organs, and bone with the cortex that partial volume hides."""
     return others | dilated(scene.bone, 1.0, scene.step)
+
+
+def deep_in(others: Mask, step: float) -> Mask:
+    """The inside of the large parts of other organs: what no one's extreme points make part of this one."""
+    return dilated(eroded(others, TRUNK_MM, step), TRUNK_MM - RIM_MM, step)
 
 
 def _signed(mask: Mask) -> FloatArray:

@@ -58,12 +58,6 @@ def walk(
     return np.asarray(np.where(free, np.clip(found.reshape(values.shape), 0.0, 1.0), fixed))
 
 
-def expected_dice(probability: FloatArray, mask: Mask) -> float:
-    """The Dice coefficient that a mask would reach if the probabilities were true."""
-    total = float(mask.sum()) + float(probability.sum())
-    return 0.0 if total == 0.0 else 2.0 * float(probability[mask].sum()) / total
-
-
 def _spread(weights: list[FloatArray], x: FloatArray) -> FloatArray:
     """The weighted sum over each voxel's neighbours."""
     total = np.zeros_like(x)

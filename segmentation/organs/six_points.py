@@ -16,11 +16,14 @@ FloatArray = NDArray[np.float64]
 TILT_TRUST, MOST_TILT, MOST_TAPER = 0.7, 0.6, 0.6
 # Beyond the ends a taper goes on for this share of half the height, and no section becomes narrower than the next share.
 TAPER_ENDS, NARROWEST = 1.2, 0.2
+# Contours are boxier than ellipsoids, whose power is 2: they end in a slice that still has some area.
+POWER = 2.3
 
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
-    """centre : (3,) mm. semi : (3,) mm half the extent along LPS. matrix : (3, 3) mm2, its shape.
+    """centre : (3,) mm. semi : (3,) mm half the extent along LPS. matrix : (3, 3) mm2, its shape. Its ends along z are
+    blunt: sections narrow towards them as (1 - |h|^POWER)^(1/2), h the height as a share of half the extent.
 
     taper : by how much sections widen from the middle to the upper end, as a share; below, they narrow alike.
     """
@@ -38,7 +41,8 @@ class Ellipsoid:
         """The same (...) at places (..., 3) mm from the centre."""
         axis = self.matrix[:, 2] / self.matrix[2, 2]
         height = np.clip(away[..., 2] / self.semi[2], -TAPER_ENDS, TAPER_ENDS)
-        wide = np.maximum((1.0 + self.taper * height) / self._widest, NARROWEST)[..., None]
+        wide = np.maximum((1.0 + self.taper * height) / self._widest, NARROWEST)
+        wide = (wide * _bluntness(away[..., 2] / self.semi[2]))[..., None]
         on_axis = away[..., 2:3] * axis
         whiten = np.linalg.inv(np.linalg.cholesky(self.matrix))
         return np.asarray(np.linalg.norm((on_axis + (away - on_axis) / wide) @ whiten.T, axis=-1))
@@ -57,7 +61,13 @@ class Ellipsoid:
     def _widest(self) -> float:
         """What the widest section's width is multiplied by: it shall be as wide as the points are apart."""
         height = np.linspace(-1.0, 1.0, 201)
-        return float((np.sqrt(1.0 - height**2) * (1.0 + self.taper * height)).max())
+        return float((np.sqrt(1.0 - height**2) * _bluntness(height) * (1.0 + self.taper * height)).max())
+
+
+def _bluntness(height: FloatArray) -> FloatArray:
+    """By how much a section is wider than the ellipsoid's, at heights in units of half the extent; as at the end beyond it."""
+    share = np.minimum(np.abs(height), 1.0 - 1e-6)
+    return np.asarray(np.sqrt((1.0 - share**POWER) / (1.0 - share**2)))
 
 
 def ellipsoid_of(points: FloatArray) -> Ellipsoid:

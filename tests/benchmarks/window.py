@@ -140,7 +140,7 @@ def main(arguments: list[str]) -> None:
         folder = Path(name)
         os.environ["PALPATE_SETTINGS"] = str(folder / "settings")
         write_large_pair(folder)
-        window, application_ = application._window(True)
+        window, application_ = application.new_window(True)
         window.show()
         told: dict[str, Any] = {"opening": opening(window, application_.processEvents, folder)}
         if arguments:

@@ -151,6 +151,16 @@ def test_a_thirteenth_effect_is_one_file_of_a_users_own(tmp_path: Path, bench: B
     np.testing.assert_allclose(S[:, 0], again.in_theta[:, 1], atol=1e-3 * np.abs(S).max())
 
 
+def test_the_example_of_the_docs_is_an_effect(tmp_path: Path, bench: Bench, plain: Point) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
+    (tmp_path / "scar.py").write_text(text.split("```python\n")[1].split("```")[0])
+    effect = library(tmp_path)["scar"]
+    variants = effect.variants(surroundings(bench, plain))
+    assert len({v.where for v in variants}) == len(variants) > 1
+    moved = bench.solve(Trial(effect, variants[0]), THETA, np.array([1.0]), plain)
+    assert moved is not None and np.abs(moved.residual - plain.residual).max() > 1e-3
+
+
 def test_a_users_file_that_is_no_effect_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("x = 1\n")
     with pytest.raises(InputError, match=r"mine\.py defines no EFFECT"):

@@ -1,4 +1,4 @@
-"""How a wall moved along itself: a wall that moved as a whole is told so by its normals alone."""
+"""How a wall moved along itself: straight out where it fills; one that moved as a whole is told so by its normals alone."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.gap.wall_motion import WallMotion, likeliest
+from palpate.core.gap.wall_motion import SIDEWAYS_MM, WallMotion, likeliest
 
 RADIUS = np.array([14.0, 10.0, 22.0])
 
@@ -28,25 +28,26 @@ def points(n: int = 500) -> np.ndarray:
     return np.column_stack([r * np.cos(a), r * np.sin(a), z]) * RADIUS
 
 
+def at_rest(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return ellipsoid(x, np.zeros(3), RADIUS)
+
+
 def wall(shift: np.ndarray, radius: np.ndarray) -> SlidingWall:
     X = points()
     at = PointSet(np.arange(len(X))[:, None], np.ones((len(X), 1)), np.full(len(X), 5.0))
-    centre = np.zeros(3)
-    return SlidingWall.between(
-        at, X, lambda x: ellipsoid(x, centre, RADIUS), lambda x: ellipsoid(x, shift, radius), 8000.0
-    )
+    return SlidingWall.between(at, X, at_rest, lambda x: ellipsoid(x, shift, radius), 8000.0)
 
 
 def test_a_wall_that_moved_as_a_whole_moved_along_itself_too() -> None:
     shift = np.array([1.0, -4.0, 2.0])
-    found = WallMotion.of(wall(shift, RADIUS), 0.1).at(points())
+    found = WallMotion.of(wall(shift, RADIUS), at_rest, 0.1).at(points())
     assert np.linalg.norm(found - shift, axis=1).mean() < 0.5
     frictionless = np.abs(((found - shift) * shift).sum(axis=1)).mean() / (shift @ shift)
     assert frictionless < 0.15
 
 
 def test_a_wall_that_stayed_did_not_move_and_what_is_unknown_is_small() -> None:
-    motion = WallMotion.of(wall(np.zeros(3), RADIUS), 0.1)
+    motion = WallMotion.of(wall(np.zeros(3), RADIUS), at_rest, 0.1)
     assert np.abs(motion.at(points())).max() < 0.05
     unknown = np.sqrt((motion.unknown_at(points()) ** 2).sum(axis=(0, 2)).mean())
     assert unknown < 1.0
@@ -55,20 +56,34 @@ def test_a_wall_that_stayed_did_not_move_and_what_is_unknown_is_small() -> None:
 def test_what_is_unknown_covers_what_is_wrong() -> None:
     """A swelling moves every point outwards; the error lies within three of its own standard deviations for nearly all."""
     grown = np.array([1.3, 1.3, 1.1])
-    motion = WallMotion.of(wall(np.zeros(3), RADIUS * grown), 0.1)
+    motion = WallMotion.of(wall(np.zeros(3), RADIUS * grown), at_rest, 0.1)
     error = motion.at(points()) - points() * (grown - 1.0)
     sd = np.sqrt((motion.unknown_at(points()) ** 2).sum(axis=(0, 2)))
     assert (np.linalg.norm(error, axis=1) < 3.0 * sd + 0.2).mean() > 0.8
 
 
+def test_a_wall_that_fills_moves_straight_out() -> None:
+    """Offset by 6 mm: the motion is along the normals, though the deformed surface's own normals would fit many others."""
+    X, out = points(), at_rest(points())[1]
+
+    def offset(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return ellipsoid(x, np.zeros(3), RADIUS + 6.0)
+
+    at = PointSet(np.arange(len(X))[:, None], np.ones((len(X), 1)), np.full(len(X), 5.0))
+    found = WallMotion.of(SlidingWall.between(at, X, at_rest, offset, 8000.0), at_rest, 0.1).at(X)
+    along = (found * out).sum(axis=1)
+    sideways = np.linalg.norm(found - along[:, None] * out, axis=1)
+    assert np.abs(along - 6.0).mean() < 0.6
+    assert sideways.mean() < 0.6
+
+
 @pytest.mark.parametrize("length", [12.0, 29.0])
 def test_the_likeliest_length_is_about_the_true_one(length: float) -> None:
     X = points()[::2]
-    normal = X / RADIUS**2
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    out = at_rest(X)[1]
     distance = np.linalg.norm(X[:, None] - X, axis=2)
     K = 9.0 * np.exp(-0.5 * (distance / length) ** 2) + 1e-6 * np.eye(len(X))
-    v = np.linalg.cholesky(K) @ np.random.default_rng(2).standard_normal((len(X), 3))
-    found, size = likeliest(X, normal, (v * normal).sum(axis=1), 0.01 * np.eye(len(X)))
-    assert found == pytest.approx(length, rel=0.45)
-    assert size == pytest.approx(3.0, rel=0.6)
+    v = np.linalg.cholesky(K) @ np.random.default_rng(2).standard_normal(len(X))
+    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)))
+    assert found.length == pytest.approx(length, rel=0.45)
+    assert np.hypot(found.size, SIDEWAYS_MM) == pytest.approx(3.0, rel=0.6)

@@ -9,10 +9,8 @@ from palpate.core.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem import reduced_kernel
 from palpate.core.fem.reduced import ReducedModel, scene_hash
-from palpate.core.fem.reduced_check import newton_correction
 from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
 from palpate.core.fem.reduced_kernel import Features, best_fit, fit
-from palpate.core.fem.state import State
 
 UNSEEN = 200
 
@@ -72,7 +70,7 @@ def test_a_coarse_model_knows_that_it_is_coarse(scene, unseen):
     assert error.max() > 1e-3 * coarse.scale  # else this test shows nothing
     assert (coarse.error_estimate(unseen[0]) / error).min() >= 0.5
     wrong = error > 1e-3 * coarse.scale
-    assert coarse.needs_full_solve(unseen[0], 1e-3)[wrong].all()
+    assert (coarse.error_estimate(unseen[0])[wrong] > 1e-3 * coarse.scale).all()
 
 
 def test_values_alone_do_it_too_with_more_solves(scene, model, unseen):
@@ -111,11 +109,10 @@ def test_one_and_many_particles_agree(model):
         assert model.error_estimate(theta) == pytest.approx(model.error_estimate(thetas)[k], rel=1e-6)
 
 
-def test_outside_the_box_it_asks_for_a_full_solve(model):
+def test_outside_the_box_it_is_not_to_be_trusted(model):
     outside = np.array([BOUNDS[0, 1] + 0.01, BOUNDS[1].mean()])
     assert model.error_estimate(outside) == np.inf
-    assert model.needs_full_solve(outside)
-    assert not model.needs_full_solve(BOUNDS.mean(axis=1))
+    assert model.error_estimate(BOUNDS.mean(axis=1)) < model.tolerance * model.scale
 
 
 def test_saved_model_is_the_same_and_goes_stale_with_its_scene(model, tmp_path):
@@ -152,7 +149,7 @@ def test_where_there_is_no_equilibrium_it_asks_for_a_full_solve_and_elsewhere_it
 
     model = ReducedModel.build(solve, BOUNDS, "", ReducedOptions(max_snapshots=120))
     assert model.failed > 0
-    assert model.needs_full_solve(BOUNDS[:, 1])
+    assert model.error_estimate(BOUNDS[:, 1]) > model.tolerance * model.scale
     thetas = np.random.default_rng(3).uniform(BOUNDS[:, 0], np.log(200.0), (100, 2))
     error = np.linalg.norm(model.evaluate(thetas) - np.array([smooth(t) for t in thetas]), axis=2).max(axis=1)
     assert error.max() <= 1e-3 * model.scale
@@ -211,17 +208,3 @@ def test_decay_is_found_from_the_data():
         found = best_fit(x[:12], data)
         assert abs(np.log(found.features.rho / rho)) < 0.5
     assert reduced_kernel.RHOS[0] < 1.618
-
-
-def test_newton_correction_is_the_error_of_a_prediction(scene):
-    theta = np.log([30.0, 90.0])
-    truth = scene.solve(theta)
-    near = scene.solve(theta + 0.02, start=State(truth.u, truth.p)).u
-    correction = newton_correction(scene.assembler, scene.materials(theta), near)
-    error = truth.u - near
-    assert np.abs(correction - error).max() < 0.02 * np.abs(error).max()
-    still = newton_correction(scene.assembler, scene.materials(theta), truth.u)
-    assert np.abs(still).max() < 1e-6 * np.abs(truth.u).max()
-    inverted = near.copy()
-    inverted[scene.space.cell_nodes[0, 0]] += 50.0
-    assert newton_correction(scene.assembler, scene.materials(theta), inverted) is None

@@ -14,7 +14,6 @@ from palpate.core.fem.sensitivity import (
     direct,
     factorise_at,
     response_to_forces,
-    response_to_moves,
 )
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
@@ -60,11 +59,13 @@ def difference(f: object, h: float) -> np.ndarray:
     return (8.0 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12.0 * h)  # type: ignore[operator,no-any-return]
 
 
-@pytest.mark.parametrize("law", sorted(LAWS))
-@pytest.mark.parametrize("element", ["p1", "p1p1", "p2", "p2p0", "p2p1"])
+# Every law in two elements; in the others one law suffices.
+COMBINATIONS = [(element, law) for element in ("p1p1", "p2p1") for law in sorted(LAWS)]
+COMBINATIONS += [(element, "mooney-rivlin") for element in ("p1", "p2", "p2p0")]
+
+
+@pytest.mark.parametrize("element, law", COMBINATIONS)
 def test_sensitivities_to_every_parameter(element: str, law: str) -> None:
-    if law != "mooney-rivlin" and element not in ("p1p1", "p2p1"):
-        pytest.skip("one law suffices for this element")
     assembler, goal = scene(element)
     p = BASE.get(law, np.linspace(10.0, 200.0, len(LAWS[law].parameters)))
     found = solve(assembler, goal, law, p)
@@ -101,17 +102,6 @@ def test_the_factor_may_be_made_afresh_anywhere() -> None:
     assert np.abs(direct(assembler, state, directions) - expected).max() > 1e-3 * np.abs(expected).max()
     factorise_at(assembler, state)
     np.testing.assert_allclose(direct(assembler, state, directions), expected, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("element", ["p1", "p2p1"])
-def test_response_to_more_prescribed_motion(element: str) -> None:
-    assembler, goal = scene(element)
-    p = BASE["mooney-rivlin"]
-    move = np.where(assembler.free, 0.0, np.sin(np.arange(len(goal)) * 0.7))
-    found = solve(assembler, goal, "mooney-rivlin", p)
-    du = response_to_moves(assembler, State(found.u, found.p), move.reshape(1, -1, 3))[0]
-    numeric = difference(lambda s: solve(assembler, goal + s * move, "mooney-rivlin", p).u, 5e-3)
-    assert np.abs(du - numeric).max() < 1e-6 * np.abs(numeric).max()
 
 
 @pytest.mark.parametrize("element", ["p1", "p2p1"])

@@ -9,7 +9,8 @@ from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box, with_regions
 from palpate.core.sketch.closing import closed
 from palpate.core.sketch.figure import Figure, FigureOptions
-from palpate.core.sketch.fit import FitOptions, fit_degree, fit_keyframes
+from palpate.core.sketch.fit import fit_degree, fit_keyframes
+from palpate.core.sketch.fit_walk import FitOptions
 from palpate.core.sketch.held import sides_that_stay
 from palpate.core.sketch.matching import matched
 from palpate.core.sketch.motion import MotionOptions, animate

@@ -89,7 +89,10 @@ def test_a_read_only_case_can_be_read_but_not_written(case: CaseFolder) -> None:
     case.path.chmod(0o555)
     again = CaseFolder(case.path)
     assert again.facts.name == "one"
-    with pytest.raises(InputError, match=r"a.json cannot be written \(Permission denied\); choose a writable place"):
+    with pytest.raises(
+        InputError,
+        match=r"a.json cannot be written \(Permission denied\); choose another place, or allow writing there",
+    ):
         again.write_json("a.json", 1)
     with pytest.raises(InputError, match=r"ct cannot be written"), again.atomic_folder("ct"):
         pass

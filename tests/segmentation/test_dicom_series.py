@@ -62,7 +62,7 @@ def test_facts_are_in_slice_order_and_without_identity(tmp_path: Path) -> None:
     _, facts = read_series(save(tmp_path / "ct", slices))
     assert facts.sop_uids == tuple(s.SOPInstanceUID for s in slices)
     assert len(facts.files) == 6 and facts.modality == "CT" and facts.patient_position == "HFS"
-    for secret in (PATIENT_NAME, PATIENT_ID, "1950"):
+    for secret in (PATIENT_NAME, PATIENT_ID, "19500101"):
         assert secret not in repr(facts)
 
 

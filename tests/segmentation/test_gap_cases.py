@@ -11,8 +11,9 @@ from palpate.core.mesh import TetMesh
 from palpate.segmentation.gap_cases import widened
 from palpate.segmentation.gap_truth.anatomy import Rigid
 from palpate.segmentation.gap_truth.body import Body, equilibrium, slopes_in
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, Simulated
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
+from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import effect_mm, held_nodes, shown, true_surface
 from palpate.segmentation.volume import Volume
 
@@ -120,6 +121,22 @@ def test_a_stiffness_s_slope_is_the_difference_quotient(
     slope = slopes_in(body, plain.laws(), (1,), there[1], held)[0]
     expected = (there[2] - there[0]) / 0.1
     assert np.abs(slope - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def test_a_bone_that_reaches_the_region_s_edge_may_move(
+    body: Body, plain: Simulated, boundary: dict[str, np.ndarray]
+) -> None:
+    """The edge beside it goes along, far away it stays; one that stayed everywhere folded the cells between."""
+    faces = boundary["outer"]
+    bone = (body.points[faces][:, :, 0] > 29.9).all(axis=1)
+    sides = {"bone": faces[bone], "outer": faces[~bone]}
+    motion = Rigid(np.array([0.0, 0.0, 12.0]), np.zeros(3), CENTRE)
+    held = held_nodes(body, sides, {"bone": motion})
+    edge = np.unique(body.face_nodes(sides["outer"]))
+    X = body.nodes[edge]
+    np.testing.assert_allclose(held[edge][X[:, 0] > 29.9], [[0.0, 0.0, 12.0]] * int((X[:, 0] > 29.9).sum()))
+    assert np.abs(held[edge][X[:, 0] < -29.9]).max() < 0.01
+    assert np.linalg.det(body.gradients(equilibrium(body, plain.laws(), held))).min() > 0.1
 
 
 def test_a_rigid_motion_keeps_distances() -> None:

@@ -17,7 +17,8 @@ from palpate.core.errors import InputError
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.import_alone import import_alone
-from palpate.segmentation.import_step import ImportOptions, run_import
+from palpate.segmentation.import_given import ImportOptions
+from palpate.segmentation.import_step import run_import
 from palpate.segmentation.segment_step import run_segment
 from palpate.ui.cli import main as cli
 

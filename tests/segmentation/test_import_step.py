@@ -20,7 +20,8 @@ from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.dicom_series import read_series
 from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
-from palpate.segmentation.import_step import ImportOptions, run_import
+from palpate.segmentation.import_given import ImportOptions
+from palpate.segmentation.import_step import run_import
 from palpate.segmentation.import_write import gravity_of
 from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.user_labels import read_user_labels

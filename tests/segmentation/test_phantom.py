@@ -8,7 +8,8 @@ import pytest
 from palpate.segmentation import phantom
 from palpate.segmentation.labels import LABELS
 from palpate.segmentation.phantom_anatomy import BLADDER, PROSTATE, PUBIS, RECTUM
-from palpate.segmentation.phantom_shapes import Capsule, Ellipsoid, Shrunk, Solid, Trunk, Union
+from palpate.segmentation.phantom_shapes import Capsule, Ellipsoid, Solid, Trunk
+from palpate.segmentation.phantom_unions import Shrunk, Union
 from palpate.segmentation.scanner import Scanner, voxel_mean
 from palpate.segmentation.volume import Volume
 

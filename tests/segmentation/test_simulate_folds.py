@@ -8,7 +8,7 @@ import pytest
 from palpate.core.errors import ConvergenceError
 from palpate.core.mesh import TetMesh
 from palpate.segmentation.meshing import MeshedCase
-from palpate.segmentation.simulate_solve import _unfolded
+from palpate.segmentation.simulate_figures import smallest_volume_ratio
 
 
 def test_the_nearest_wall_is_named_with_its_motion() -> None:
@@ -21,5 +21,5 @@ def test_the_nearest_wall_is_named_with_its_motion() -> None:
     }
     wanted = r"volume ratio -0\.20 at \[1\.0, 1\.0, 1\.0\] mm\), 5 mm from the rectum's wall, which moves 5\.0 mm there"
     with pytest.raises(ConvergenceError, match=wanted):
-        _unfolded(meshed, turned, walls)
-    assert _unfolded(meshed, np.eye(3)[None, None], walls) == 1.0
+        smallest_volume_ratio(meshed, turned, walls)
+    assert smallest_volume_ratio(meshed, np.eye(3)[None, None], walls) == 1.0

@@ -216,6 +216,8 @@ def test_validate_writes_what_it_tells(tmp_path: Path, capfd: pytest.CaptureFixt
         (["analyze", "a", "b"], "-o/--output missing; see palpate analyze --help"),
         (["export", "case", "out", "--to", "dicom-sge"], "did you mean dicom-seg?"),
         (["segment", "case", "--seed", "prostate"], "give a whole number, or NAME=X,Y,Z"),
+        (["report", "My", "case", "1"], "'case 1' is too much; put a path with blanks in quotation marks"),
+        (["report", "case", "--pictures"], "unrecognized arguments: --pictures; see palpate"),
     ],
 )
 def test_wrong_usage_is_one_line_that_helps(given: list[str], said: str, capfd: pytest.CaptureFixture[str]) -> None:

@@ -15,11 +15,13 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from palpate.core.errors import InputError
+from palpate.segmentation.aligned_labels import NOTE, in_own_frame
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.grid import labels_on
 from palpate.segmentation.itksnap_workspace import read_workspace
 from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.nifti_labels import write_labels
+from palpate.segmentation.redrawn import redrawn_labels
 from palpate.segmentation.user_labels import UserLabels, read_user_labels
 from palpate.segmentation.volume import Volume
 from palpate.ui.cli import main as cli
@@ -190,3 +192,33 @@ def test_a_workspace_whose_labels_changed_is_imported_again(fine: CaseFolder, tm
     assert found is not None and np.unique(found.array).tolist() == [0, 1]
     (tmp_path / "rest_labels_on_ct.nii.gz").unlink()
     assert cli.main(command) == 3
+
+
+@pytest.mark.parametrize(
+    "form, name",
+    [
+        ("dicom-seg", "deformed_seg.dcm"),
+        ("rtstruct", "deformed_rtstruct.dcm"),
+        ("itksnap", "deformed.itksnap"),
+        ("itksnap", "deformed_labels.nii.gz"),
+        ("nrrd", "deformed_labels.seg.nrrd"),
+    ],
+)
+def test_labels_of_the_deformed_scan_come_back_to_where_they_were(
+    form: str, name: str, fine: CaseFolder, tmp_path: Path
+) -> None:
+    """DICOM has them in the scan's own frame, the others moved onto the scan at rest with the scan."""
+    exporter(form).export(fine, tmp_path)
+    found = redrawn_labels(fine, "deformed", tmp_path / name)
+    assert_same(found, fine.labels("deformed"), 0.93, name)
+
+
+def test_an_import_tells_where_labels_of_the_deformed_scan_were_drawn(fine: CaseFolder, tmp_path: Path) -> None:
+    exporter("itksnap").export(fine, tmp_path)
+    ct, facts = fine.series("deformed")
+    aligned = read_user_labels(tmp_path / "deformed.itksnap", ct, facts)
+    own = in_own_frame(aligned, ct, fine.deformed_to_rest())
+    assert NOTE in own.notes and NOTE not in aligned.notes
+    assert_same(own.volume, labels_on(fine.labels("deformed").moved(np.linalg.inv(TURN)), ct))
+    assert in_own_frame(own, ct, fine.deformed_to_rest()) is own
+    assert in_own_frame(aligned, ct, np.eye(4)) is aligned

@@ -21,9 +21,10 @@ from PySide6.QtWidgets import QMessageBox
 from palpate.ui.desktop import application
 from palpate.ui.desktop.charts import SwarmChart
 from palpate.ui.desktop.jobs import Swarm
+from palpate.ui.desktop.questions import may_close
 
 case, scans, centre = Path(sys.argv[1]), [Path(p) for p in sys.argv[2].split(",")], json.loads(sys.argv[3])
-window, qt = application._window(headless=True)
+window, qt = application.new_window(headless=True)
 window.show()
 controller, told = window.controller, {}
 
@@ -61,7 +62,7 @@ paint(5)
 answer(buttons.Cancel)
 told["stays"] = not window.close() and controller.case.corrections.unsaved
 answer(buttons.Save)
-told["saves"] = window._ask_before_closing() and not controller.case.corrections.unsaved
+told["saves"] = may_close(window, controller) and not controller.case.corrections.unsaved
 controller.case.flush()
 paint(6)
 answer(buttons.Discard)

@@ -19,6 +19,7 @@ from palpate.ui.desktop import freshness
 from palpate.ui.desktop.freshness import FileHashes, Freshness, judged
 from palpate.ui.desktop.open_case import OpenCase
 from palpate.ui.report import report_step
+from palpate.ui.report.drawn_by import drawn_by
 
 
 @pytest.fixture
@@ -72,11 +73,10 @@ def test_the_diagnosis_and_the_report_are_judged_with_their_options(case: CaseFo
     case.write_json("history.json", {"commands": [{"command": "diagnose", "options": "--meshes 3 --seed 7"}]})
     assert out_of_date(case) == {}
     case.write_text("report/report.html", "x")
-    version = freshness.metadata.version("palpate")
-    case.mark_done("report", case.inputs_sha256(report_step.INPUTS, [{"pdf": False}, version]), ())
+    case.mark_done("report", case.inputs_sha256(report_step.INPUTS, [{"pdf": False}, drawn_by()]), ())
     assert out_of_date(case) == {}
     case.write_json("diagnosis.json", {"verdict": "none"})
-    assert out_of_date(case) == {"report": "what it shows or the version has been changed since"}
+    assert out_of_date(case) == {"report": "what it shows or the program has been changed since"}
 
 
 def test_results_that_do_not_say_what_they_were_made_from_are_judged_by_their_times(case: CaseFolder) -> None:

@@ -15,7 +15,7 @@ from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.grey import PRESETS, WindowLevel, to_grey
 from palpate.ui.desktop.map_layer import map_layer
 from palpate.ui.desktop.sheets import Sheet, cut, is_aligned, positions
-from palpate.ui.desktop.solid_child import map_colours
+from palpate.ui.desktop.solid_shapes import map_colours
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import AXIAL, PLANES, SAGITTAL, Plane
 from palpate.ui.report.regions import RegionStiffness

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from phantoms import CENTRE, MARKER, write_case
+from phantoms import CENTRE, MARKER, affine, marked_ct, write_case
 from PIL import Image
 
 from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
@@ -55,6 +55,35 @@ def part(whole: NDArray[np.uint8], top: bool, left: bool) -> NDArray[np.uint8]:
     return whole[rows, slice(10, 420) if left else slice(440, 840)]
 
 
+def test_no_outline_is_drawn_where_the_scan_has_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scan is 24 of the labels' 33 slices high; the rectum goes through all of them."""
+    case = write_case(tmp_path / "case")
+    whole = marked_ct(affine())
+    who = SeriesIdentity("1", "X^Y", "s", "r", "f", 1, "study", "CT", "drawn by a test")
+    write_ct_series(case.file("rest_ct"), whole.with_array(whole.array[:, :, :24]), who, compress=False)
+    x, y, z = (float(c) for c in CENTRE + [0.0, 27.0, 0.0])
+    events = play(
+        tmp_path,
+        f"""
+        open {case.path}
+        resize 1300 900
+        show overlay none
+        show mode rest
+        crosshair {x} {y} {z}
+        wait 60
+        screenshot view.png
+        """,
+        monkeypatch,
+    )
+    (path,) = (event["file"] for event in events if "file" in event)
+    view = part(picture(path), top=False, left=True).astype(int)  # coronal
+    orange = (view[..., 0] > 200) & (abs(view[..., 1] - 156) < 40) & (view[..., 2] < 130)
+    scan = (abs(view - 102) < 12).all(axis=2).mean(axis=1) > 0.3
+    rows = np.flatnonzero(orange.any(axis=1))
+    assert len(rows) > 50 and scan[rows.min() + 2 : rows.max() - 1].mean() > 0.97
+    assert not scan[: rows.min() - 3].any() and rows.min() > 20, "above it there is nothing at all"
+
+
 def test_qt_does_not_eat_the_references_to_none() -> None:
     """PySide6 6.12.0 does on Python 3.11, and the program dies after a minute."""
     done = subprocess.run(
@@ -63,14 +92,12 @@ def test_qt_does_not_eat_the_references_to_none() -> None:
     assert done.returncode == 0
 
 
-def test_the_window_shows_the_case_with_the_patients_left_on_the_right(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    case = write_case(tmp_path / "case", ct=True)
+def left_and_right(case: Path) -> str:
+    """Marker, stiffness, mask, labels and both scans of a case, each as a picture."""
     x, y, z = (float(c) for c in MARKER)
     ox, oy, oz = (float(c) for c in CENTRE)
-    script = f"""
-    open {case.path}
+    return f"""
+    open {case}
     resize 1300 900
     show outlines off
     show overlay none
@@ -98,7 +125,13 @@ def test_the_window_shows_the_case_with_the_patients_left_on_the_right(
     stalls
     expect seeds 1
     """
-    events = play(tmp_path, script, monkeypatch)
+
+
+def test_the_window_shows_the_case_with_the_patients_left_on_the_right(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = write_case(tmp_path / "case", ct=True)
+    events = play(tmp_path, left_and_right(case.path), monkeypatch)
     shots = {Path(e["file"]).stem: picture(e["file"]) for e in events if "file" in e}
     assert all(shot.std() > 20 for shot in shots.values())
 

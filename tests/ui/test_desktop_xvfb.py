@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +15,7 @@ import numpy as np
 import pytest
 from desktop_pair import write_pair
 from PIL import Image
+from x_display import needs_xvfb, x_display
 
 from palpate.segmentation import phantom
 from palpate.segmentation.case import CaseFolder
@@ -24,27 +23,14 @@ from palpate.ui.cli.signals import descendants
 
 X, Y, Z = (float(c) for c in phantom.prostate_centroid())
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("Xvfb") is None, reason="Xvfb is not on this machine: apt-get install xvfb"
-)
+pytestmark = needs_xvfb
 
 
 @pytest.fixture
 def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    read, write = os.pipe()
-    with (tmp_path / "xvfb.log").open("wb") as log:
-        command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1500x960x24", "-nolisten", "tcp"]
-        server = subprocess.Popen(command, pass_fds=[write], stderr=log)
-    os.close(write)
-    with os.fdopen(read) as told:
-        number = told.readline().strip()
-    monkeypatch.setenv("DISPLAY", f":{number}")
     monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
-    for name in ("QT_QPA_PLATFORM", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    yield
-    server.terminate()
-    server.wait()
+    with x_display(tmp_path, "1500x960", monkeypatch):
+        yield
 
 
 def window(folder: Path, script: str, name: str) -> subprocess.Popen[str]:
@@ -71,10 +57,9 @@ def _runs(process: int) -> bool:
         return False
 
 
-def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
-    rest, deformed = write_pair(tmp_path)
-    case = tmp_path / "case"
-    first = f"""
+def first(rest: Path, deformed: Path, case: Path) -> str:
+    """Points, cancels a step, runs it, corrects, saves, corrects again, and closes."""
+    return f"""
     open {rest} {deformed} {case}
     resize 1400 900
     pause 0.2
@@ -110,15 +95,11 @@ def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
     drag axial {X - 18} {Y} {Z} {X - 24} {Y} {Z}
     expect unsaved true
     """
-    events = events_of(window(tmp_path, first, "first.txt"))
-    cancelled = next(e for e in events if e["command"] == "press" and e["job"] == "running" and e["line"] > 14)
-    assert cancelled
-    seconds = next(e["cancel_seconds"] for e in events if e["job"] == "cancelled")
-    assert seconds <= 1.0
 
-    # The window of the first script was closed with unsaved corrections; this one is killed with a step at work.
-    labels = CaseFolder(case).labels("rest")
-    second = f"""
+
+def second(case: Path) -> str:
+    """Takes back and makes again what was not saved, corrects more, and stays open."""
+    return f"""
     open {case}
     expect unsaved true
     undo
@@ -130,22 +111,11 @@ def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
     screenshot shots/5_before_kill.png
     pause 300
     """
-    killed = window(tmp_path, second, "second.txt")
-    shot = tmp_path / "shots" / "5_before_kill.png"
-    end = time.monotonic() + 120
-    while not shot.exists() and killed.poll() is None:
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    time.sleep(0.3)
-    children = descendants(killed.pid)
-    killed.send_signal(signal.SIGKILL)
-    killed.wait()
-    killed.communicate()
-    time.sleep(1.0)
-    assert children and not [child for child in children if _runs(child)], "a process outlived the window"
-    assert np.array_equal(CaseFolder(case).labels("rest").array, labels.array)
 
-    third = f"""
+
+def third(case: Path) -> str:
+    """Saves what is back, looks at both scans, and takes it back."""
+    return f"""
     open {case}
     expect unsaved true
     crosshair {X} {Y} {Z}
@@ -160,7 +130,39 @@ def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
     undo
     expect unsaved true
     """
-    last = events_of(window(tmp_path, third, "third.txt"))
+
+
+def kill_when_there(process: subprocess.Popen[str], shot: Path) -> None:
+    """Kills a window once it has written a picture; nothing that it started may outlive it."""
+    end = time.monotonic() + 120
+    while not shot.exists() and process.poll() is None:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    children = descendants(process.pid)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.communicate()
+    assert children
+    end = time.monotonic() + 5.0
+    while any(map(_runs, children)):
+        assert time.monotonic() < end, "a process outlived the window"
+        time.sleep(0.02)
+
+
+def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
+    rest, deformed = write_pair(tmp_path)
+    case = tmp_path / "case"
+    events = events_of(window(tmp_path, first(rest, deformed, case), "first.txt"))
+    assert any(e["command"] == "press" and e["job"] == "running" and e["line"] > 14 for e in events)
+    seconds = next(e["cancel_seconds"] for e in events if e["job"] == "cancelled")
+    assert seconds <= 1.0
+
+    # The first window was closed with unsaved corrections; the second is killed with more of them.
+    labels = CaseFolder(case).labels("rest")
+    kill_when_there(window(tmp_path, second(case), "second.txt"), tmp_path / "shots" / "5_before_kill.png")
+    assert np.array_equal(CaseFolder(case).labels("rest").array, labels.array)
+
+    last = events_of(window(tmp_path, third(case), "third.txt"))
     saved = CaseFolder(case).labels("rest")
     new = (saved.array != labels.array).sum()
     assert new > 50 and last[-1]["unsaved"]

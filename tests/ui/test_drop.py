@@ -69,7 +69,7 @@ def test_the_organ_alone_falls_with_the_stiffness_of_its_sides(dropped: drop_ste
 def test_a_films_arrays_travel_whole(stage: DropStage, tmp_path: Path) -> None:
     stage.save(tmp_path / "stage.npz")
     again = DropStage.load(tmp_path / "stage.npz")
-    assert again.organs[1].subtitle == stage.organs[1].subtitle == "shear modulus G: left 90 kPa, right 95 kPa"
+    assert again.organs[1].subtitle == stage.organs[1].subtitle == "shear modulus G: left 90.0 kPa, right 95.0 kPa"
     assert again.bar == stage.bar
     assert (again.organs[0].points == stage.organs[0].points).all()
     assert "Kowalski" not in repr(again.organs[0].title) + repr(again.organs[0].subtitle)

@@ -65,7 +65,9 @@ def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> 
 def test_without_a_gap_there_is_neither_force_nor_ranking() -> None:
     section = gap_section(diagnosed("none"), {})
     kinds = [type(block).__name__ for block in section.blocks]
-    assert kinds == ["Paragraph", "Table", "Paragraph", "Bullets"]
+    assert kinds == ["Paragraph", "Table", "Paragraph", "Paragraph", "Bullets"]
+    within = gap_section(diagnosed("none", prostate_left=120.0, prostate_right=40.0), {})
+    assert not any("Trust the Summary's" in getattr(block, "text", "") for block in within.blocks)
 
 
 def diagnosed(verdict: str, **stiffness: float) -> CaseRecord:
@@ -107,7 +109,12 @@ def test_stiffness_of_the_diagnosis_is_for_comparison_and_said_to_be_off_where_i
     """The fixture's interval is 100 to 144 kPa on the left, 33 to 48 on the right."""
     near, far = (diagnosed("inclusion", prostate_left=120.0, prostate_right=G) for G in (40.0, 80.0))
     assert "values to quote are the Summary's" in texts(near) and "lies outside" not in texts(near)
-    assert "lies outside the Summary's interval for the right half of the prostate:" in texts(far)
+    assert "right half of the prostate, 80.0 kPa, not 33.3 to 48.0. Trust the Summary's" in texts(far)
+    assert "left half of the prostate, 120" not in texts(far), "that one is within"
+    assert (
+        summary(far)[-1].endswith("trust those above, why is said there.")
+        and "why is said there" not in summary(near)[-1]
+    )
     (table,) = (b for b in gap_section(near, {}).blocks if isinstance(b, Table) and b.header[0] == "region")
     assert table.rows[0][:2] == ("left half of the prostate", "120 (81.3 to 177)")
 

@@ -6,18 +6,14 @@ import base64
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 from phantoms import result, write_case
 from pypdf import PdfReader
 
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFacts, CaseFolder
+from palpate.segmentation.case import CaseFolder
+from palpate.ui.report import drawn_by as program
 from palpate.ui.report import report_step
-from palpate.ui.report.quality import without_paths
-from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.regions import number, region_words
-from palpate.ui.report.summary import summary
 
 # Not "4711" alone: a sum of a file in hexadecimal digits holds it by chance.
 IDENTITY = ("Doe", "Jane", "4711-", "XYZ")
@@ -87,6 +83,35 @@ def test_pictures_are_listed_and_a_second_run_does_nothing(case: CaseFolder) -> 
     assert case.file("report/report.html").stat().st_mtime_ns == before
 
 
+def test_a_report_of_another_program_and_one_with_a_gap_are_made_again(
+    case: CaseFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = case.file("report/report.html")
+    monkeypatch.setattr(report_step, "drawn_by", lambda: "another")
+    times = [page.stat().st_mtime_ns]
+    report_step.run(case)
+    times.append(page.stat().st_mtime_ns)
+    case.write_json("report/missing.json", ["the 3D view, because a library was missing then"])
+    assert report_step.run(case)["missing"] == [] and times[0] < times[1] < page.stat().st_mtime_ns
+
+
+def test_any_change_of_what_draws_the_report_is_another_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("label_words.py", "pictures/slices.py", "report/page.html"):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("as it was")
+    monkeypatch.setattr(program, "_UI", tmp_path)
+    marks = {program.drawn_by.__wrapped__()}
+    for name in ("label_words.py", "pictures/slices.py", "report/page.html"):
+        (tmp_path / name).write_text("changed")
+        marks.add(program.drawn_by.__wrapped__())
+    assert len(marks) == 4
+    (tmp_path / "report/__pycache__").mkdir()
+    assert program.drawn_by.__wrapped__() in marks
+
+
 def test_simulated_data_say_so_on_every_page(tmp_path: Path) -> None:
     case = write_case(tmp_path / "case", other={"simulated": True, "simulated_note": "second state by finite elements"})
     report_step.run(case)
@@ -98,74 +123,18 @@ def test_simulated_data_say_so_on_every_page(tmp_path: Path) -> None:
 def test_a_case_without_a_result_says_what_to_run(tmp_path: Path) -> None:
     case = write_case(tmp_path / "case")
     case.remove("result.json")
-    with pytest.raises(InputError, match=r"result\.json is not there; run the step that writes it"):
+    with pytest.raises(InputError, match=r"result\.json is not there; run `palpate identify` first"):
         report_step.run(case)
+    case.file("deformed.nii.gz").rename(tmp_path / "away")
+    with pytest.raises(InputError, match=r"is not there; it holds the scan at rest alone: `palpate plan` works on it"):
+        report_step.run(case)
+    (tmp_path / "away").rename(case.file("deformed.nii.gz"))
     case.write_json("result.json", {"parameters": {}})
     with pytest.raises(InputError, match=r"has no identifiability; run `palpate identify` again"):
         report_step.run(case)
 
 
-def record(found: dict, covariance: np.ndarray | None = None) -> CaseRecord:
-    facts = CaseFacts("c", boundary_noise_sd_mm=0.4)
-    return CaseRecord(facts, found, {}, {}, {}, {}, ln_covariance=covariance)
-
-
-def test_summary_names_the_stiffer_half_only_when_the_errors_allow() -> None:
-    clear = summary(record(result(120.0, 40.0)))[0]
-    assert clear.startswith("The left half of the prostate is 3.0 times as stiff as the right half")
-    assert summary(record(result(40.0, 120.0)))[0].startswith("The right half of the prostate is 3.0 times")
-    assert summary(record(result(42.0, 40.0)))[0].startswith("This pair does not tell which is stiffer")
-
-
-def test_errors_that_go_together_make_the_ratio_surer_than_either() -> None:
-    together = np.array([[0.0100, 0.0099], [0.0099, 0.0100]])
-    assert summary(record(result(44.0, 40.0)))[0].startswith("This pair does not tell")
-    assert summary(record(result(44.0, 40.0), together))[0].startswith("The left half of the prostate is 1.1 times")
-
-
-def test_summary_is_plain_about_what_is_no_measurement() -> None:
-    found = result()
-    found["parameters"]["prostate_left"].update(G_kpa=500.0, at_bound=True)
-    assert any("edge of what was allowed" in s and "no measurement" in s for s in summary(record(found)))
-    found = result()
-    found["parameters"]["prostate_right"]["ci95_kpa"] = [5.2, 480.0]
-    assert any("does not tell the stiffness of the right half" in s for s in summary(record(found)))
-
-
-def test_summary_weighs_the_misfit_against_the_noise() -> None:
-    good, bad = result(), result()
-    bad["misfit"]["rms_mm"] = 1.9
-    assert (
-        "contours' own error explains (0.57 mm expected if contours repeat to 0.40 mm, as the case"
-        in summary(record(good))[-1]
-    )
-    assert "something is left out of the model" in summary(record(bad))[-1]
-
-
-def test_summary_doubts_a_stiffness_on_which_the_searches_differ() -> None:
-    words = "swarm and Gauss-Newton end at different stiffnesses (20 and 60 kPa)"
-    doubtful = summary(record(result(agreement={"harmless": False, "in_words": words})))
-    assert f"Doubtful: {words}." in doubtful
-    assert not any(words in s for s in summary(record(result(agreement={"harmless": True, "in_words": words}))))
-
-
-@pytest.mark.parametrize(
-    "name, alone, words",
-    [
-        ("prostate_left", False, "left half of the prostate"),
-        ("prostate_left", True, "prostate"),
-        ("surrounding_tissue", True, "surrounding tissue"),
-    ],
-)
-def test_regions_are_called_what_people_call_them(name: str, alone: bool, words: str) -> None:
-    assert region_words(name, alone) == words
-
-
-@pytest.mark.parametrize("value, text", [(148.26, "148"), (62.44, "62.4"), (7.3, "7.30"), (0.0, "0"), (1234.5, "1234")])
-def test_three_figures(value: float, text: str) -> None:
-    assert number(value) == text
-
-
-@pytest.mark.parametrize("path", ["/data/Doe Jane/x.dcm", r"C:\scans\Doe\x.dcm", "/Doe"])
-def test_paths_are_left_out_of_notes(path: str) -> None:
-    assert without_paths(f"rest: {path} has 33 slices") == "rest: (path) has 33 slices"
+def test_the_first_page_says_what_it_does_not_tell(pages: list[str]) -> None:
+    first = re.sub(r"\s+", " ", pages[0])
+    assert "What this does not tell: stiffness in absolute terms" in first
+    assert "Young's modulus" in first and "Left and right are the patient's" in first

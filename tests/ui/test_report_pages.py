@@ -14,7 +14,7 @@ from palpate.segmentation.case import CaseFacts
 from palpate.ui.cli import import_scans, segment
 from palpate.ui.report import document as doc
 from palpate.ui.report import pdf
-from palpate.ui.report.pdf_parts import column_widths
+from palpate.ui.report.pdf_parts import SMALLEST_TOGETHER, column_widths
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
 
@@ -42,6 +42,44 @@ def test_two_pictures_that_nearly_fit_share_a_page(tmp_path: Path) -> None:
     pictures = [picture(tmp_path, height) for height in (620, 621)]
     path = pdf.write_pdf(doc.Document("Title", "case", [doc.Section("Fit", pictures)]), tmp_path / "x.pdf")
     assert len(PdfReader(path).pages) == 1
+
+
+def test_a_later_picture_goes_before_one_that_does_not_fit(tmp_path: Path) -> None:
+    """1,300 high needs a page of its own; 500 fits what 700 has left of the first."""
+    pdf._register_fonts()
+    tall, low, small = (picture(tmp_path, height) for height in (700, 1300, 500))
+    (run,) = pdf._runs([pdf._flowable(p) for p in (tall, low, small)])
+    *first, rest = run.split(pdf._WIDTH, WHOLE_PAGE)
+    assert [p._path for p in first] == [str(tall.path), str(small.path)]
+    assert sum(p.wrap(pdf._WIDTH, WHOLE_PAGE)[1] for p in first) <= WHOLE_PAGE
+    (last,) = rest.split(pdf._WIDTH, WHOLE_PAGE)
+    assert last._path == str(low.path)
+    assert run.split(pdf._WIDTH, 100.0) == [], "nothing fits: the next page"
+
+
+def test_pictures_that_share_a_page_are_made_smaller_alike(tmp_path: Path) -> None:
+    pdf._register_fonts()
+    (run,) = pdf._runs([pdf._flowable(picture(tmp_path, height)) for height in (800, 700)])
+    both = run.split(pdf._WIDTH, WHOLE_PAGE)
+    for p in both:
+        p.wrap(pdf._WIDTH, WHOLE_PAGE)
+    assert len(both) == 2 and both[0]._scale == both[1]._scale and SMALLEST_TOGETHER <= both[0]._scale < 1.0
+
+
+@pytest.mark.parametrize("high, page", [(700, 0), (1000, 1)])
+def test_a_long_table_goes_on_over_the_page_but_not_from_its_heading(tmp_path: Path, high: int, page: int) -> None:
+    """Below a picture of 125 mm there is room for the heading and half of the rows, below one of 175 mm for a few."""
+    table = doc.Table(("", ""), [(f"row {i}.", "x") for i in range(30)], numbers=False)
+    sections = [doc.Section("First", [picture(tmp_path, high)]), doc.Section("Long", [table])]
+    path = pdf.write_pdf(doc.Document("Title", "case", sections), tmp_path / "x.pdf")
+    pages = [page.extract_text() for page in PdfReader(path).pages]
+    assert len(pages) == 2 and "Long" in pages[page] and "row 0." in pages[page] and "row 29." in pages[1]
+
+
+def test_figures_are_aligned_right_and_words_left() -> None:
+    rows = [("left half", "37.3", "found automatically", "\N{EN DASH}"), ("bone", "147.6", "0 times", "")]
+    assert doc.Table(("a", "b", "c", "d"), rows).right == (False, True, False, True)
+    assert doc.Table(("a", "b"), [("x", "1")], numbers=False).right == (False, False)
 
 
 def test_no_word_of_a_header_is_broken_and_captions_are_there(tmp_path: Path) -> None:

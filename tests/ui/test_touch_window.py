@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from x_display import needs_xvfb, x_display
 
 from palpate.core.mesh import TetMesh
 from palpate.core.touch.body import Body
 from palpate.core.validate.touch_study import halved_ellipsoid
-from palpate.ui.desktop.touch_camera import Camera, first_hit
+from palpate.ui.desktop.camera import Camera, first_hit
 from palpate.ui.desktop.touch_child import Child, load_body, save_body
 
 # Plays a script in a window of its own process: Qt allows one application in a process.
@@ -156,22 +154,7 @@ def test_the_window_without_a_screen(tmp_path: Path) -> None:
         assert blue > orange + 50, "the patient's left is not on the right of the picture"
 
 
-@pytest.fixture
-def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    read, write = os.pipe()
-    with (tmp_path / "xvfb.log").open("wb") as log:
-        command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1300x900x24", "-nolisten", "tcp"]
-        server = subprocess.Popen(command, pass_fds=[write], stderr=log)
-    os.close(write)
-    with os.fdopen(read) as told:
-        monkeypatch.setenv("DISPLAY", f":{told.readline().strip()}")
-    for name in ("QT_QPA_PLATFORM", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    yield
-    server.terminate()
-    server.wait()
-
-
-@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="Xvfb is not on this machine: apt-get install xvfb")
-def test_the_window_on_an_x_display(tmp_path: Path, display: None) -> None:
-    check(tmp_path, play(tmp_path, SCRIPT, "screen"))
+@needs_xvfb
+def test_the_window_on_an_x_display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with x_display(tmp_path, "1300x900", monkeypatch):
+        check(tmp_path, play(tmp_path, SCRIPT, "screen"))

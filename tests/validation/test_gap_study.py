@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from phantoms import write_case
 
-from palpate.core.errors import InputError
+from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
@@ -93,8 +93,10 @@ def test_what_an_effect_achieves_is_measured_to_the_surface_without_noise() -> N
         "predicted/plain": at + 1.6 * up, "predicted/inclusion": at - 0.3 * up, "correction_mm": np.full(2, 0.4),
         "offset/plain": np.zeros(1), "offset/inclusion": np.full(1, 0.4),
     }  # fmt: skip
-    assert achieved(maps, points, faces, "inclusion") == pytest.approx((0.75, 2.0, 0.5))
-    assert achieved(maps, points, faces, "prestress") is None
+    assert achieved(maps, points, faces, "inclusion", 0.0) == pytest.approx((0.75, 2.0, 0.5))
+    assert achieved(maps, points, faces, "inclusion", 0.4) == pytest.approx((1.0 - 0.3 / 3.84**0.5, 3.84**0.5, 0.3))
+    assert achieved(maps, points, faces, "inclusion", 0.6) == pytest.approx((1.0, 3.64**0.5, 0.0))
+    assert achieved(maps, points, faces, "prestress", 0.4) is None
 
 
 def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> None:
@@ -148,3 +150,21 @@ def test_a_case_folder_never_holds_its_answer(study: Path) -> None:
     for path in (study / "cases").rglob("*"):
         if path.is_file() and path.suffix == ".json" and path.name != "diagnosis.json":
             assert "effects" not in path.read_text()
+
+
+def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[Recipe] = []
+
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path) -> None:
+        tried.append(recipe)
+        case.mkdir()
+        if len(tried) < 3:
+            raise ConvergenceError("folds")
+
+    monkeypatch.setattr(gap_study, "make_case", make)
+    (tmp_path / "cases").mkdir()
+    weakest = gap_study.SIZES["inclusion"][0]
+    gap_study._made(Recipe("gap_000", 1, {"inclusion": 16.0 * weakest}, rectum_mm=10.0), tmp_path)
+    assert [r.rectum_mm for r in tried] == pytest.approx([10.0, 8.0, 6.4])
+    assert [r.effects["inclusion"] / weakest for r in tried] == pytest.approx([16.0, 4.0, 2.0])
+    assert (tmp_path / "cases" / "gap_000").is_dir()

@@ -33,6 +33,9 @@ class Parser(argparse.ArgumentParser):
         missing = message.removeprefix("the following arguments are required: ")
         if missing != message:
             return f"{missing} missing"
+        extra = message.removeprefix("unrecognized arguments: ")
+        if extra != message and not extra.startswith("-"):
+            return f"{extra!r} is too much; put a path with blanks in quotation marks"
         found = re.match(r"argument \S+: invalid choice: '([^']*)' \(choose from (.*)\)", message)
         if found is None:
             return message

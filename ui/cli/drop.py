@@ -15,8 +15,10 @@ from palpate.core.errors import InputError
 from palpate.core.worker.progress import part
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.labels import LABELS
 from palpate.ui.cli.arguments import no_points, number
 from palpate.ui.cli.console import Console
+from palpate.ui.number_words import three_figures
 
 NAME, HELP = "drop", "a film of the organ, or of two, falling onto a dish"
 _PER_SECOND = 30.0
@@ -66,7 +68,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     except offscreen.OffscreenError as error:
         raise InputError(str(error)) from error
     organs = [
-        {"name": organ.name, "G_kpa": {drop_step.LABELS[r]: G for r, G in organ.stiffness_kpa.items()}} | one.figures
+        {"name": organ.name, "G_kpa": {LABELS[r]: G for r, G in organ.stiffness_kpa.items()}} | one.figures
         for organ, one in zip(dropped.organs, dropped.drops, strict=True)
     ]
     pictures = len(dropped.drops[0].times)
@@ -75,7 +77,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
 
 def _line(organ: dict[str, Any]) -> str:
-    stiffness = ", ".join(f"{name.replace('_', ' ')} {G:.3g} kPa" for name, G in organ["G_kpa"].items())
+    stiffness = ", ".join(f"{name.replace('_', ' ')} {three_figures(G)} kPa" for name, G in organ["G_kpa"].items())
     if not organ["landed"]:
         return f"organ {organ['name']} ({stiffness}): still falling at the end; give it more --time"
     return (

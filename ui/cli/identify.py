@@ -12,6 +12,7 @@ from palpate.segmentation.case import STATES, CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
+from palpate.ui.number_words import three_figures
 
 NAME, HELP = "identify", "mesh and surfaces to stiffness with its uncertainty"
 
@@ -95,9 +96,9 @@ def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.jso
     lines = []
     for name, found in result["parameters"].items():
         ci = found["ci95_kpa"]
-        sure = "error not known" if ci is None else f"95 % interval {ci[0]:.3g} to {ci[1]:.3g}"
+        sure = "error not known" if ci is None else f"95 % interval {three_figures(ci[0])} to {three_figures(ci[1])}"
         edge = ", at the edge of what was allowed" if found["at_bound"] else ""
-        lines.append(f"found   {name}: G = {found['G_kpa']:.3g} kPa, {sure}{edge}")
+        lines.append(f"found   {name}: G = {three_figures(found['G_kpa'])} kPa, {sure}{edge}")
     lines.append(f"misfit  {result['misfit']['rms_mm']:.2f} mm rms")
     searches = result.get("agreement", {})
     if not searches.get("harmless", True):

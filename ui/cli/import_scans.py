@@ -8,12 +8,14 @@ With --surfaces, REST and DEFORMED are closed surfaces of one body (STL, OBJ, PL
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import Any
 
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.import_alone import import_alone
-from palpate.segmentation.import_step import ImportOptions, run_import
+from palpate.segmentation.import_given import ImportOptions
+from palpate.segmentation.import_step import run_import
 from palpate.ui.cli import further_states, import_surfaces
 from palpate.ui.cli.arguments import UsageError, no_points
 from palpate.ui.cli.console import Console
@@ -105,8 +107,9 @@ def text_of(summary: dict[str, Any]) -> list[str]:
     """What a person reads of an import."""
     residual = summary["residual_mm"]
     if len(summary["sources_sha256"]) == 1:
+        case = shlex.quote(str(summary["case"]))
         next_step = (
-            "next    `palpate segment`, then `palpate plan`; give both scans to `palpate import` when there is a second"
+            f"next    `palpate segment {case}`, then `palpate plan {case}`; with a second scan, `palpate import` both"
         )
         return [f"case    {summary['case']}, the scan at rest", *(f"note    {n}" for n in summary["notes"]), next_step]
     aligned = "not aligned on bone" if residual is None else f"aligned on bone to {residual:.2f} mm rms"

@@ -10,7 +10,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from palpate.core.errors import InputError
 from palpate.ui.cli.arguments import UsageError, no_points
 from palpate.ui.cli.console import Console
 
@@ -38,13 +37,10 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     if args.script is None:
         found = application.show(args.case)
         return found, ""
-    from palpate.ui.desktop.script import Command, parse
+    from palpate.ui.desktop.obey import Command, read_script
+    from palpate.ui.desktop.script import parse
 
-    try:
-        text = args.script.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{args.script}: not a readable script; give a text file with one command a line") from error
-    commands = parse(text, str(args.script))
+    commands = parse(read_script(args.script), str(args.script))
     if args.case is not None:
         commands.insert(0, Command(0, "open", (str(args.case),)))
     played = application.play(commands, args.script.absolute().parent, str(args.script), args.headless)

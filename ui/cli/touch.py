@@ -11,14 +11,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import UsageError, add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
     from palpate.core.touch.body import Body
-    from palpate.ui.desktop.touch_script import Command
+    from palpate.ui.desktop.obey import Command
 
 NAME, HELP = "touch", "press and pull the organ in a window and feel its stiffness"
 _SUPPORTS = ("bed", "table")
@@ -45,12 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Makes the organ ready; then plays the script, or opens the window."""
     from palpate.segmentation.touch_step import TouchStepOptions, body_of  # here, because VTK takes seconds to load
+    from palpate.ui.desktop.obey import read_script
     from palpate.ui.desktop.touch_script import OF_THE_WINDOW, parse
 
     no_points(args)
     if args.headless and args.script is None:
         raise UsageError("--headless needs --script FILE: without a screen nobody can move the mouse")
-    commands = [] if args.script is None else parse(_text(args.script), str(args.script))
+    commands = [] if args.script is None else parse(read_script(args.script), str(args.script))
     seen = not args.headless or any(command.name in OF_THE_WINDOW for command in commands)
     if seen:
         from palpate.ui.desktop import display_server
@@ -69,8 +69,9 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
 def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> dict[str, Any]:
     """Without a window."""
+    from palpate.ui.desktop.obey import play
     from palpate.ui.desktop.touch_hand import Hand
-    from palpate.ui.desktop.touch_script import Driver, play
+    from palpate.ui.desktop.touch_script import Driver
 
     driver = Driver(Hand(body, args.radius), args.script.absolute().parent, str(args.script))
     return {"events": play(commands, driver)}
@@ -84,13 +85,6 @@ def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands:
     return touch_application.show(
         body, args.radius, output, args.headless, touch_application.Playing(commands, folder, str(args.script))
     )
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a readable script; give a text file with one command a line") from error
 
 
 def _line(event: dict[str, Any]) -> str:

@@ -6,18 +6,20 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from palpate.core.errors import Cancelled, InputError
-from palpate.ui.desktop import display_server
+from palpate.ui.desktop import display_server, obey
 from palpate.ui.desktop.controller import Controller
-from palpate.ui.desktop.script import Command, Driver
+from palpate.ui.desktop.obey import Command
+from palpate.ui.desktop.script import Driver
 
 
 def show(case: Path | None, headless: bool = False) -> dict[str, Any]:
     """Opens the window and returns when it is closed: the longest stall in ms. Raises InputError when it cannot be opened."""
-    window, application = _window(headless)
+    window, application = new_window(headless)
     if case is not None:
         window.page.open_case(case)
         if window.controller.case is None:
@@ -40,37 +42,21 @@ def show(case: Path | None, headless: bool = False) -> dict[str, Any]:
 
 def play(commands: list[Command], folder: Path, source: str, headless: bool = True) -> dict[str, Any]:
     """Drives the window by a script: the events of its commands. Raises InputError naming the line that cannot be done."""
-    window, application = _window(headless)
+    window, application = new_window(headless)
     window.show()
     window.stalls.reset()
 
-    def process(seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while True:
-            application.processEvents()
-            if time.monotonic() >= end:
-                return
-            time.sleep(0.002)
-
-    driver = Driver(window, process, folder, source)
-    events = []
     try:
-        for command in commands:
-            events.append(driver.run(command))
-            if driver.over:
-                break
-    except InputError as error:
-        error.facts = {"events": events}  # what was done before is true all the same
-        raise
+        return {"events": obey.play(commands, Driver(window, events_for(application), folder, source))}
     except KeyboardInterrupt as error:
         raise Cancelled("the script was stopped") from error
     finally:
         window.hide()
         window.shut()
-    return {"events": events}
 
 
-def _window(headless: bool) -> tuple[Any, Any]:
+def new_window(headless: bool) -> tuple[Any, Any]:
+    """The window, not shown yet, and the QApplication. Raises InputError when no window can be opened."""
     display_server.check(headless)
     application = qt_application(headless)
     from palpate.ui.desktop.main_window import MainWindow  # here, because the platform is chosen before
@@ -94,6 +80,20 @@ def qt_application(headless: bool) -> Any:
     application.setApplicationName("Palpate")
     dress(application)
     return application
+
+
+def events_for(application: Any) -> Callable[[float], None]:
+    """What lets the windows' events be handled for so many seconds."""
+
+    def process(seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while True:
+            application.processEvents()
+            if time.monotonic() >= end:
+                return
+            time.sleep(0.001)
+
+    return process
 
 
 def told_by_qt(kind: object, context: object, message: str) -> None:

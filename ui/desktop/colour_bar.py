@@ -63,7 +63,7 @@ class ColourBar(QWidget):
                 painter, [label for label in _LISTED if any((v.array == label).any() for v in case.volumes.values())]
             )
         elif display.overlay in ("stiffness", "map"):
-            scale = case.scale if display.overlay == "stiffness" else case.map_scale
+            scale = case.scale
             ticks = LogLocator(subs=(1, 2, 5)) if scale.log else MaxNLocator(6)
             shares = {float(v): float(scale.norm(v)) for v in ticks.tick_values(scale.low, scale.high)}
             self._bar(painter, lambda s: QColor.fromRgbF(*scale.colormap(s)[:3]), shares, STIFFNESS_LABEL)

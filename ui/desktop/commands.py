@@ -19,14 +19,13 @@ def import_command(
     deformed: Path,
     case: Path,
     labels: tuple[Path | None, Path | None] = (None, None),
-    same_patient: bool = False,
 ) -> list[str]:
     """Two folders to a case. labels : contours of the scan at rest and of the deformed one."""
     # Absolute paths, because a name that begins with a dash would be an option.
     command = ["import", str(rest.absolute()), str(deformed.absolute()), "-o", str(case.absolute())]
     for state, path in zip(STATES, labels, strict=True):
         command += [] if path is None else [f"--{state}-labels", str(path.absolute())]
-    return [*command, "--same-patient"] if same_patient else command
+    return command
 
 
 def step_command(

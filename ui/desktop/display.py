@@ -9,7 +9,6 @@ from palpate.ui.desktop.grey import PRESETS, WindowLevel
 
 MODES = ("rest", "deformed", "side by side", "blend")
 OVERLAYS = ("labels", "stiffness", "map", "misfit", "none")
-TOOLS = ("look", "seed", "brush", "eraser")
 
 
 @dataclass

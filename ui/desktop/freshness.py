@@ -11,13 +11,13 @@ import re
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import Cancelled, InputError
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.ui.desktop.steps import BY_COMMAND
+from palpate.ui.report.drawn_by import drawn_by
 
 if TYPE_CHECKING:
     from palpate.ui.desktop.open_case import OpenCase
@@ -115,9 +115,9 @@ def _report(case: CaseFolder, hash_of: Hash) -> str | None:
     noted = case.noted_inputs("report")
     if noted is None:
         return None
-    version = metadata.version("palpate")
-    made = any(case.inputs_sha256(REPORT_INPUTS, [{"pdf": pdf}, version], hash_of) == noted for pdf in (True, False))
-    return "" if made else "what it shows or the version has been changed since"
+    program = drawn_by()
+    made = any(case.inputs_sha256(REPORT_INPUTS, [{"pdf": pdf}, program], hash_of) == noted for pdf in (True, False))
+    return "" if made else "what it shows or the program has been changed since"
 
 
 def _commands(case: CaseFolder) -> list[dict[str, object]]:

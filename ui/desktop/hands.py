@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QTabBar, QWidget
@@ -40,6 +43,16 @@ def press(window: QWidget, words: str) -> None:
     if not found[0].isEnabled():
         raise InputError(f"the button {words!r} is off: {found[0].toolTip()}")
     QTest.mouseClick(found[0], _LEFT)
+
+
+def shot(window: QWidget, path: Path) -> Path:
+    """The window as it is, in a picture file; whoever waits for the file finds it whole. Raises InputError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".part-{path.name}")
+    if not window.grab().save(str(temporary)):
+        raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
+    os.replace(temporary, path)
+    return path
 
 
 def _turned_to(window: QWidget, words: str) -> bool:

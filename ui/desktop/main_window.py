@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QMainWindow,
-    QMessageBox,
     QScrollArea,
     QStackedWidget,
     QTabWidget,
@@ -20,9 +19,10 @@ from PySide6.QtWidgets import (
 )
 
 from palpate.core.errors import InputError
-from palpate.ui.desktop import steps
+from palpate.ui.desktop import questions
 from palpate.ui.desktop.colour_bar import ColourBar
 from palpate.ui.desktop.controller import Controller
+from palpate.ui.desktop.crosshair import words_at_crosshair
 from palpate.ui.desktop.display_panel import DisplayPanel
 from palpate.ui.desktop.edit_panel import EditPanel
 from palpate.ui.desktop.job_panel import JobPanel
@@ -130,7 +130,7 @@ class MainWindow(QMainWindow):
             return ""
         x, y, z = self.controller.display.crosshair
         place = f"x {x:.1f}  y {y:.1f}  z {z:.1f} mm (LPS)".replace("-", "\N{MINUS SIGN}")
-        return f"{place}   {self.controller.value_at_crosshair()}"
+        return f"{place}   {words_at_crosshair(self.controller)}"
 
     def show_open_page(self) -> None:
         """The first page; the case stays open till another is opened."""
@@ -142,7 +142,7 @@ class MainWindow(QMainWindow):
         if command == "import":
             self.show_open_page()
             return
-        if not self._may_replace(command):
+        if not questions.may_run(self, self.controller, command):
             return
         try:
             self.controller.run(command)
@@ -154,16 +154,6 @@ class MainWindow(QMainWindow):
         case = self.controller.case
         if case is not None:
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(case.folder.file("report/report.html").absolute())))
-
-    def _may_replace(self, command: str) -> bool:
-        case = self.controller.case
-        if command != "segment" or case is None or not (case.corrections.can_undo or case.corrections.unsaved):
-            return True
-        asked = QMessageBox.question(
-            self, "Segment again?", "The labels hold corrections made by hand. Segmenting again with other points replaces them; "
-            "a copy is kept in the case folder. Go on?",
-        )  # fmt: skip
-        return asked == QMessageBox.StandardButton.Yes
 
     def _opened(self) -> None:
         self.stack.setCurrentIndex(1)
@@ -197,7 +187,7 @@ class MainWindow(QMainWindow):
         self.page.drop(paths)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        if self._ask_before_closing():
+        if questions.may_close(self, self.controller):
             self.shut()
             event.accept()
         else:
@@ -211,23 +201,3 @@ class MainWindow(QMainWindow):
         self.controller.quit()
         self.views.solid.client.close()
         self._folder.cleanup()
-
-    def _ask_before_closing(self) -> bool:
-        case = self.controller.case
-        if self.controller.jobs.running:
-            name = steps.BY_COMMAND.get(self.controller.jobs.state.step if self.controller.jobs.state else "")
-            words = f"{name.title if name else 'A step'} is running and will be stopped. Close?"
-            if QMessageBox.question(self, "Close?", words) != QMessageBox.StandardButton.Yes:
-                return False
-        if case is None or not case.corrections.unsaved:
-            return True
-        buttons = QMessageBox.StandardButton
-        asked = QMessageBox.question(
-            self, "Unsaved corrections", "Save the corrected labels before closing?",
-            buttons.Save | buttons.Discard | buttons.Cancel, buttons.Save,
-        )  # fmt: skip
-        if asked == buttons.Save:
-            self.controller.save()
-        elif asked == buttons.Discard:
-            case.discard()
-        return bool(asked != buttons.Cancel)

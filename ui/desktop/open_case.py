@@ -83,7 +83,6 @@ class OpenCase:
         self.result, self.diagnosis = result, self._json("diagnosis.json")
         self.regions: tuple[RegionStiffness, ...] = tuple(sorted(found, key=lambda region: region.label))
         told = [region.G for region in self.regions if region.told]
-        self.scale = StiffnessScale.of(told)
         self.segmentation = self._json("segmentation.json")
         self.first_words = summary(read_record(self.folder, {}))[0] if found else ""
         self.simulated = ""
@@ -91,7 +90,8 @@ class OpenCase:
             self.simulated = simulated(self.folder, result) or ""
         self.gap = self._gap()
         self.stiffness_map = self._map()
-        self.map_scale = self.scale if self.stiffness_map is None else map_scale(told, self.stiffness_map)
+        # One scale whatever is shown, and that of the report: a colour is one stiffness.
+        self.scale = StiffnessScale.of(told) if self.stiffness_map is None else map_scale(told, self.stiffness_map)
 
     @property
     def volumes(self) -> dict[str, Volume]:

@@ -11,8 +11,10 @@ from palpate.ui.desktop import style
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.open_case import OpenCase
 from palpate.ui.desktop.panel_parts import group
+from palpate.ui.number_words import three_figures
 
 _RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."
+_NOTHING = f"<span style='color:{style.FAINT}'>Nothing found yet.</span>"
 
 
 class ResultPanel(QWidget):
@@ -45,7 +47,7 @@ class ResultPanel(QWidget):
         self.report.setText("Show the report (out of date)" if has_report and old[1] else "Show the report")
         tip = f"It shows what was found before: {old[1]}" if old[1] else "In the web browser"
         self.report.setToolTip(tip if has_report else "There is no report yet; run Report")
-        words = _found(case, old[0]) if case is not None and case.regions else _nothing(case)
+        words = _found(case, old[0]) if case is not None and case.regions else _NOTHING
         words = _simulated(case) + _doubts(case) + words
         if words != self.words.text():  # a stroke tells often
             self.words.setText(words)
@@ -70,10 +72,6 @@ def _doubts(case: OpenCase | None) -> str:
     return "".join(f"<span style='color:{style.WARN}'>{text}</span><br>" for text in said)
 
 
-def _nothing(case: OpenCase | None) -> str:
-    return f"<span style='color:{style.FAINT}'>Nothing found yet.</span>"
-
-
 def _found(case: OpenCase, old: str) -> str:
     """old : why the stiffness is out of date, or empty."""
     rows = []
@@ -82,9 +80,11 @@ def _found(case: OpenCase, old: str) -> str:
     for region in case.regions:
         if region.told:
             interval = (
-                "error not known" if region.ci is None else f"{region.ci[0]:.3g}\N{EN DASH}{region.ci[1]:.3g} kPa"
+                "error not known"
+                if region.ci is None
+                else f"{three_figures(region.ci[0])}\N{EN DASH}{three_figures(region.ci[1])} kPa"
             )
-            value = f"<{weight} style='color:{tone}'>{region.G:.3g} kPa</{weight}>{beside_value}"
+            value = f"<{weight} style='color:{tone}'>{three_figures(region.G)} kPa</{weight}>{beside_value}"
             value += f"<br><span style='color:{style.FAINT}'>95 % {interval}</span>"
         else:
             value = f"<span style='color:{style.WARN}'>not told by this pair</span>"
@@ -94,7 +94,7 @@ def _found(case: OpenCase, old: str) -> str:
     beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
     # The values stand below it.
     parts = [f"<span style='color:{style.WARN}'>Out of date: {escape(old)}. Found before that:</span>"] if old else []
-    parts += [escape(case.first_words.split(": G =")[0].rstrip(".") + ".")] if case.first_words else []
+    parts += [escape(case.first_words.split(": shear modulus G =")[0].rstrip(".") + ".")] if case.first_words else []
     parts += [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
              f"Misfit {misfit.get('rms_mm', float('nan')):.2f} mm rms{beside}"]  # fmt: skip
     parts += _gap(case)
@@ -112,7 +112,9 @@ def _gap(case: OpenCase) -> list[str]:
             "ambiguous": f"a gap, by one of: {names}"}  # fmt: skip
     out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
     if verdict != "none" and "rms_mm" in gap:
-        out.append(f"{gap['rms_mm']:.2f} mm rms, noise floor {gap.get('noise_floor_mm', float('nan')):.2f} mm")
+        out.append(
+            f"{gap['rms_mm']:.2f} mm rms, noise floor {gap.get('noise_floor_mm', float('nan')):.2f} mm; may be a false alarm"
+        )
     if found.get("next_measurement"):
         out.append(f"Next: {escape(str(found['next_measurement']))}")
     return out

@@ -1,23 +1,19 @@
-"""One slice view: draws what the controller shows, and turns mouse and wheel into its calls."""
+"""One slice view: shows its picture, and turns mouse and wheel into calls of the controller."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFont, QMouseEvent, QPainter, QPaintEvent, QPen, QWheelEvent
+from PySide6.QtCore import QPointF, QSize, Qt
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from palpate.core.errors import InputError
-from palpate.ui.desktop import overlay, slice_marks, style
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.field import Field, Screen
-from palpate.ui.desktop.map_layer import map_layer
-from palpate.ui.desktop.sheets import Sheet
-from palpate.ui.desktop.slice_layers import Kept, grey_image, label_image, outline_paths, sheet_of
+from palpate.ui.desktop.slice_picture import SlicePicture
 from palpate.ui.pictures.planes import Plane
 
-BLEND = "blend"
 _LEFT, _RIGHT, _MIDDLE = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton, Qt.MouseButton.MiddleButton
 
 
@@ -27,8 +23,7 @@ class SliceView(QWidget):
     def __init__(self, controller: Controller, field: Field, plane: Plane, state: str) -> None:
         super().__init__()
         self.controller, self.field, self.plane, self.state = controller, field, plane, state
-        self._kept = Kept()
-        self._version = 0
+        self._picture = SlicePicture(controller, plane, state)
         self._pressed: Any = None
         self._mouse: QPointF | None = None
         self.setMouseTracking(True)
@@ -55,110 +50,22 @@ class SliceView(QWidget):
     def told(self, what: str) -> None:
         """Something has changed."""
         if what in ("case", "labels"):
-            self._version += 1
+            self._picture.labels_version += 1
         if what in ("case", "labels", "view", "tools", "results"):
             self.update()
-
-    # Drawing
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.fillRect(self.rect(), QColor("black"))
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         screen = self.screen_map
-        states = ("rest", "deformed") if self.state == BLEND else (self.state,)
-        shown = [self._scan(painter, screen, state) for state in states]
-        for state in states:
-            self._overlay(painter, screen, state)
-        self._marks(painter, screen, any(shown))
-        if self.hasFocus() and not any(shown):
-            painter.setPen(QPen(style.colour(style.ACCENT), 1.0))
-        painter.end()
-
-    def _scan(self, painter: QPainter, screen: Screen, state: str) -> bool:
-        volume = self.controller.ct(state)
-        if volume is None:
-            return False
-        version = hash((id(volume.array), volume.affine.tobytes()))
-        sheet = sheet_of(self._kept, f"ct {state}", volume, version, screen, self.position)
-        if sheet is None:
-            return False
-        painter.setOpacity(self.controller.display.blend if self.state == BLEND and state == "deformed" else 1.0)
-        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        painter.drawImage(
-            screen.rect(sheet.extent), grey_image(self._kept, state, sheet, self.controller.display.window)
-        )
-        painter.setOpacity(1.0)
-        return True
-
-    def _overlay(self, painter: QPainter, screen: Screen, state: str) -> None:
-        labels, display = self.controller.labels(state), self.controller.display
-        sheet = None
-        if labels is not None:
-            sheet = sheet_of(self._kept, f"labels {state}", labels, self._version, screen, self.position)
-        if sheet is None:
-            return
-        painted = self._painted()
-        in_mm, to_pixels = outline_paths(self._kept, state, sheet, tuple(overlay.OUTLINED)), screen.transform()
-        paths = {label: to_pixels.map(path) for label, path in in_mm.items()}
-        if display.overlay == "map" and state == "rest":
-            self._map(painter, screen, sheet)
-        if painted is not None and (self.state != BLEND or state == "rest"):
-            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
-            painter.drawImage(screen.rect(sheet.extent), label_image(self._kept, state, sheet, painted.table))
-            hatched = [path for label, path in paths.items() if label in painted.hatched]
-            slice_marks.hatch(painter, hatched)
-        if display.outlines:
-            dashes = Qt.PenStyle.DashLine if self.state == BLEND and state == "deformed" else Qt.PenStyle.SolidLine
-            for label, path in paths.items():
-                painter.setPen(QPen(QColor(overlay.OUTLINED[label]), 1.3, dashes))
-                painter.setBrush(Qt.BrushStyle.NoBrush)
-                painter.drawPath(path)
-
-    def _map(self, painter: QPainter, screen: Screen, sheet: Sheet) -> None:
-        case, display = self.controller.case, self.controller.display
-        if case is None or case.stiffness_map is None:
-            return
-        arrays, scale = case.stiffness_map, case.map_scale
-        key = (id(sheet), id(arrays), display.opacity, display.low_kpa, display.high_kpa, display.surest_factor)
-        layer = self._kept.get("map", key, lambda: map_layer(arrays, sheet, self.plane, self.position, display, scale))
-        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        painter.drawImage(screen.rect(sheet.extent), layer.image)
-        slice_marks.hatch(painter, [screen.transform().map(path) for path in layer.hatched])
-
-    def _painted(self) -> overlay.Painted | None:
-        case, display = self.controller.case, self.controller.display
-        if display.overlay == "labels":
-            return overlay.painted_labels(display)
-        if display.overlay == "stiffness" and case is not None and case.regions:
-            return overlay.painted_stiffness(display, case.regions, case.scale)
-        return None
-
-    def _marks(self, painter: QPainter, screen: Screen, shown: bool) -> None:
-        case, display = self.controller.case, self.controller.display
-        if case is not None and case.gap is not None and display.overlay == "misfit" and self.state != "deformed":
-            rgb = overlay.residual_rgb(case.gap.residual, overlay.residual_limit(case.gap.residual))
-            slice_marks.misfit_points(painter, screen, case.gap.points, rgb, self.position)
-        slice_marks.crosshair(painter, screen, display.crosshair)
-        if case is not None:
-            slice_marks.seeds(painter, screen, case.seeds[self.editing_state], self.position)
-        slice_marks.letters(painter, screen)
-        painter.setFont(QFont("DejaVu Sans", 8))
-        slice_marks.scale_bar(painter, screen)
-        name = {"rest": "at rest", "deformed": "deformed", BLEND: "rest, deformed dashed"}[self.state]
-        there = case is not None and (case.stiffness_map if display.overlay == "map" else case.gap) is not None
-        why = overlay.only_at_rest(display.overlay, self.state) if there else ""
-        place = slice_marks.position_words(screen, self.position)
-        slice_marks.captions(painter, screen, self.plane.name.capitalize(), name, (place, why))
-        slice_marks.window_words(painter, screen, display.centre, display.width)
-        if not shown:
-            text = "reading the scan \N{HORIZONTAL ELLIPSIS}" if self.controller.reader.running else "no scan here"
-            slice_marks.text(painter, QRectF(self.rect()), text, Qt.AlignmentFlag.AlignCenter, style.FAINT)
-        if display.tool in ("brush", "eraser") and self._mouse is not None:
+        self._picture.paint(painter, screen, self.position)
+        if self.controller.display.tool in ("brush", "eraser") and self._mouse is not None:
             painter.setPen(QPen(QColor("white"), 1.2))
             painter.setBrush(Qt.BrushStyle.NoBrush)
-            radius = display.radius_mm / self.field.mm_per_pixel
+            radius = self.controller.display.radius_mm / self.field.mm_per_pixel
             painter.drawEllipse(self._mouse, radius, radius)
+        painter.end()
 
     # Mouse
 

@@ -8,20 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFont, QImage, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QWheelEvent
+from PySide6.QtGui import QImage, QMouseEvent, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.ui.desktop import overlay, style
+from palpate.ui.desktop.camera import Camera
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.open_case import MAP_FILE
 from palpate.ui.desktop.slice_marks import text
 from palpate.ui.desktop.solid_client import SolidClient
+from palpate.ui.desktop.solid_marks import begun, directions, image_of
 
 _AROUND = {BONE: (0.93, 0.89, 0.78, 0.25), BLADDER: (1.0, 0.82, 0.2, 0.18), RECTUM: (0.8, 0.45, 0.25, 0.3)}
 _HALVES = {1: (0.86, 0.33, 0.31, 1.0), 2: (0.36, 0.72, 0.42, 1.0)}
 _UNTOLD, _DEFORMED = (0.6, 0.6, 0.6, 1.0), (0.35, 0.65, 1.0, 0.45)
-_AXES = (("L", "R"), ("P", "A"), ("S", "I"))
 
 
 class SolidView(QWidget):
@@ -33,7 +34,6 @@ class SolidView(QWidget):
         self.client = SolidClient(folder)
         self.azimuth, self.elevation, self.zoom = 25.0, 15.0, 1.0
         self._image: QImage | None = None
-        self._pixels: NDArray[np.uint8] | None = None
         self._pressed: QPointF | None = None
         # _version grows with the case's results. _awaited : the first picture of the case as it is; 0 while it is not
         # asked for, None when it is here.
@@ -58,10 +58,8 @@ class SolidView(QWidget):
         """Called every few tens of milliseconds: takes a picture that has come and asks for the next where it is needed."""
         came = self.client.latest()
         if came is not None:
-            self._pixels = came.pixels
-            height, width, _ = came.pixels.shape
-            self._image = QImage(came.pixels.tobytes(), width, height, 3 * width, QImage.Format.Format_RGB888).copy()
-            if self._awaited and came.number >= self._awaited:
+            self._image = image_of(came)
+            if self._awaited and came.head["id"] >= self._awaited:
                 self._awaited = None
             self.update()
         if self.isVisible() and self._stale["view"] and not self.client.busy and not self.client.failure:
@@ -107,7 +105,7 @@ class SolidView(QWidget):
         case, display = self.controller.case, self.controller.display
         if case is None or case.stiffness_map is None or display.overlay != "map":
             return None
-        scale = case.map_scale
+        scale = case.scale
         return {
             "file": str(case.folder.file(MAP_FILE)), "version": self._version,
             "scale": [scale.low, scale.high, scale.log], "untold": [round(255 * c) for c in _UNTOLD[:3]],
@@ -143,12 +141,7 @@ class SolidView(QWidget):
     # Qt
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        painter = QPainter(self)
-        painter.fillRect(self.rect(), QColor(style.GROUND))
-        if self._image is not None:
-            painter.drawImage(self.rect(), self._image)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.setFont(QFont("DejaVu Sans", 8))
+        painter = begun(self, self._image)
         top = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
         text(painter, QRectF(8, 6, 260, 16), "3D", top)
         wrapped = top | Qt.TextFlag.TextWordWrap
@@ -157,7 +150,7 @@ class SolidView(QWidget):
             words = self.client.failure or "drawing \N{HORIZONTAL ELLIPSIS}"
             middle = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
             text(painter, QRectF(self.rect().adjusted(4, 0, -4, 0)), words, middle, style.TEXT)
-        self._axes(painter)
+        directions(painter, self._camera(), self.height())
         painter.end()
 
     def _note(self) -> str:
@@ -167,24 +160,9 @@ class SolidView(QWidget):
         words += ["grey: not told by the map"] if display.overlay == "map" and display.mode != "deformed" else []
         return "; ".join([*words, *filter(None, [overlay.only_at_rest(display.overlay, display.mode)])])
 
-    def _axes(self, painter: QPainter) -> None:
-        """Which way the patient lies: six letters on three lines, those behind faint."""
-        a, e = np.deg2rad(self.azimuth), np.deg2rad(self.elevation)
-        right = np.array([np.cos(a), np.sin(a), 0.0])
-        towards = np.array([np.cos(e) * np.sin(a), -np.cos(e) * np.cos(a), np.sin(e)])
-        up = np.cross(towards, right)
-        middle, length = QPointF(44.0, self.height() - 44.0), 26.0
-        for axis in range(3):
-            for sign, letter in ((1.0, _AXES[axis][0]), (-1.0, _AXES[axis][1])):
-                v = sign * np.eye(3)[axis]
-                front = v @ towards >= -0.05
-                tip = middle + QPointF(length * (v @ right), -length * (v @ up))
-                painter.setPen(QPen(style.colour(style.TEXT if front else style.FAINT, 255 if front else 120), 1.4))
-                painter.drawLine(middle, tip)
-                place = middle + QPointF((length + 9) * (v @ right), -(length + 9) * (v @ up))
-                painter.drawText(
-                    QRectF(place.x() - 8, place.y() - 8, 16, 16), int(Qt.AlignmentFlag.AlignCenter), letter
-                )
+    def _camera(self) -> Camera:
+        """How the patient is seen; the drawing process knows where the organ is and how large."""
+        return Camera(self.azimuth, self.elevation, self.zoom, np.zeros(3), 1.0)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         self._pressed = event.position()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import tempfile
 import time
@@ -14,7 +13,8 @@ import numpy as np
 
 from palpate.core.errors import Cancelled, InputError
 from palpate.core.touch.body import Body
-from palpate.ui.desktop.touch_script import Command, Driver, play
+from palpate.ui.desktop.obey import Command, play
+from palpate.ui.desktop.touch_script import Driver
 
 _SETTLE_S = 60.0
 
@@ -33,20 +33,13 @@ def show(body: Body, radius: float, output: Path, headless: bool, playing: Playi
 
     Raises InputError when a command cannot be done; `display_server.check` says beforehand whether a window can be opened.
     """
-    from palpate.ui.desktop.application import qt_application
+    from palpate.ui.desktop.application import events_for, qt_application
 
     application = qt_application(headless)
     from palpate.ui.desktop.touch_model import TouchModel  # here, because the platform is chosen before
     from palpate.ui.desktop.touch_window import TouchWindow
 
-    def process(seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while True:
-            application.processEvents()
-            if time.monotonic() >= end:
-                return
-            time.sleep(0.001)
-
+    process = events_for(application)
     with tempfile.TemporaryDirectory(prefix="palpate-touch-") as scratch:
         model = TouchModel(body, radius, Path(scratch), process)
         window = TouchWindow(model, output)
@@ -123,15 +116,12 @@ class WindowDriver(Driver):
 
     def do_screenshot(self, file: str) -> dict[str, Any]:
         """The window as a picture, once everything that was asked has come."""
+        from palpate.ui.desktop import hands
+
         view, end = self.window.view, time.monotonic() + _SETTLE_S
         self.process(0.05)
         while not view.settled and time.monotonic() < end:
             self.process(0.02)
         self.process(0.05)
-        path = self._folder / file
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".part-{path.name}")
-        if not self.window.grab().save(str(temporary)):
-            raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
-        os.replace(temporary, path)
+        path = hands.shot(self.window, self._folder / file)
         return {"file": str(path), "settled": view.settled}

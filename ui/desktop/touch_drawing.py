@@ -5,7 +5,7 @@
 | body | file: npz with points (s, 3), faces (f, 3), rgb (f, 3) |
 | view | id, size, azimuth, elevation, zoom, centre, half, u (base64 of (s, 3) float32, or null), probe [x, y, z, radius] or null, grips |
 
-Of views that wait together only the last is drawn; the answer is {"id", "width", "height"} and the pixels, three bytes each.
+Answers are those of `drawing_child`.
 """
 
 from __future__ import annotations
@@ -18,60 +18,27 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
-from palpate.ui.desktop.pipe_child import Answer, Message, serve
-from palpate.ui.desktop.touch_camera import Camera
+from palpate.ui.desktop.camera import Camera
+from palpate.ui.desktop.drawing_child import off_screen_plotter, picture, serve_scene
+from palpate.ui.desktop.pipe_child import Message
 
 # The dent must be seen through the probe.
 _CLEAR = 0.5
-_GROUND, _PRESSING, _GRIPPING = "#15181c", "#d9dde2", "#ff5fd2"
+_PRESSING, _GRIPPING = "#d9dde2", "#ff5fd2"
 
 
 class TouchScene:
     """What is drawn."""
 
     def __init__(self) -> None:
-        self._plotter = pv.Plotter(off_screen=True, window_size=[400, 400], lighting="light kit")
-        self._plotter.set_background(_GROUND)  # type: ignore[arg-type]
-        self._plotter.enable_parallel_projection()  # type: ignore[call-arg]
-        self._plotter.render_window.SetMultiSamples(4)  # type: ignore[union-attr]
+        self._plotter = off_screen_plotter(samples=4)
         self._organ = pv.PolyData()
         self._rest = np.zeros((0, 3))
         self._probe: Any = None
 
-    def handle(self, messages: list[Message], answer: Answer) -> None:
-        """Takes the body; draws the last view."""
-        view = None
-        for message in messages:
-            if message["type"] == "body":
-                self._take(message["file"])
-            else:
-                view = message
-        if view is not None:
-            picture = self.draw(view)
-            head = {"id": view["id"], "width": picture.shape[1], "height": picture.shape[0]}
-            answer(head, np.ascontiguousarray(picture).tobytes())
-
-    def draw(self, view: Message) -> NDArray[np.uint8]:
-        """The picture of a view, (height, width, 3)."""
-        plotter = self._plotter
-        plotter.window_size = list(view["size"])
-        u = np.zeros_like(self._rest)
-        if view["u"] is not None:
-            u = np.frombuffer(base64.b64decode(view["u"]), dtype=np.float32).reshape(-1, 3).astype(float)
-        self._organ.points = self._rest + u
-        self._place(view["probe"], view["grips"])
-        camera = Camera(view["azimuth"], view["elevation"], view["zoom"], np.array(view["centre"]), view["half"])
-        _, _, towards = camera.axes
-        plotter.camera.focal_point = camera.centre.tolist()
-        plotter.camera.position = (camera.centre + 10.0 * camera.half * towards).tolist()
-        plotter.camera.up = (0.0, 0.0, 1.0)
-        plotter.camera.parallel_scale = 0.5 * view["size"][1] * camera.mm_per_pixel(*view["size"])
-        plotter.renderer.ResetCameraClippingRange()
-        plotter.render()
-        return np.asarray(plotter.screenshot(return_img=True))[:, :, :3]
-
-    def _take(self, file: str) -> None:
-        with np.load(file) as arrays:
+    def take(self, message: Message) -> None:
+        """The organ."""
+        with np.load(message["file"]) as arrays:
             self._rest = arrays["points"]
             faces, rgb = arrays["faces"], arrays["rgb"]
         self._organ = pv.PolyData(self._rest, np.column_stack([np.full(len(faces), 3), faces]))
@@ -85,6 +52,17 @@ class TouchScene:
             smooth_shading=True, specular=0.6, specular_power=20, reset_camera=False, render=False,
         )  # fmt: skip
 
+    def draw(self, view: Message) -> NDArray[np.uint8]:
+        """The picture of a view, (height, width, 3)."""
+        self._plotter.window_size = list(view["size"])
+        u = np.zeros_like(self._rest)
+        if view["u"] is not None:
+            u = np.frombuffer(base64.b64decode(view["u"]), dtype=np.float32).reshape(-1, 3).astype(float)
+        self._organ.points = self._rest + u
+        self._place(view["probe"], view["grips"])
+        camera = Camera(view["azimuth"], view["elevation"], view["zoom"], np.array(view["centre"]), view["half"])
+        return picture(self._plotter, camera, view["size"])
+
     def _place(self, probe: list[float] | None, grips: bool) -> None:
         if self._probe is None:
             return
@@ -96,4 +74,4 @@ class TouchScene:
 
 
 if __name__ == "__main__":
-    sys.exit(serve(TouchScene().handle, gives_way=True))
+    sys.exit(serve_scene(TouchScene()))

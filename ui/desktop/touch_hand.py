@@ -15,6 +15,7 @@ from palpate.core.errors import InputError
 from palpate.core.touch.body import Body
 from palpate.core.touch.session import Answer, Session
 from palpate.segmentation.atomic import atomic_path
+from palpate.ui.number_words import three_figures
 from palpate.ui.pictures.force_curve import CurveRow, curve_csv, force_curve
 
 FloatArray = NDArray[np.float64]
@@ -26,7 +27,9 @@ _DPI = 150
 
 def stiffness_words(G: float, interval: Sequence[float] | None) -> str:
     """A shear modulus, kPa, and its 95 % interval where that is known."""
-    return f"G = {G:.3g} kPa" + ("" if interval is None else f" ({interval[0]:.3g} to {interval[1]:.3g})")
+    return f"G = {three_figures(G)} kPa" + (
+        "" if interval is None else f" ({three_figures(interval[0])} to {three_figures(interval[1])})"
+    )
 
 
 class Hand:

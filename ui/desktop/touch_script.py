@@ -25,7 +25,6 @@ Every command gives one JSON-able event with the facts after it.
 
 from __future__ import annotations
 
-import shlex
 import time
 from pathlib import Path
 from typing import Any, Protocol
@@ -33,7 +32,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from palpate.core.errors import InputError
-from palpate.ui.desktop.obey import Command, obeyed
+from palpate.ui.desktop import obey
+from palpate.ui.desktop.obey import Command
 
 # These need the window; a script without them runs without one.
 OF_THE_WINDOW = frozenset({"resize", "turn", "pause", "hold", "lift", "click", "screenshot"})
@@ -66,18 +66,7 @@ class Feeling(Protocol):
 
 def parse(text: str, source: str) -> list[Command]:
     """The commands of a script. Raises InputError naming the file and the line for one that cannot be understood."""
-    known = sorted({name[3:] for name in dir(Driver) if name.startswith("do_")} | OF_THE_WINDOW)
-    found = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        try:
-            words = shlex.split(line, comments=True)
-        except ValueError as error:
-            raise InputError(f"{source}, line {number}: {error}; close the quotation") from error
-        if words and words[0] not in known:
-            raise InputError(f"{source}, line {number}: no command {words[0]!r}; give one of {', '.join(known)}")
-        if words:
-            found.append(Command(number, words[0], tuple(words[1:])))
-    return found
+    return obey.parse(text, source, obey.names_of(Driver) | OF_THE_WINDOW)
 
 
 class Driver:
@@ -90,7 +79,7 @@ class Driver:
     def run(self, command: Command) -> dict[str, Any]:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
         began = time.monotonic()
-        told = obeyed(self, command, self._source)
+        told = obey.obeyed(self, command, self._source)
         seconds = round(time.monotonic() - began, 3)
         return {"line": command.line, "command": command.name, "seconds": seconds, **self.feeling.facts(), **told}
 
@@ -157,13 +146,3 @@ class Driver:
         if not isinstance(found, int | float) or isinstance(found, bool):
             raise InputError(f"{name} is {found}, no number")
         return float(found)
-
-
-def play(commands: list[Command], driver: Driver) -> list[dict[str, Any]]:
-    """The events of the commands, up to `quit`."""
-    events = []
-    for command in commands:
-        events.append(driver.run(command))
-        if driver.over:
-            break
-    return events

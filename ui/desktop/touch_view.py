@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFont, QImage, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QWheelEvent
+from PySide6.QtGui import QImage, QMouseEvent, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
 from palpate.ui.desktop import style
+from palpate.ui.desktop.camera import Camera, first_hit
 from palpate.ui.desktop.slice_marks import text
-from palpate.ui.desktop.touch_camera import Camera, first_hit
+from palpate.ui.desktop.solid_marks import begun, directions, image_of
 from palpate.ui.desktop.touch_model import TouchModel
 
 FloatArray = NDArray[np.float64]
@@ -20,7 +19,6 @@ FloatArray = NDArray[np.float64]
 # Down by so many pixels is a millimetre deeper; across, the probe slides only once it has gone farther than this.
 PIXELS_PER_MM, _STICKS = 25.0, 14.0
 _HELP = "left button: press the organ, down deeper, up pulls, sideways slides    right button: turn    wheel: magnify"
-_LETTERS = (("L", "R"), ("P", "A"), ("S", "I"))
 
 
 class TouchView(QWidget):
@@ -33,7 +31,6 @@ class TouchView(QWidget):
         half = 1.35 * float(np.linalg.norm(model.rest - centre, axis=1).max())
         self.camera = Camera(15.0, 20.0, 1.0, centre, half)
         self._image: QImage | None = None
-        self._pixels: bytes = b""
         self._asked = self._drawn = 0
         self._stale = True
         self._pressed: tuple[QPointF, FloatArray] | None = None
@@ -51,9 +48,7 @@ class TouchView(QWidget):
     def tick(self) -> None:
         """Takes a picture that has come, and asks for the next where it is needed."""
         for reply in self.model.drawing.replies():
-            self._drawn, self._pixels = reply.head["id"], reply.data
-            width, height = reply.head["width"], reply.head["height"]
-            self._image = QImage(self._pixels, width, height, 3 * width, QImage.Format.Format_RGB888)
+            self._drawn, self._image = reply.head["id"], image_of(reply)
             self.update()
         if self._stale and self._drawn >= self._asked and self.isVisible() and not self.model.drawing.over:
             self._ask()
@@ -143,18 +138,13 @@ class TouchView(QWidget):
         self._stale = True
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        painter = QPainter(self)
-        painter.fillRect(self.rect(), QColor(style.GROUND))
-        if self._image is not None:
-            painter.drawImage(self.rect(), self._image)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.setFont(QFont("DejaVu Sans", 8))
+        painter = begun(self, self._image)
         top = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
         text(painter, QRectF(8, 6, self.width() - 16, 16), _HELP, top, style.FAINT)
         words = self._state()
         if words:
             text(painter, QRectF(self.rect()), words, Qt.AlignmentFlag.AlignCenter, style.TEXT)
-        self._directions(painter)
+        directions(painter, self.camera, self.height())
         painter.end()
 
     def _state(self) -> str:
@@ -163,16 +153,3 @@ class TouchView(QWidget):
         if not self.model.ready:
             return "the organ is made ready \N{HORIZONTAL ELLIPSIS}"
         return "" if self._image is not None else "drawing \N{HORIZONTAL ELLIPSIS}"
-
-    def _directions(self, painter: QPainter) -> None:
-        """Which way the patient lies: six letters on three lines, those behind faint."""
-        right, up, towards = self.camera.axes
-        middle, length = QPointF(44.0, self.height() - 44.0), 26.0
-        for axis in range(3):
-            for sign, letter in ((1.0, _LETTERS[axis][0]), (-1.0, _LETTERS[axis][1])):
-                v: Any = sign * np.eye(3)[axis]
-                front = v @ towards >= -0.05
-                painter.setPen(QPen(style.colour(style.TEXT if front else style.FAINT, 255 if front else 120), 1.4))
-                painter.drawLine(middle, middle + QPointF(length * (v @ right), -length * (v @ up)))
-                tip = middle + QPointF((length + 9) * (v @ right), -(length + 9) * (v @ up))
-                painter.drawText(QRectF(tip.x() - 8, tip.y() - 8, 16, 16), int(Qt.AlignmentFlag.AlignCenter), letter)

@@ -95,20 +95,7 @@ class TouchWindow(QMainWindow):
         column.addWidget(self.region)
         self.force.setStyleSheet("font-size: 30pt; font-weight: bold;")
         column.addWidget(self.force)
-        form = QFormLayout()
-        for words, label in (
-            ("indentation", self.indentation),
-            ("local stiffness", self.slope),
-            ("answers", self.rate),
-        ):
-            label.setStyleSheet("font-size: 12pt;")
-            form.addRow(words, label)
-        self.radius.setRange(2.0, 20.0)
-        self.radius.setValue(self.model.radius)
-        self.radius.setSuffix(" mm")
-        self.radius.editingFinished.connect(self._new_probe)
-        form.addRow("probe's radius", self.radius)
-        column.addLayout(form)
+        column.addLayout(self._figures())
         column.addWidget(self.chart, 1)
         row = QHBoxLayout()
         self.save.clicked.connect(self._save)
@@ -116,21 +103,31 @@ class TouchWindow(QMainWindow):
         row.addWidget(self.save)
         row.addWidget(self.clear)
         column.addLayout(row)
-        self.message.setWordWrap(True)
-        self.message.setStyleSheet(f"color: {style.WARN};")
-        column.addWidget(self.message)
-        about = QLabel(
-            f"Held: {self.model.held}. No friction. Stiffness is relative to the tissue's. Research use only."
-        )
-        about.setWordWrap(True)
-        about.setStyleSheet(f"color: {style.FAINT};")
-        column.addWidget(about)
+        about = f"Held: {self.model.held}. No friction. Stiffness is relative to the tissue's. Research use only."
+        for label, colour in ((self.message, style.WARN), (QLabel(about), style.FAINT)):
+            label.setWordWrap(True)
+            label.setStyleSheet(f"color: {colour};")
+            column.addWidget(label)
         both = QWidget()
         line = QHBoxLayout(both)
         line.setContentsMargins(0, 0, 0, 0)
         line.addWidget(self.view, 1)
         line.addWidget(panel)
         self.setCentralWidget(both)
+
+    def _figures(self) -> QFormLayout:
+        """What is felt besides the force, and the probe."""
+        form = QFormLayout()
+        felt = (("indentation", self.indentation), ("local stiffness", self.slope), ("answers", self.rate))
+        for words, label in felt:
+            label.setStyleSheet("font-size: 12pt;")
+            form.addRow(words, label)
+        self.radius.setRange(2.0, 20.0)
+        self.radius.setValue(self.model.radius)
+        self.radius.setSuffix(" mm")
+        self.radius.editingFinished.connect(self._new_probe)
+        form.addRow("probe's radius", self.radius)
+        return form
 
     def _new_probe(self) -> None:
         if self.radius.value() != self.model.radius:

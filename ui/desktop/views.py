@@ -12,7 +12,8 @@ from palpate.segmentation.labels import OUTSIDE
 from palpate.segmentation.volume import Volume
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.field import Field
-from palpate.ui.desktop.slice_view import BLEND, SliceView
+from palpate.ui.desktop.slice_picture import BLEND
+from palpate.ui.desktop.slice_view import SliceView
 from palpate.ui.desktop.solid_view import SolidView
 from palpate.ui.pictures.planes import AXIAL, CORONAL, SAGITTAL
 from palpate.ui.pictures.planes import PLANES as _PLANES

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from pydicom import Dataset
-from pydicom.uid import generate_uid
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import UID, ExplicitVRLittleEndian, generate_uid
 from pydicom.valuerep import DA, DT, TM
 
 from palpate.segmentation.atomic import atomic_path
@@ -113,3 +114,17 @@ def save(dataset: Dataset, path: Path) -> Path:
     with atomic_path(path) as temporary:
         dataset.save_as(temporary, enforce_file_format=True)
     return path
+
+
+def begun(storage: UID, sop_uid: str, source: SourceScan, made: Making) -> FileDataset:
+    """An object of a storage class with nothing in it yet but whose it is, of which series, and who made it."""
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = storage, UID(sop_uid)
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
+    data.SpecificCharacterSet = CHARACTER_SET
+    data.SOPClassUID, data.SOPInstanceUID = storage, UID(sop_uid)
+    source.copy_identity(data)
+    data.SeriesInstanceUID, data.SeriesNumber = made.series_uid, made.series_number
+    data.Manufacturer, data.ManufacturerModelName, data.SoftwareVersions = MANUFACTURER, MODEL, version()
+    return data

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydicom import Dataset
-from pydicom.dataset import FileDataset, FileMetaDataset
-from pydicom.uid import UID, ExplicitVRLittleEndian, RTStructureSetStorage
+from pydicom.dataset import FileDataset
+from pydicom.uid import RTStructureSetStorage
 from pydicom.valuerep import DA, TM
 
 from palpate.segmentation.case import CaseFolder
@@ -17,7 +17,7 @@ from palpate.segmentation.labels import LABEL_COLOURS, LABELS, SURROUNDING_TISSU
 from palpate.segmentation.outlines import labels_on_slices, outlines
 from palpate.segmentation.volume import Volume
 from palpate.ui.dicom.label_segments import algorithm_types, labels_in_own_scan
-from palpate.ui.dicom.making import CHARACTER_SET, MANUFACTURER, MODEL, Making, making, version
+from palpate.ui.dicom.making import Making, begun, making
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to
 
 _STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"  # Detached Study Management, retired, which this sequence still asks for
@@ -81,16 +81,9 @@ def _text(points: NDArray[np.float64]) -> list[str]:
 
 
 def _empty(source: SourceScan, made: Making, state: str) -> FileDataset:
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = RTStructureSetStorage, UID(made.sop_uid)
-    meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
-    data.SpecificCharacterSet = CHARACTER_SET
-    data.SOPClassUID, data.SOPInstanceUID = RTStructureSetStorage, made.sop_uid
-    source.copy_identity(data)
-    data.Modality, data.SeriesInstanceUID, data.SeriesNumber = "RTSTRUCT", made.series_uid, made.series_number
-    data.SeriesDescription, data.OperatorsName = made.series_description(f"structures, {state}"), ""
-    data.Manufacturer, data.ManufacturerModelName, data.SoftwareVersions = MANUFACTURER, MODEL, version()
+    data = begun(RTStructureSetStorage, made.sop_uid, source, made)
+    data.Modality, data.OperatorsName = "RTSTRUCT", ""
+    data.SeriesDescription = made.series_description(f"structures, {state}")
     data.FrameOfReferenceUID, data.PositionReferenceIndicator = source.header.FrameOfReferenceUID, ""
     data.InstanceNumber, data.StructureSetLabel, data.StructureSetName = 1, "PALPATE", f"Palpate, {state}"
     data.StructureSetDescription = made.note

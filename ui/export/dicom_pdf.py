@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from highdicom.sr import CodedConcept
-from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.dataset import FileDataset
 from pydicom.sr.codedict import codes
-from pydicom.uid import UID, EncapsulatedPDFStorage, ExplicitVRLittleEndian
+from pydicom.uid import EncapsulatedPDFStorage
 from pydicom.valuerep import DA, DT, TM
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
-from palpate.ui.dicom.making import CHARACTER_SET, MANUFACTURER, MARK, MODEL, Making, making, save, version
+from palpate.ui.dicom.making import MARK, Making, begun, making, save
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to
 
 WRITES = "DICOM encapsulated PDF: the report"
@@ -30,16 +30,9 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
 
 
 def _encapsulated(pdf: bytes, source: SourceScan, made: Making) -> FileDataset:
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = EncapsulatedPDFStorage, UID(made.sop_uid)
-    meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
-    data.SpecificCharacterSet = CHARACTER_SET
-    data.SOPClassUID, data.SOPInstanceUID = EncapsulatedPDFStorage, made.sop_uid
-    source.copy_identity(data)
-    data.Modality, data.SeriesInstanceUID, data.SeriesNumber = "DOC", made.series_uid, made.series_number
+    data = begun(EncapsulatedPDFStorage, made.sop_uid, source, made)
+    data.Modality = "DOC"
     data.SeriesDescription = made.series_description("stiffness report")
-    data.Manufacturer, data.ManufacturerModelName, data.SoftwareVersions = MANUFACTURER, MODEL, version()
     data.ConversionType, data.InstanceNumber = "WSD", 1
     data.ContentDate, data.ContentTime = DA(made.made.date()), TM(made.made.time())
     data.AcquisitionDateTime = DT(made.made)

@@ -7,14 +7,14 @@ from pathlib import Path
 import highdicom as hd
 import numpy as np
 from numpy.typing import NDArray
-from pydicom.dataset import FileDataset, FileMetaDataset
-from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
+from pydicom.dataset import FileDataset
+from pydicom.uid import CTImageStorage, generate_uid
 
 from palpate.segmentation.atomic import atomic_folder
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.dicom_write import place_slice, right_handed
 from palpate.ui.dicom.codes import KILOPASCAL, SHEAR_MODULUS
-from palpate.ui.dicom.making import CHARACTER_SET, MANUFACTURER, MODEL, Making, making, version
+from palpate.ui.dicom.making import Making, begun, making
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to
 from palpate.ui.export.stiffness import near_organ, stiffness_volume
 
@@ -49,18 +49,11 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
 def _described(source: SourceScan, made: Making, index: int) -> FileDataset:
     """One slice without place and pixels: whose it is, what it is, where it comes from."""
     uid = generate_uid(entropy_srcs=[made.sop_uid, str(index)])
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID, meta.MediaStorageSOPInstanceUID = CTImageStorage, uid
-    meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    data = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
-    data.SpecificCharacterSet = CHARACTER_SET
-    data.SOPClassUID, data.SOPInstanceUID = CTImageStorage, uid
-    source.copy_identity(data)
-    data.SeriesInstanceUID, data.SeriesNumber, data.InstanceNumber = made.series_uid, made.series_number, index + 1
+    data = begun(CTImageStorage, uid, source, made)
+    data.InstanceNumber = index + 1
     data.SeriesDescription = made.series_description("stiffness G, kPa")
     data.FrameOfReferenceUID, data.PositionReferenceIndicator = source.header.FrameOfReferenceUID, ""
-    data.Modality, data.Manufacturer, data.ManufacturerModelName = "CT", MANUFACTURER, MODEL
-    data.SoftwareVersions, data.BodyPartExamined = version(), source.body_part
+    data.Modality, data.BodyPartExamined = "CT", source.body_part
     data.PatientPosition = source.header.get("PatientPosition") or ""
     data.ImageType = ["DERIVED", "SECONDARY", "AXIAL", "STIFFNESS"]
     data.DerivationDescription = "Small-strain shear modulus G from two CT scans of one organ; no Hounsfield units"

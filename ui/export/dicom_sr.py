@@ -34,7 +34,7 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     absent = [region.name for region in record.regions if region.label not in numbers]
     if absent:
         raise InputError(f"{case.file('rest.nii.gz')} has no {absent[0]}, which result.json has; identify again")
-    groups = [_group(region, segments, numbers[region.label], record) for region in record.regions]
+    groups = [_group(region, segments, numbers[region.label]) for region in record.regions]
     report = sr.MeasurementReport(
         observation_context=_observer(),
         procedure_reported=codes.LN.CTUnspecifiedBodyRegion,
@@ -63,7 +63,7 @@ def _observer() -> sr.ObservationContext:
 
 
 def _group(
-    region: RegionStiffness, segments: hd.seg.Segmentation, number: int, record: CaseRecord
+    region: RegionStiffness, segments: hd.seg.Segmentation, number: int
 ) -> sr.VolumetricROIMeasurementsAndQualitativeEvaluations:
     """TID 1411: one region, by its segment."""
     segment = segments.SegmentSequence[number - 1]

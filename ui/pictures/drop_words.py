@@ -6,6 +6,7 @@ import numpy as np
 
 from palpate.segmentation.drop_step import Dropped, IdentifiedOrgan
 from palpate.segmentation.labels import PROSTATE_LEFT, PROSTATE_RIGHT
+from palpate.ui.number_words import three_figures
 from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
 from palpate.ui.pictures.drop_stage import DropStage, FallingOrgan
 
@@ -31,5 +32,5 @@ def stage_of(dropped: Dropped, per_second: float) -> DropStage:
 
 def subtitle(organ: IdentifiedOrgan) -> str:
     """G of each side, kPa."""
-    sides = ", ".join(f"{_SIDES[region]} {G:.3g} kPa" for region, G in sorted(organ.stiffness_kpa.items()))
+    sides = ", ".join(f"{_SIDES[region]} {three_figures(G)} kPa" for region, G in sorted(organ.stiffness_kpa.items()))
     return f"shear modulus G: {sides}"

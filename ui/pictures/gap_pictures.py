@@ -62,8 +62,11 @@ def residual_views(maps: Mapping[str, FloatArray]) -> Figure:
     axes = list(figure.subplots(1, len(VIEWS)))
     spread_out(figure)
     norm = Normalize(-_LIMIT_SD, _LIMIT_SD)
+    points = maps["points"]
+    middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.62 * float(np.ptp(points, axis=0).max())
     for ax, view in zip(axes, VIEWS, strict=True):
         _seen_from(ax, view, maps, norm)
+        _frame(ax, view.across[1] * middle[view.across[0]], middle[2], half)
     bar = figure.colorbar(ScalarMappable(norm, _RESIDUAL), ax=axes, shrink=0.8, extend="both")
     bar.set_label("predicted \N{MINUS SIGN} seen (sd)", fontsize=7)
     bar.ax.tick_params(labelsize=6)
@@ -82,7 +85,7 @@ def force_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
     for ax, plane in zip(axes, PLANES, strict=True):
         window = images.window(plane)
         draw_background(ax, images, plane, window)
-        draw_outlines(ax, images.rest, plane, window, (ORGAN, *WALLS))
+        draw_outlines(ax, images, plane, window, (ORGAN, *WALLS))
         _arrows(ax, plane, window, maps, norm)
     bar = figure.colorbar(ScalarMappable(norm, _FORCE), ax=axes, shrink=0.8)
     bar.set_label("missing force (N/cm\N{SUPERSCRIPT THREE})", fontsize=7)
@@ -98,22 +101,18 @@ def _seen_from(ax: Axes, view: View, maps: Mapping[str, FloatArray], norm: Norma
     points, value = points[order], maps["standardised"][near][order]
     across, direction = view.across
     ax.scatter(direction * points[:, across], points[:, 2], c=value, cmap=_RESIDUAL, norm=norm, s=9, linewidths=0)
-    ax.set_aspect("equal")
-    ax.set_xticks([])
-    ax.set_yticks([])
-    ax.margins(0.16)
     ax.set_title(view.name, fontsize=7)
-    for letter, x, y in ((view.left, 0.06, 0.5), (view.right, 0.94, 0.5), ("S", 0.5, 0.95), ("I", 0.5, 0.05)):
+    for letter, x, y in ((view.left, 0.03, 0.5), (view.right, 0.97, 0.5), ("S", 0.5, 0.97), ("I", 0.5, 0.03)):
         ax.text(x, y, letter, transform=ax.transAxes, fontsize=8, ha="center", va="center", family=LETTER_FONT)
-    _scale_bar(ax)
 
 
-def _scale_bar(ax: Axes) -> None:
-    """At the lower right; the axes are in mm."""
-    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-    ax.set_xlim(left, right)
-    ax.set_ylim(bottom, top)
-    end, y = right - 0.03 * (right - left), bottom + 0.03 * (top - bottom)
+def _frame(ax: Axes, across: float, up: float, half: float) -> None:
+    """The same square in every view, mm, so that all have one scale; its bar at the lower right."""
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    ax.set_xlim(across - half, across + half)
+    ax.set_ylim(up - half, up + half)
+    end, y = across + 0.97 * half, up - 0.94 * half
     ax.plot([end - SCALE_BAR_MM, end], [y, y], color="black", linewidth=1.6, solid_capstyle="butt")
     ax.text(end - 0.5 * SCALE_BAR_MM, y, f"{SCALE_BAR_MM:.0f} mm", fontsize=5.5, ha="center", va="bottom")
 

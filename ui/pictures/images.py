@@ -34,9 +34,12 @@ class CaseImages:
     @property
     def scale(self) -> StiffnessScale:
         """The colours of all stiffness pictures of this case."""
-        return self.shared or StiffnessScale.of(
-            G for label, G in self.stiffness_kpa.items() if label not in self.untold
-        )
+        return self.shared or StiffnessScale.of(self.told.values())
+
+    @property
+    def told(self) -> Mapping[int, float]:
+        """Organ label -> G in kPa of those that the pair tells."""
+        return {label: G for label, G in self.stiffness_kpa.items() if label not in self.untold}
 
     @property
     def organ(self) -> tuple[int, ...]:
@@ -73,9 +76,8 @@ def stiffness_slice(images: CaseImages, plane: Plane, window: Window) -> tuple[S
     stack = np.stack([shares[label].values for label in images.organ])
     winner = np.array(images.organ)[np.argmax(stack, axis=0)]
     inside = stack.sum(axis=0) >= 0.5
-    told = {label: G for label, G in images.stiffness_kpa.items() if label not in images.untold}
     value = np.full(winner.shape, np.nan)
-    for label, G in told.items():
+    for label, G in images.told.items():
         value[inside & (winner == label)] = G
     return Slice(value, extent), Slice((inside & np.isnan(value)).astype(float), extent)
 

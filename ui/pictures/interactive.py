@@ -53,7 +53,7 @@ def deformation_page(bodies: list[MovingBody], scale: StiffnessScale | None) -> 
     figure.update_layout(
         template="none",
         height=720,
-        margin={"l": 0, "r": 0, "t": 10, "b": 70},
+        margin={"l": 0, "r": 0, "t": 10, "b": 100},
         legend={"x": 0.0, "y": 1.0, "itemsizing": "constant"},
         scene=_axes(bodies),
     )

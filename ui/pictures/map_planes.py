@@ -45,7 +45,7 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
         _hatch(above, Slice((inside & ~told).astype(float), extent))
         _paint(below, Slice(factor, extent), "magma_r", _FACTORS)
         for axes in (above, below):
-            draw_outlines(axes, images.rest, plane, window, (ORGAN,))
+            draw_outlines(axes, images, plane, window, (ORGAN,))
         grid[1, column].set_title("")
     stiffness_bar(figure, list(grid[0]), scale, 0.95)
     bar = figure.colorbar(ScalarMappable(_FACTORS, "magma_r"), ax=list(grid[1]), shrink=0.95, pad=0.02, aspect=24)

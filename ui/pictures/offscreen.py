@@ -69,10 +69,10 @@ def draw(scene: Scene) -> list[NDArray[np.uint8]]:
     plotter.enable_depth_peeling(4)  # type: ignore[arg-type]
     plotter.enable_anti_aliasing("ssaa")
     pictures = []
-    if any(not view.left for view in scene.views):
-        plotter.add_orientation_widget(_cube(), viewport=(0.0, 0.0, 0.22, 0.22))  # type: ignore[arg-type]
+    cube = plotter.add_orientation_widget(_cube(), viewport=(0.0, 0.0, 0.22, 0.22))
     for view in scene.views:
         _look(plotter, scene, view)
+        cube.SetEnabled(not view.left)  # letters at the edges say the same, and it would hide what is behind it
         plotter.render()  # a screenshot alone shows the view before
         pictures.append(np.asarray(plotter.screenshot(return_img=True)))
     plotter.close()

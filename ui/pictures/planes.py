@@ -95,6 +95,12 @@ def share_of_label(labels: Volume, label: int, plane: Plane, window: Window) -> 
     return reslice(labels.with_array((labels.array == label).astype(np.float32)), plane, window, 0.0)
 
 
+def reached(volume: Volume, plane: Plane, window: Window) -> NDArray[np.bool_]:
+    """Whether the volume reaches each pixel (rows, columns) of the slice."""
+    here = reslice(volume.with_array(np.ones(volume.array.shape, dtype=np.float32)), plane, window, 0.0)
+    return here.values > 0.5
+
+
 def centre_of(labels: Volume, label_ids: tuple[int, ...]) -> FloatArray:
     """The centre (3,) mm of the voxels of some labels; of the whole grid where there are none."""
     index = np.argwhere(np.isin(labels.array, label_ids))

@@ -79,7 +79,7 @@ class Scene:
             "bodies": {name: body.opacity for name, body in self.bodies.items()},
         }
         arrays = {f"{name}/{key}": getattr(body, key) for name, body in self.bodies.items() for key in _ARRAYS}
-        np.savez(path, facts=np.array(json.dumps(facts)), **arrays)  # type: ignore[arg-type]
+        np.savez(path, facts=np.array(json.dumps(facts)), **arrays)
 
     @classmethod
     def load(cls, path: Path) -> Scene:

@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
-from palpate.segmentation.volume import Volume
 from palpate.ui.pictures.colours import OUTLINES
 from palpate.ui.pictures.images import CaseImages, grey, stiffness_slice
-from palpate.ui.pictures.planes import Plane, Slice, Window, share_of_label
+from palpate.ui.pictures.planes import Plane, Slice, Window, reached, share_of_label
 
 SCALE_BAR_MM = 20.0
 # Its I has serifs: without them it is a stroke like any other.
@@ -64,13 +63,20 @@ def draw_stiffness(axes: Axes, images: CaseImages, plane: Plane, window: Window,
 
 
 def draw_outlines(
-    axes: Axes, labels: Volume, plane: Plane, window: Window, outlines: Iterable[Outline], dashed: bool = False
+    axes: Axes, images: CaseImages, plane: Plane, window: Window, outlines: Iterable[Outline], deformed: bool = False
 ) -> None:
-    """Outlines at the half level of each label."""
-    style = "dashed" if dashed else "solid"
+    """Outlines at the half level of each label, at rest or, dashed, deformed.
+
+    Open where the labels or the scan below them end: an organ that is cut off there goes on, and a line would say that it ends.
+    """
+    labels = images.deformed if deformed and images.deformed is not None else images.rest
+    style = "dashed" if deformed else "solid"
+    there = reached(labels, plane, window)
+    if images.ct is not None:
+        there &= reached(images.ct, plane, window)
     for outline in outlines:
         shares = [share_of_label(labels, label, plane, window) for label in outline.labels]
-        whole = np.sum([share.values for share in shares], axis=0)
+        whole = np.where(there, np.sum([share.values for share in shares], axis=0), np.nan)
         _line(axes, Slice(whole, shares[0].extent), outline.name, style, 1.1)
         if outline.divided and len(shares) > 1:
             between = np.where(whole > 0.5, shares[0].values - shares[1].values + 0.5, np.nan)

@@ -78,8 +78,8 @@ def deformation_planes(images: CaseImages) -> Figure:
     for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
         window = images.window(plane, margin_mm=40.0)
         draw_background(axes, images, plane, window)
-        for labels, dashed in ((images.rest, False), (images.deformed, True)):
-            draw_outlines(axes, labels, plane, window, _outlines(images), dashed)
+        for deformed in (False, True):
+            draw_outlines(axes, images, plane, window, _outlines(images), deformed)
     _legend(figure, images, deformed=True)
     return figure
 
@@ -102,7 +102,7 @@ def save(figure: Figure, path: Path) -> Path:
 
 
 def _outline_rest(axes: Axes, images: CaseImages, plane: Plane, window: Window) -> None:
-    draw_outlines(axes, images.rest, plane, window, _outlines(images))
+    draw_outlines(axes, images, plane, window, _outlines(images))
 
 
 def _outlines(images: CaseImages) -> tuple[Outline, ...]:
@@ -111,11 +111,12 @@ def _outlines(images: CaseImages) -> tuple[Outline, ...]:
 
 
 def _colour_bar(figure: Figure, images: CaseImages, axes: list[Axes]) -> None:
+    if not images.told:
+        return  # nothing is coloured
     bar = stiffness_bar(figure, axes, images.scale, 0.95)
-    for label, G in images.stiffness_kpa.items():
-        if label not in images.untold:
-            bar.ax.axhline(G, color="white", linewidth=2.4)
-            bar.ax.axhline(G, color="black", linewidth=1.2)
+    for G in images.told.values():
+        bar.ax.axhline(G, color="white", linewidth=2.4)
+        bar.ax.axhline(G, color="black", linewidth=1.2)
 
 
 def _legend(figure: Figure, images: CaseImages, deformed: bool) -> None:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from palpate.segmentation.surfaces import TriSurface
+from palpate.segmentation.volume import Volume
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.offscreen import render
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
@@ -34,17 +35,22 @@ class MisfitMap:
     """The deformed organ as the model predicts it, and how far each point lies outside (+) or inside (-) what the scan shows.
 
     points (n, 3) mm LPS, faces (f, 3), distance (n,) mm. noise_mm : what the contours' own repeatability gives; None unknown.
+    greatest_mm : the largest distance, which may lie beyond the colours.
     """
 
     points: NDArray[np.float64]
     faces: NDArray[np.int64]
     distance: NDArray[np.float64]
     noise_mm: float | None = None
+    greatest_mm: float = 0.0
 
 
-def anatomy(surfaces: Mapping[str, TriSurface], stiffness: Mapping[int, float], scale: StiffnessScale) -> Figure:
+def anatomy(
+    surfaces: Mapping[str, TriSurface], stiffness: Mapping[int, float], scale: StiffnessScale, region: Volume
+) -> Figure:
     """The organ coloured by stiffness (grey where it is not told), bones, bladder and rectum translucent, from two sides.
 
+    region : what the surfaces were made from: they are carried on beyond it, to have no cap there, but nothing is known of that.
     Raises OffscreenError where this machine cannot draw 3D pictures.
     """
     organ = surfaces["organ"]
@@ -54,15 +60,24 @@ def anatomy(surfaces: Mapping[str, TriSurface], stiffness: Mapping[int, float], 
     for name, (r, g, b, opacity) in AROUND.items():
         if name in surfaces:
             wall = surfaces[name]
-            bodies[name] = Body(wall.points, wall.faces, np.tile([r, g, b], (len(wall.faces), 1)), opacity)
+            faces = inside(wall, region)
+            bodies[name] = Body(wall.points, faces, np.tile([r, g, b], (len(faces), 1)), opacity)
     views = (ANTERIOR, OBLIQUE)
     figure = Figure(figsize=(7.6, 3.7), layout="constrained")
     axes = figure.subplots(1, 2)
     scene = Scene(bodies, views, (800, 800), "organ")
     for ax, picture, view in zip(axes, render(scene), views, strict=True):
         _show(ax, picture, view, scene.height_mm)
-    stiffness_bar(figure, list(axes), scale, 0.85)
+    if stiffness:
+        stiffness_bar(figure, list(axes), scale, 0.85)
     return figure
+
+
+def inside(surface: TriSurface, region: Volume) -> NDArray[np.int64]:
+    """The faces of a surface all of whose points lie within the voxels of ``region``."""
+    index = region.to_index(surface.points)
+    outside = np.any((index < -0.5) | (index > np.array(region.array.shape) - 0.5), axis=1)
+    return surface.faces[~np.any(outside[surface.faces], axis=1)]
 
 
 def misfit(found: MisfitMap) -> Figure:
@@ -70,6 +85,7 @@ def misfit(found: MisfitMap) -> Figure:
     limit = max(float(np.percentile(np.abs(found.distance), 98)), 0.5, found.noise_mm or 0.0)
     limit = float(np.ceil(limit / 0.5) * 0.5)
     norm, colours = Normalize(-limit, limit), colormaps["RdBu_r"]
+    beyond = "both" if found.greatest_mm > limit else "neither"
     rgb = colours(norm(found.distance[found.faces].mean(axis=1)))[:, :3]
     views = (ANTERIOR, POSTERIOR, LEFT, RIGHT)
     scene = Scene({"organ": Body(found.points, found.faces, rgb)}, views, (500, 500))
@@ -78,9 +94,9 @@ def misfit(found: MisfitMap) -> Figure:
     spread_out(figure)
     for ax, picture, view in zip(axes, render(scene), views, strict=True):
         _show(ax, picture, view, scene.height_mm)
-    bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), shrink=0.95, aspect=18)
-    bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=7)
-    bar.ax.tick_params(labelsize=7)
+    bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), shrink=0.95, aspect=18, extend=beyond)
+    bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
     for sign in (-1.0, 1.0):
         if found.noise_mm is not None and found.noise_mm < limit:
             bar.ax.axhline(sign * found.noise_mm, color="black", linewidth=0.8)

@@ -33,12 +33,22 @@ class Bullets:
 
 @dataclass(frozen=True)
 class Table:
-    """header and rows of plain text; columns after the first are aligned right where ``numbers``."""
+    """header and rows of plain text; columns of figures are aligned right where ``numbers``."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
     numbers: bool = True
+
+    @property
+    def right(self) -> tuple[bool, ...]:
+        """Whether each column is aligned right: all that stands in it begins like a number."""
+        columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.header)
+        return tuple(self.numbers and all(_is_figure(cell) for cell in column) for column in columns)
+
+
+def _is_figure(cell: str) -> bool:
+    return not cell or cell[0] in "0123456789+-\N{MINUS SIGN}\N{EN DASH}"
 
 
 @dataclass(frozen=True)

@@ -11,25 +11,26 @@ from matplotlib.figure import Figure
 
 from palpate.core.worker.progress import Progress
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
+from palpate.segmentation.mesh_step import load_surfaces
 from palpate.segmentation.volume import Volume
+from palpate.ui.number_words import three_figures
 from palpate.ui.pictures import slices, solids
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.map_planes import Arrays, map_planes
-from palpate.ui.pictures.offscreen import OffscreenError, polydata
+from palpate.ui.pictures.offscreen import OffscreenError
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.gap_section import gap_pictures
+from palpate.ui.report.misfit_map import misfit_map
 from palpate.ui.report.moving import moving_view
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.summary import tells_apart
 
 _PLANES_CAPTION = (
     "Slices through the organ ({ground}). Above, dotted lines show where the other slices lie; below, the shear modulus "
-    "in colour; hatched or grey where this pair does not tell it. The sagittal slice goes through the stiffest region. "
-    "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS). "
-    "Lines in the colour bar: the values found.{doubt}"
+    "in colour; hatched or grey where this pair does not tell it. The sagittal slice goes through the region of the highest value. "
+    "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS).{bar}{doubt}"
 )
 
 
@@ -74,26 +75,13 @@ def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], fol
     _search(drawn, record, folder)
     if case.has("surfaces.npz"):
         progress(0.4, "three dimensions")
-        _or_missing(drawn, "the 3D view", lambda: _anatomy(drawn, case, record, images, folder))
+        _or_missing(drawn, "the 3D view", lambda: _anatomy(drawn, case, images, folder))
     if case.has("surfaces.npz") and case.has("identify/fields.npz"):
         progress(0.7, "misfit on the organ")
         _or_missing(drawn, "the misfit on the organ", lambda: _misfit(drawn, case, record, folder))
     if case.has("mesh.npz") and case.has("identify/fields.npz"):
         drawn.interactive.append(moving_view(case, images))
     return drawn
-
-
-def misfit_map(case: CaseFolder, noise_mm: float | None) -> solids.MisfitMap:
-    """The organ of the mesh moved as identified, and the signed distance of its points from the deformed scan's surface."""
-    mesh = load_meshed(case).mesh
-    moved = mesh.points + case.read_npz("identify/fields.npz")["mesh_displacement"]
-    organ = tuple(sorted(set(np.unique(mesh.regions).tolist()) & {1, 2}))
-    faces, _ = mesh.region_boundary(organ)
-    used, inverse = np.unique(faces, return_inverse=True)
-    target = load_surfaces(case, "deformed")[ORGAN_NAME]
-    seen = polydata(target.points, target.faces)
-    distance = polydata(moved[used], inverse.reshape(-1, 3)).compute_implicit_distance(seen)["implicit_distance"]
-    return solids.MisfitMap(moved[used], inverse.reshape(-1, 3), np.asarray(distance, dtype=float), noise_mm)
 
 
 def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], mapped: Arrays | None) -> CaseImages:
@@ -111,20 +99,24 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
         if same
         else ""
     )
+    bar = " Lines in the colour bar: the values found." if images.told else ""
     ground = "CT at rest, window 40/400 HU" if images.ct is not None else "no CT: labels at rest in grey and colour"
-    told = ", ".join(f"label {label}: {G:.3g} kPa" for label, G in images.stiffness_kpa.items())
+    told = ", ".join(f"label {label}: {three_figures(G)} kPa" for label, G in images.stiffness_kpa.items())
     says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
     drawn.add(
         "stiffness_planes",
         folder,
         slices.stiffness_planes(images),
-        _PLANES_CAPTION.format(ground=ground, doubt=doubt),
+        _PLANES_CAPTION.format(ground=ground, doubt=doubt, bar=bar),
         says,
     )
     caption = "Axial slices from the organ's lower to its upper end."
     drawn.add("stiffness_series", folder, slices.stiffness_series(images), caption, f"Six axial slices. {says}")
     if images.deformed is not None:
-        caption = "Outlines at rest (solid) and deformed (dashed) on the anatomy at rest, after alignment on bone."
+        caption = (
+            "Outlines at rest (solid) and deformed (dashed) on the anatomy at rest, after alignment on bone; open where the scan or "
+            "the region that is modelled ends."
+        )
         says = "Slices in three planes with the outlines of organ, bladder and rectum in both states."
         drawn.add("deformation_planes", folder, slices.deformation_planes(images), caption, says)
 
@@ -154,11 +146,11 @@ def _search(drawn: Drawn, record: CaseRecord, folder: Path) -> None:
     drawn.add("convergence", folder, convergence(best, noise), caption, says, 0.6)
 
 
-def _anatomy(drawn: Drawn, case: CaseFolder, record: CaseRecord, images: CaseImages, folder: Path) -> None:
-    told = {label: G for label, G in images.stiffness_kpa.items() if label not in images.untold}
-    figure = solids.anatomy(load_surfaces(case, "rest"), told, images.scale)
+def _anatomy(drawn: Drawn, case: CaseFolder, images: CaseImages, folder: Path) -> None:
+    figure = solids.anatomy(load_surfaces(case, "rest"), images.told, images.scale, images.rest)
     caption = (
-        "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (brown) translucent."
+        "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (brown) translucent, cut off where the "
+        "region that is modelled ends."
     )
     drawn.add("anatomy", folder, figure, caption, "Two three-dimensional views of the organ among its neighbours.")
 
@@ -167,7 +159,8 @@ def _misfit(drawn: Drawn, case: CaseFolder, record: CaseRecord, folder: Path) ->
     figure = solids.misfit(misfit_map(case, record.expected_misfit_mm))
     caption = (
         "Where the model's deformed organ lies outside (red) or inside (blue) the surface that the deformed scan shows. "
-        "Black lines in the colour bar: what the contours' own error would leave (one standard deviation)."
+        "The points are those of the figures above. Black lines in the colour bar: what the contours' own error would leave (one standard "
+        "deviation)."
     )
     drawn.add("misfit", folder, figure, caption, "Four views of the organ coloured by signed distance in mm.")
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.segmentation.case import CaseFolder
+from palpate.ui.number_words import measured, three_figures
 from palpate.ui.pictures.gap_pictures import force_planes, residual_views
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import save
@@ -16,6 +17,7 @@ from palpate.ui.report.diagnosis_words import (
     FALSE_ALARMS,
     GAP_TITLE,
     VERDICTS,
+    chance,
     gap_is_seen,
     plain,
     two_noises,
@@ -23,7 +25,7 @@ from palpate.ui.report.diagnosis_words import (
 )
 from palpate.ui.report.document import Block, Bullets, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.regions import number, region_words
+from palpate.ui.report.regions import region_words
 
 DIAGNOSIS = "diagnosis.json"
 _SHOWN = 6
@@ -67,7 +69,9 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     blocks += [Paragraph(noises, "small")] if noises else []
     blocks += [pictures[n] for n in ("gap_residual", "gap_force") if n in pictures]
     if gap_is_seen(found):
-        blocks += [_ranking(found), *_told(_shrinkage(found)), *_stiffness(found, record)]
+        blocks += [_ranking(found), *_told(_shrinkage(found)), *_told(_stiffness(found))]
+    which = two_stiffnesses(record)
+    blocks += [Paragraph(which)] if which else []
     if found["next_measurement"]:
         blocks.append(Notice(f"To settle it, measure next: {found['next_measurement']}."))
     if found.get("flags"):
@@ -77,12 +81,12 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
 
 def _figures(found: Mapping[str, Any]) -> Table:
     gap, verdict = found["gap"], found["verdict"]
-    floor, p = gap["noise_floor_mm"], gap["p_value"]
+    floor = gap["noise_floor_mm"]
     rows = [
         ("verdict", VERDICTS.get(verdict, plain(verdict))),
         ("gap on the organ's surface, smoothed over the noise", f"{gap['rms_mm']:.2f} mm rms, 95 % below {gap['p95_mm']:.2f} mm"),
         ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{floor:.2f} mm rms"),
-        ("chance of such a gap without any effect", "below 0.001" if p < 0.001 else f"{p:.3f}"),
+        ("chance of such a gap without any effect", chance(gap["p_value"])),
     ]  # fmt: skip
     return Table(("", ""), rows, numbers=False)
 
@@ -92,17 +96,22 @@ def _ranking(found: Mapping[str, Any]) -> Table:
     rows = []
     for row in found["ranking"][:_SHOWN]:
         parameters = ", ".join(
-            f"{name.replace('_', ' ')} {p['value']:.3g} \N{PLUS-MINUS SIGN} {p['sd']:.2g} {p['unit'] if p['unit'] != '1' else ''}".strip()
+            f"{name.replace('_', ' ')} {measured(p['value'], p['sd'])} {p['unit'] if p['unit'] != '1' else ''}".strip()
             for name, p in row["parameters"].items()
         )
         gain = f"{row['cv_gain_mm']:.2f}"
-        rows.append((plain(row["effect"]), f"{row['probability']:.2f}", gain, parameters))
+        rows.append((plain(row["effect"]), _share(row["probability"]), gain, parameters))
     return Table(
         header,
         rows,
         "Effects by their probability, given that there is a gap; ± is one standard deviation",
         numbers=False,
     )
+
+
+def _share(probability: float) -> str:
+    """A probability that is neither nothing nor certain is not written as either."""
+    return "below 0.01" if probability < 0.005 else f"{min(probability, 0.99):.2f}"
 
 
 def _told(table: Table | None) -> list[Block]:
@@ -124,20 +133,20 @@ def _shrinkage(found: Mapping[str, Any]) -> Table | None:
     return Table(("", ""), rows, f"How far the gap shrinks with {name}", numbers=False)
 
 
-def _stiffness(found: Mapping[str, Any], record: CaseRecord) -> list[Block]:
+def _stiffness(found: Mapping[str, Any]) -> Table | None:
     without, fuller = found["stiffness"]["without_effect"], found["stiffness"]["with_effect"]
     if fuller is None:
-        return []
+        return None
     rows = [
         (region_words(name, len(without) == 1), _interval(values), _interval(fuller[name]))
         for name, values in without.items()
     ]
     header = ("region", "G without the effect, kPa (95 % interval)", "G with it, kPa (95 % interval)")
-    return [Table(header, rows), Paragraph(two_stiffnesses(found, record), "small")]
+    return Table(header, rows, "Stiffness as the diagnosis fits it, to compare; not the one to quote")
 
 
 def _interval(values: Mapping[str, float]) -> str:
     """``33.2 (22.7 to 48.7)``: normal in ln G, whose sd the diagnosis gives as G sinh(sd)."""
     G = values["G_kpa"]
     factor = float(np.exp(1.96 * np.arcsinh(values["sd_kpa"] / G)))
-    return f"{number(G)} ({number(G / factor)} to {number(G * factor)})"
+    return f"{three_figures(G)} ({three_figures(G / factor)} to {three_figures(G * factor)})"

@@ -27,7 +27,7 @@ def moving_view(case: CaseFolder, images: CaseImages) -> Interactive:
     meshed = load_meshed(case)
     move = case.read_npz("identify/fields.npz")["mesh_displacement"]
     bodies = _organ(meshed, move, images) + _walls(meshed, move)
-    return Interactive(deformation_page(bodies, images.scale if images.stiffness_kpa else None), _CAPTION)
+    return Interactive(deformation_page(bodies, images.scale if images.told else None), _CAPTION)
 
 
 def _organ(meshed: MeshedCase, move: NDArray[np.float64], images: CaseImages) -> list[MovingBody]:
@@ -38,8 +38,7 @@ def _organ(meshed: MeshedCase, move: NDArray[np.float64], images: CaseImages) ->
     bodies = []
     for region in regions:
         here = faces[mesh.regions[owners] == region]
-        told = region in images.stiffness_kpa and region not in images.untold
-        colour = images.scale.rgb(images.stiffness_kpa[region]) if told else UNTOLD
+        colour = images.scale.rgb(images.told[region]) if region in images.told else UNTOLD
         name = LABELS[region].replace("_", " ")
         bodies.append(MovingBody.of(name, mesh.points, move, here, np.tile(colour, (len(here), 1)), 1.0))
     return bodies

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
-from itertools import chain
+from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -19,6 +19,7 @@ from reportlab.pdfbase import pdfmetrics
 from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import (
+    CondPageBreak,
     Flowable,
     KeepTogether,
     ListFlowable,
@@ -29,13 +30,16 @@ from reportlab.platypus import (
 )
 
 from palpate.ui.report import document as doc
-from palpate.ui.report.pdf_parts import FittingPicture, column_widths
+from palpate.ui.report.pdf_parts import FittingPicture, PictureRun, column_widths
 
 # matplotlib brings a free font that has Greek letters; PDF's own fonts have none.
 _FONT, _BOLD = "DejaVuSans", "DejaVuSans-Bold"
 _CELL = 8.5
 _MARGIN = 17.0 * mm
 _WIDTH = A4[0] - 2.0 * _MARGIN
+# Of reportlab's frames: taken off the margins, so that text, tables and pictures begin where the footer does.
+_PADDING = 6.0
+_ENOUGH = 70.0 * mm  # of a page, for a heading and the beginning of its table
 _INK, _QUIET = colors.HexColor("#1b1f24"), colors.HexColor("#3d4650")
 
 
@@ -43,7 +47,7 @@ def write_pdf(document: doc.Document, path: Path) -> Path:
     """Writes the report; its footer stands on every page."""
     _register_fonts()
     template = SimpleDocTemplate(
-        str(path), pagesize=A4, leftMargin=_MARGIN, rightMargin=_MARGIN, topMargin=18.0 * mm, bottomMargin=18.0 * mm,
+        str(path), pagesize=A4, leftMargin=_MARGIN - _PADDING, rightMargin=_MARGIN - _PADDING, topMargin=18.0 * mm, bottomMargin=18.0 * mm,
         title=f"{document.title}: {document.subtitle}", author="Palpate", subject=document.footer, lang="en",
     )  # fmt: skip
     decorate = partial(_decorate, document)
@@ -59,7 +63,25 @@ def _story(document: doc.Document) -> list[Flowable]:
         heading = Paragraph(escape(section.title), _style(13, bold=True, before=4, after=1.5))
         on_paper = [block for block in section.blocks if not isinstance(block, doc.Interactive)]
         first, *others = [_flowables(block) for block in on_paper]
-        story += [KeepTogether([heading, *first]), *chain.from_iterable(others)]
+        story += [*_headed(heading, first), *_runs(chain.from_iterable(others))]
+    return story
+
+
+def _headed(heading: Flowable, first: list[Flowable]) -> list[Flowable]:
+    """A heading and what stands under it: together, but a long table goes on over the page where enough of it fits below the heading."""
+    if not isinstance(first[-1], Table):
+        return [KeepTogether([heading, *first])]
+    height = sum(flowable.wrap(_WIDTH, A4[1])[1] for flowable in (heading, *first)) + 10 * mm
+    return [CondPageBreak(min(height, _ENOUGH)), heading, *first]
+
+
+def _runs(flowables: Iterable[Flowable]) -> list[Flowable]:
+    """The same with pictures that follow each other as one that fills pages."""
+    story: list[Flowable] = []
+    for _, group in groupby(flowables, lambda f: isinstance(f, FittingPicture)):
+        members = list(group)
+        pictures = [f for f in members if isinstance(f, FittingPicture)]
+        story += [PictureRun(pictures)] if pictures else members
     return story
 
 
@@ -93,14 +115,14 @@ def _bullets(block: doc.Bullets) -> Flowable:
 
 
 def _table(block: doc.Table) -> Flowable:
-    right = _style(_CELL, align=2) if block.numbers else _style(_CELL)
+    align = [2 * right for right in block.right]
     cells = [
-        [Paragraph(escape(c), _style(_CELL) if i == 0 else right) for i, c in enumerate(row)] for row in block.rows
+        [Paragraph(escape(c), _style(_CELL, align=a)) for c, a in zip(row, align, strict=True)] for row in block.rows
     ]
     lines = [("LINEBELOW", (0, 0), (-1, -1), 0.4, colors.HexColor("#c8cfd6")), ("VALIGN", (0, 0), (-1, -1), "TOP")]
     if any(block.header):
-        bold = [_style(_CELL, bold=True), _style(_CELL, bold=True, align=2 if block.numbers else 0)]
-        cells.insert(0, [Paragraph(escape(c), bold[min(i, 1)]) for i, c in enumerate(block.header)])
+        heads = zip(block.header, align, strict=True)
+        cells.insert(0, [Paragraph(escape(c), _style(_CELL, bold=True, align=a)) for c, a in heads])
     pads = [("TOPPADDING", (0, 0), (-1, -1), 1.5), ("BOTTOMPADDING", (0, 0), (-1, -1), 2)]
     table = Table(
         cells,

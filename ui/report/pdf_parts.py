@@ -10,6 +10,8 @@ from palpate.ui.report import document as doc
 
 # A picture is made smaller, to this share at most, rather than leave the rest of a page empty.
 SMALLEST = 0.7
+# Pictures that share what is left of a page are not made smaller than this to do so.
+SMALLEST_TOGETHER = 0.8
 
 
 class FittingPicture(Flowable):
@@ -23,11 +25,24 @@ class FittingPicture(Flowable):
         self.spaceAfter = 3 * mm
         self._path, self._wanted, self._caption = path, (width, height), caption
         self._scale, self._below = 1.0, 0.0
+        self._given: float | None = None
+
+    def at(self, scale: float) -> FittingPicture:
+        """The same, no more fitting itself: as large as it is told, 1 for whole."""
+        self._given = scale
+        return self
+
+    def heights(self, width: float) -> tuple[float, float]:
+        """Of the whole picture, and of what stands below it with the space after, points."""
+        return self._wanted[1], self._caption.wrap(width, 1e4)[1] + 1 * mm + self.spaceAfter
 
     def wrap(self, aW: float, aH: float) -> tuple[float, float]:
         """Width and height taken of what is there; more than there is sends it to the next page."""
         width, height = self._wanted
         self._below = self._caption.wrap(aW, aH)[1] + 1 * mm
+        if self._given is not None:
+            self._scale = self._given
+            return width, self._scale * height + self._below
         share = (aH - self._below) / height
         self._scale = share if SMALLEST <= share < 1.0 else 1.0
         return width, self._scale * height + self._below
@@ -37,6 +52,41 @@ class FittingPicture(Flowable):
         width, height = (self._scale * size for size in self._wanted)
         self.canv.drawImage(self._path, 0.0, self._below, width, height)
         self._caption.drawOn(self.canv, 0.0, 0.0)
+
+
+class PictureRun(Flowable):
+    """Pictures that follow each other. As many as fit what is left of a page, somewhat smaller where need be, go on it, a later one
+    before one that does not fit.
+
+    pictures : one or more.
+    """
+
+    def __init__(self, pictures: list[FittingPicture]) -> None:
+        super().__init__()
+        self.spaceAfter = pictures[0].spaceAfter
+        self._pictures = pictures
+
+    def wrap(self, aW: float, aH: float) -> tuple[float, float]:
+        """More than there is, so that it is always asked to split."""
+        return aW, aH + 1.0
+
+    def split(self, aW: float, aH: float) -> list[Flowable]:
+        """The pictures that fit and the run of the others; nothing where none does."""
+        fitting: list[FittingPicture] = []
+        for picture in self._pictures:
+            if _scale([*fitting, picture], aW, aH) >= (SMALLEST_TOGETHER if fitting else SMALLEST):
+                fitting.append(picture)
+        if not fitting:
+            return []
+        scale = min(1.0, _scale(fitting, aW, aH))
+        others = [p for p in self._pictures if p not in fitting]
+        return [*(picture.at(scale) for picture in fitting), *([PictureRun(others)] if others else [])]
+
+
+def _scale(pictures: list[FittingPicture], width: float, height: float) -> float:
+    """The scale at which pictures one below the other fill a height, points; the last needs no space after it, which is to spare."""
+    whole, fixed = (sum(sizes) for sizes in zip(*(picture.heights(width) for picture in pictures), strict=True))
+    return (height - fixed) / whole
 
 
 def column_widths(block: doc.Table, page: float, font: str, size: float) -> list[float]:

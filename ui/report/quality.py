@@ -10,6 +10,7 @@ from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
 from palpate.ui.label_words import CARRIED, WORDS
 from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
 from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.regions import in_words, region_words
 
 # From its first separator to the word after its last one, spaces included.
 _ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")
@@ -38,7 +39,9 @@ def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
     notes = [*record.imported.get("notes", ()), *record.segmentation.get("notes", ())]
     notes += [*record.alignment.get("notes", ()), *record.result.get("notes", ())]
     if notes:
-        blocks.append(Bullets([without_paths(str(note)) for note in dict.fromkeys(notes)]))
+        blocks.append(
+            Bullets([without_paths(in_words(str(note), record.result["parameters"])) for note in dict.fromkeys(notes)])
+        )
     blocks += [Paragraph(f"Left out: {reason}.", "small") for reason in missing]
     return Section("Quality of what it rests on", blocks)
 
@@ -50,24 +53,25 @@ def _label_rows(record: CaseRecord) -> list[tuple[str, ...]]:
             continue  # what is left within the box: its volume says nothing
         volumes = [record.volumes_cc.get(state, {}).get(name) for state in ("rest", "deformed")]
         if any(v is not None for v in volumes):
-            rows.append((name.replace("_", " "), *(_cc(v) for v in volumes), _origin(record.segmentation, name)))
+            rows.append((region_words(name), *(_cc(v) for v in volumes), _origin(record.segmentation, name)))
     return rows
 
 
 def _origin(segmentation: Mapping[str, Any], name: str) -> str:
     """How a label came about and how sure that is, as segmentation.json says of both states."""
     organ = "prostate" if name.startswith("prostate") else name
-    texts = []
-    for state in segmentation.get("states", {}).values():
+    texts = {}
+    for name_of_state, state in segmentation.get("states", {}).items():
         entry = state.get("organs", {}).get(organ) or state.get(organ)
         if entry is None and "organs" in state:
-            texts.append("what is left within the body")
+            texts[name_of_state] = "what is left within the body"
         elif entry is not None:
             sure = None if entry["method"] == "user" else entry.get("confidence")
-            texts.append(
-                WORDS.get(entry["method"], str(entry["method"])) + ("" if sure is None else f", confidence {sure:.2f}")
-            )
-    return "; ".join(dict.fromkeys(texts)) or "given with the case"
+            said = WORDS.get(entry["method"], str(entry["method"]))
+            texts[name_of_state] = said + ("" if sure is None else f", confidence {sure:.2f}")
+    if len(set(texts.values())) > 1:
+        return "; ".join(f"{state}: {text}" for state, text in texts.items())
+    return next(iter(texts.values()), "given with the case")
 
 
 def _alignment(record: CaseRecord) -> list[Block]:

@@ -86,8 +86,16 @@ class CaseRecord:
 def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
     """The record of a case that has been identified; ``labels`` are its label volumes by state.
 
-    Raises InputError when result.json is missing or not in its form.
+    Raises InputError when result.json is missing, with what to do, or not in its form.
     """
+    if not case.has("result.json"):
+        alone = case.has_labels("rest") and not case.has_labels("deformed") and not case.has("deformed_ct")
+        todo = (
+            "it holds the scan at rest alone: `palpate plan` works on it, or import both scans"
+            if alone
+            else "run `palpate identify` first"
+        )
+        raise InputError(f"{case.file('result.json')} is not there; {todo}")
     result = case.read_json("result.json")
     _check(result, str(case.file("result.json")))
     return CaseRecord(

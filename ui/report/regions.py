@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,17 +57,17 @@ def region_of(name: str, p: Mapping[str, Any], facts: CaseFacts, alone: bool) ->
     return RegionStiffness(name, words, float(p["G_kpa"]), sd, ci, mu1, mu2, mean, at_bound, told)
 
 
+def in_words(text: str, names: Iterable[str]) -> str:
+    """A text of another step with its regions called as everywhere in the report. names : of result.json's regions."""
+    known = list(names)
+    for name in known:
+        text = text.replace(name.replace("_", " "), region_words(name, len(known) == 1))
+    return text
+
+
 def region_words(name: str, alone: bool = False) -> str:
     """``prostate_left`` as a person says it: left half of the prostate; where it stands alone, the whole prostate."""
     organ, _, side = name.rpartition("_")
     if not organ or side not in ("left", "right"):
         return name.replace("_", " ")
     return organ if alone else f"{side} half of the {organ}"
-
-
-def number(value: float) -> str:
-    """Three figures, without an exponent."""
-    if value == 0.0 or not np.isfinite(value):
-        return f"{value:g}"
-    places = max(0, 2 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{places}f}"

@@ -11,6 +11,7 @@ from typing import Any
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import STATES, CaseFolder
+from palpate.ui.report.drawn_by import drawn_by
 from palpate.ui.report.figures import draw
 from palpate.ui.report.html_page import html
 from palpate.ui.report.pdf import write_pdf
@@ -35,12 +36,13 @@ class ReportOptions:
 def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
     """Writes report/ of a case: report.html, report.pdf and the pictures. Returns what was written, and what could not be.
 
-    Nothing is done when nothing it shows has changed. Raises InputError when the case has no result or no labels.
+    Nothing is done when neither what it shows nor what draws it has changed and nothing was missing. Raises InputError when the
+    case has no result or no labels.
     """
     options = options or ReportOptions()
     version = metadata.version("palpate")
-    inputs = case.inputs_sha256(INPUTS, [asdict(options), version])
-    if case.step_is_done(STEP, inputs):
+    inputs = case.inputs_sha256(INPUTS, [asdict(options), drawn_by()])
+    if case.step_is_done(STEP, inputs) and not _written(case)["missing"]:
         progress(1.0, "the report is up to date")
         return _written(case)
     if not case.has_labels("rest"):

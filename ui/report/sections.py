@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from palpate.ui.number_words import three_figures
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Drawn
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.regions import RegionStiffness, number
+from palpate.ui.report.stiffness_section import limits, stiffness_section
 from palpate.ui.report.summary import summary
-
-MU_NOTE = (
-    "G = 2 (\u03bc1 + \u03bc2) is the small-strain shear modulus. The kPa of the MaterialCloning paper are \u03bc: its value "
-    "compares with the mean of \u03bc1 and \u03bc2 here, a quarter of G. One pair cannot separate \u03bc1 from \u03bc2; they are "
-    "set equal unless said otherwise."
-)
-_DASH = "\N{EN DASH}"
 
 
 def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Document:
@@ -27,7 +21,7 @@ def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Docum
     notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
     sections = (
         Section("Summary", _summary(record, pictures)),
-        _stiffness(record, drawn),
+        stiffness_section(record, drawn),
         _fit(record, pictures),
         *([gap_section(record, pictures)] if record.diagnosis else []),
         quality(record, drawn.missing),
@@ -38,39 +32,8 @@ def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Docum
 
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
-    return [*(Paragraph(text, "lead") for text in summary(record)), *_shown(pictures, "stiffness_planes")]
-
-
-def _stiffness(record: CaseRecord, drawn: Drawn) -> Section:
-    header = (
-        "region",
-        "G, kPa",
-        "sd, kPa",
-        "95 % interval, kPa",
-        "\u03bc1, kPa",
-        "\u03bc2, kPa",
-        "mean \u03bc, kPa",
-        "",
-    )
-    rows = [_stiffness_row(region) for region in record.regions]
-    identifiability = record.result["identifiability"]
-    values = ", ".join(f"{v:.3g}" for v in identifiability["singular_values"])
-    blocks: list[Block] = [
-        Table(header, rows),
-        Paragraph(MU_NOTE, "small"),
-        Paragraph(f"What this pair can tell: {_sentence(str(identifiability['verdict']))}"),
-        Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
-        *_shown(drawn.pictures, "stiffness_series", "stiffness_map", "anatomy"),
-        *drawn.interactive,
-    ]
-    return Section("Stiffness", blocks)
-
-
-def _stiffness_row(region: RegionStiffness) -> tuple[str, ...]:
-    ci = _DASH if region.ci is None else f"{number(region.ci[0])} to {number(region.ci[1])}"
-    note = "at bound" if region.at_bound else "" if region.told else "not told"
-    sd = _DASH if region.sd is None else number(region.sd)
-    return region.words, number(region.G), sd, ci, number(region.mu1), number(region.mu2), number(region.mu_mean), note
+    found = [Paragraph(text, "lead") for text in summary(record)]
+    return [*found, Paragraph(limits(record)), *_shown(pictures, "stiffness_planes")]
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
@@ -81,7 +44,7 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
         ("greatest distance (one-sided Hausdorff)", f"{misfit['hausdorff_mm']:.2f} mm"),
         (
             "sum of squared distances (Eq 13 of the MaterialCloning paper)",
-            f"{number(misfit['objective_mm2'])} mm\u00b2",
+            f"{three_figures(misfit['objective_mm2'])} mm\u00b2",
         ),
     ]
     if "rms_before_mm" in misfit:
@@ -108,8 +71,8 @@ def _provenance(record: CaseRecord, date: str, version: str) -> Section:
     rows = [
         ("method", f"{result['method']}, boundary {result['boundary']}, seed {result['seed']}"),
         ("work", f"{solver['forward_solves']} equilibria ({solver['failed']} failed), {solver['seconds']:.0f} s"),
-        ("assumed", f"tissue G {number(facts.tissue_shear_modulus_kpa)} kPa, Poisson's ratio {facts.tissue_poisson_ratio:g}; "
-                    f"organ G within {number(low)} to {number(high)} kPa"),
+        ("assumed", f"tissue G {facts.tissue_shear_modulus_kpa:g} kPa, Poisson's ratio {facts.tissue_poisson_ratio:g}; "
+                    f"organ G within {low:g} to {high:g} kPa"),
         ("versions", ", ".join(f"{name} {v}" for name, v in result["versions"].items())),
         ("report", f"{date}, Palpate {version}"),
     ]  # fmt: skip
@@ -126,8 +89,3 @@ def _command(entry: Mapping[str, Any]) -> str:
 
 def _shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
     return [pictures[name] for name in names if name in pictures]
-
-
-def _sentence(text: str) -> str:
-    text = text.strip()
-    return text if text.endswith(".") else f"{text}."

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtr
 
+from palpate.ui.number_words import three_figures
 from palpate.ui.report.diagnosis_words import diagnosis_sentence, gap_is_seen
 from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.regions import RegionStiffness, number
+from palpate.ui.report.regions import RegionStiffness
 
 # About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
 MISFIT_TOLERANCE = 1.26
@@ -17,8 +19,10 @@ TELLING = 1.96
 def stiffness_text(region: RegionStiffness) -> str:
     """``148 kPa (95 % interval 120 to 182)``."""
     if region.ci is None:
-        return f"{number(region.G)} kPa (error not known)"
-    return f"{number(region.G)} kPa (95 % interval {number(region.ci[0])} to {number(region.ci[1])})"
+        return f"{three_figures(region.G)} kPa (error not known)"
+    return (
+        f"{three_figures(region.G)} kPa (95 % interval {three_figures(region.ci[0])} to {three_figures(region.ci[1])})"
+    )
 
 
 def summary(record: CaseRecord) -> list[str]:
@@ -29,13 +33,13 @@ def summary(record: CaseRecord) -> list[str]:
     if regions:
         G = record.facts.tissue_shear_modulus_kpa
         sentences.append(
-            f"All stiffness is relative to the surrounding tissue, which was taken to have G = {number(G)} kPa, not measured."
+            f"All stiffness is relative to the surrounding tissue, which was taken to have G = {G:g} kPa, not measured."
         )
     searches = record.result.get("agreement", {})
     if not searches.get("harmless", True):
         sentences.append(f"Doubtful: {searches['in_words']}.")
     sentences.append(misfit_verdict(record))
-    return [*sentences, diagnosis_sentence(record.diagnosis)] if record.diagnosis else sentences
+    return [*sentences, diagnosis_sentence(record)] if record.diagnosis else sentences
 
 
 def misfit_verdict(record: CaseRecord) -> str:
@@ -69,16 +73,17 @@ def tells_apart(record: CaseRecord) -> bool:
 
 def _found(regions: list[RegionStiffness], record: CaseRecord) -> str:
     if len(regions) == 1:
-        return f"The stiffness of the {regions[0].words} is G = {stiffness_text(regions[0])}."
+        return f"The shear modulus G of the {regions[0].words} is {stiffness_text(regions[0])}."
     soft, stiff = (f(regions, key=lambda region: region.G) for f in (min, max))
-    values = f"G = {stiffness_text(stiff)} against {stiffness_text(soft)}"
+    values = f"shear modulus G = {stiffness_text(stiff)} against {stiffness_text(soft)}"
     ln_ratio, sd = float(np.log(stiff.G / soft.G)), record.ln_ratio_sd(stiff, soft)
     if sd is None:
         return f"The {stiff.words} came out stiffer than the {soft.words}: {values}; how certain this is is not known."
     if not tells_apart(record):
         return (
             f"This pair does not tell which is stiffer, the {stiff.words} or the {soft.words}: "
-            f"{values}; the difference is within the error."
+            f"{values}; the difference is within the error. The {stiff.words} is the stiffer one with a chance of about "
+            f"{_percent(ln_ratio / sd)} %, short of the 97.5 % asked for."
         )
     low, high = np.exp(ln_ratio - 1.96 * sd), np.exp(ln_ratio + 1.96 * sd)
     return (
@@ -87,11 +92,16 @@ def _found(regions: list[RegionStiffness], record: CaseRecord) -> str:
     )
 
 
+def _percent(sds: float) -> int:
+    """The share of a normal distribution, in whole percent, that lies below so many standard deviations over its mean."""
+    return round(100.0 * float(ndtr(sds)))
+
+
 def _untold(region: RegionStiffness, record: CaseRecord) -> str:
     low, high = record.facts.organ_shear_modulus_bounds_kpa
     if region.at_bound:
         return (
-            f"The {region.words} ended at the edge of what was allowed (G = {number(region.G)} kPa of {number(low)} to "
-            f"{number(high)}): it is no measurement, and may stand for something that the model leaves out."
+            f"The {region.words} ended at the edge of what was allowed (G = {three_figures(region.G)} kPa of {low:g} to "
+            f"{high:g}): it is no measurement, and may stand for something that the model leaves out."
         )
     return f"This pair does not tell the stiffness of the {region.words}: its interval spans all that was allowed."

@@ -42,11 +42,20 @@ def _found(result: Mapping[str, Any]) -> list[str]:
     lines = []
     for name, region in result["parameters"].items():
         interval = region.get("ci95_kpa")
-        sure = "error not known" if interval is None else f"95 % interval {interval[0]:.3g} to {interval[1]:.3g} kPa"
+        sure = (
+            "error not known"
+            if interval is None
+            else f"95 % interval {_three(interval[0])} to {_three(interval[1])} kPa"
+        )
         edge = ", at the edge of what was allowed: no measurement" if region.get("at_bound") else ""
-        lines.append(f"{name.replace('_', ' ')}: G = {region['G_kpa']:.3g} kPa, {sure}{edge}")
+        lines.append(f"{name.replace('_', ' ')}: G = {_three(region['G_kpa'])} kPa, {sure}{edge}")
     lines.append(f"Misfit: {result['misfit']['rms_mm']:.2f} mm (rms)")
     return [*lines, f"What this pair can tell: {result['identifiability']['verdict']}", *_notes(result)]
+
+
+def _three(value: float) -> str:
+    """Three figures, as the report writes them: 40.0, 120."""
+    return f"{value:#.3g}".rstrip(".")
 
 
 def _notes(result: Mapping[str, Any]) -> list[str]:

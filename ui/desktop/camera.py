@@ -1,4 +1,4 @@
-"""Where a pixel of the picture of `palpate touch` points in the patient, and back; parallel projection, head up."""
+"""Where a pixel of a 3D picture of the desktop windows points in the patient, and back; parallel projection, head up."""
 
 from __future__ import annotations
 

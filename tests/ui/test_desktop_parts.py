@@ -1,0 +1,179 @@
+"""Parts of the window's logic by themselves: steps, seeds, what was dropped, recent cases, scripts, the map that is shown."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from phantoms import result, write_case
+
+from palpate.core.errors import InputError
+from palpate.core.worker.job import Job
+from palpate.ui.desktop import commands, steps, touch_script
+from palpate.ui.desktop.display import Display
+from palpate.ui.desktop.dropping import Pair, case_beside
+from palpate.ui.desktop.jobs import JobControl
+from palpate.ui.desktop.obey import names_of
+from palpate.ui.desktop.open_case import GapMap, OpenCase
+from palpate.ui.desktop.recent import recent_cases, remember
+from palpate.ui.desktop.script import Driver, parse
+
+EVERYTHING = frozenset(step.command for step in steps.STEPS)
+
+
+@pytest.fixture(autouse=True)
+def _own_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
+
+
+def test_time_left_follows_the_step(tmp_path: Path) -> None:
+    jobs = JobControl()
+    jobs.start(Job("palpate.core.worker.selfcheck:run", str(tmp_path), options={"iterations": 2, "accept": 1e9}), "x")
+    state = jobs.state
+    assert state is not None
+    state.step_began, state.step_fraction = 100.0, 0.25
+    assert state.seconds_left(103.0) is None
+    assert state.seconds_left(110.0) == pytest.approx(30.0)
+    jobs.cancel()
+    jobs.wait(5.0)
+
+
+def test_steps_tell_what_is_next_and_what_is_out_of_date(tmp_path: Path) -> None:
+    judged: dict[str, str] = {}
+
+    def states(edited: bool = False) -> dict[str, str]:
+        return {s.step.command: s.state for s in steps.step_states(tmp_path, EVERYTHING, edited, judged)}
+
+    assert [s.state for s in steps.step_states(None, EVERYTHING)] == [steps.READY] + [steps.BLOCKED] * 5
+    (tmp_path / "report").mkdir()
+    (tmp_path / "case.json").touch()
+    assert states() == {"import": "done", "segment": "ready", "mesh": "blocked", "identify": "blocked",
+                        "diagnose": "blocked", "report": "blocked"}  # fmt: skip
+    for name in ("rest.nii.gz", "deformed.nii.gz", "mesh.npz", "surfaces.npz", "mesh.json", "result.json"):
+        (tmp_path / name).touch()
+    assert (states()["segment"], states()["mesh"], states()["report"]) == ("done", "checking", "ready")
+    judged |= {"mesh": "", "identify": ""}
+    assert states() | {} == {"import": "done", "segment": "done", "mesh": "done", "identify": "done",
+                             "diagnose": "ready", "report": "ready"}  # fmt: skip
+    (tmp_path / "report/report.html").touch()
+    judged["report"] = ""
+    found = steps.step_states(tmp_path, EVERYTHING, judged=judged)
+    assert steps.next_step(found) is None and found[4].state == steps.READY
+    assert states(edited=True)["mesh"] == states(edited=True)["report"] == "out of date"
+    judged["mesh"] = "the labels have been changed since"
+    after = steps.step_states(tmp_path, EVERYTHING, judged=judged)
+    assert steps.next_step(after).step.command == "mesh"  # type: ignore[union-attr]
+    assert after[2].reason == "the labels have been changed since" and after[5].state == steps.OUT_OF_DATE
+    without = steps.step_states(tmp_path, EVERYTHING - {"diagnose"}, judged=judged)
+    assert without[4].reason == "this version of Palpate has no such command"
+
+
+def test_seeds_of_the_deformed_scan_are_told_in_its_own_coordinates() -> None:
+    turn = np.array([[0.0, -1.0, 0.0, 5.0], [1.0, 0.0, 0.0, -3.0], [0.0, 0.0, 1.0, 2.0], [0.0, 0.0, 0.0, 1.0]])
+    own = np.array([10.0, 20.0, 30.0])
+    at_rest = turn[:3, :3] @ own + turn[:3, 3]
+    seeds = {"rest": {"prostate": [-1.0, 2.0, 3.0]}, "deformed": {"rectum": at_rest.tolist()}}
+    made = commands.step_command("segment", Path("/c"), seeds, turn)
+    assert made == ["segment", "/c", "--seed", "prostate=-1.000,2.000,3.000", "--deformed-seed",
+                    "rectum=10.000,20.000,30.000"]  # fmt: skip
+    assert commands.step_command("mesh", Path("/c"), seeds, turn) == ["mesh", "/c"]
+
+
+def test_dropped_folders_find_their_places(tmp_path: Path) -> None:
+    for name in ("full_rectum", "empty", "third"):
+        (tmp_path / name).mkdir()
+    pair = Pair()
+    assert pair.take([tmp_path / "full_rectum", tmp_path / "empty"]) is None
+    assert (pair.rest, pair.deformed) == (tmp_path / "empty", tmp_path / "full_rectum") and not pair.why_not()
+    assert pair.case == case_beside(tmp_path / "empty") and "empty" not in pair.case.name
+    one_by_one = Pair()
+    one_by_one.take([tmp_path / "third"])
+    assert one_by_one.why_not() == "choose both scans first"
+    one_by_one.take([tmp_path / "empty"])
+    assert (one_by_one.rest, one_by_one.deformed) == (tmp_path / "third", tmp_path / "empty")
+    for name in ("full.nii.gz", "empty.nii.gz"):
+        (tmp_path / name).touch()
+    pair.take([tmp_path / "full.nii.gz", tmp_path / "empty.nii.gz"])
+    assert (pair.rest_labels, pair.deformed_labels) == (tmp_path / "empty.nii.gz", tmp_path / "full.nii.gz")
+    assert pair.rest == tmp_path / "empty", "contours do not take the place of a scan"
+    alone = Pair()
+    alone.take([tmp_path / "full.nii.gz", tmp_path / "empty.nii.gz"])
+    assert (alone.rest, alone.rest_labels) == (tmp_path / "empty.nii.gz", None)
+    case = write_case(tmp_path / "case", result())
+    assert pair.take([case.path]) == case.path
+    pair.case = tmp_path
+    assert pair.why_not() == f"{tmp_path} is not empty; choose a new folder for the case"
+
+
+def test_recent_cases_are_those_that_are_still_there(tmp_path: Path) -> None:
+    one, two = write_case(tmp_path / "one").path, write_case(tmp_path / "two").path
+    for path in (one, two, one, tmp_path / "gone"):
+        remember(path)
+    assert recent_cases() == [one, two]
+    (tmp_path / "settings" / "recent.json").write_text("{broken")
+    assert recent_cases() == []
+
+
+def test_a_display_of_another_version_is_taken_as_far_as_it_goes() -> None:
+    shown = Display.from_dict(Display(mode="blend", opacity=0.9, tool="brush").to_dict() | {"new": 1})
+    assert (shown.mode, shown.opacity, shown.tool) == ("blend", 0.9, "look")
+    assert Display.from_dict({"mode": "upside down"}).mode == "rest"
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("fly away", "line 1: no command 'fly'; give one of brush, cancel"),
+        ("\n# x\nopen 'a", "line 3: No closing quotation"),
+    ],
+)
+def test_a_script_that_cannot_be_understood_is_refused_before_it_starts(text: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        parse(text, "s.txt")
+
+
+def test_the_map_of_a_diagnosis_is_shown_before_the_plain_misfit(tmp_path: Path) -> None:
+    folder = tmp_path / "case"
+    case = write_case(folder)
+    spots, plain, found = np.arange(12.0).reshape(4, 3), np.full(4, 0.5), np.array([1.0, -2.0, 0.25, 0.0])
+    case.write_npz("identify/fields.npz", surface_points=spots, surface_residual=plain)
+    gap = _gap_of(folder)
+    assert gap is not None
+    assert not gap.diagnosed
+    np.testing.assert_array_equal(gap.residual, plain)
+    # The names that palpate.core.gap.record.maps gives.
+    case.write_npz("diagnose/gap_maps.npz", points=spots + 1.0, residual_mm=found, standardised=found / 0.4)
+    said = {"verdict": "none", "gap": {"rms_mm": 0.3, "noise_floor_mm": 0.4, "p_value": 0.5}, "candidates": []}
+    case.write_json("diagnosis.json", {**said, "where": {"map": "diagnose/gap_maps.npz"}})
+    gap = _gap_of(folder)
+    assert gap is not None
+    assert gap.diagnosed
+    np.testing.assert_array_equal(gap.points, spots + 1.0)
+    np.testing.assert_array_equal(gap.residual, found)
+
+
+def _gap_of(folder: Path) -> GapMap | None:
+    opened = OpenCase(folder)
+    try:
+        return opened.gap
+    finally:
+        opened.close()
+
+
+def test_contours_go_to_the_import(tmp_path: Path) -> None:
+    a, b, case = tmp_path / "a", tmp_path / "b", tmp_path / "case"
+    command = commands.import_command(a, b, case, (None, tmp_path / "rs.dcm"))
+    assert command[-2:] == ["--deformed-labels", str(tmp_path / "rs.dcm")] and "--rest-labels" not in command
+
+
+def test_the_pages_tell_every_command_and_every_field_of_the_display() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    told = set(re.findall(r"`([a-z]+)[ `]", (docs / "desktop.md").read_text(encoding="utf-8")))
+    assert names_of(Driver) <= told, names_of(Driver) - told
+    felt = set(re.findall(r"`([a-z]+)[ `]", (docs / "touch.md").read_text(encoding="utf-8")))
+    assert names_of(touch_script.Driver) | touch_script.OF_THE_WINDOW <= felt
+    page = (docs / "desktop.md").read_text(encoding="utf-8")
+    assert all(f"`{field.name}`" in page for field in fields(Display) if field.name != "crosshair")

@@ -1,0 +1,119 @@
+"""What a report's sentences, names and numbers say: a stiffer half only where the errors allow, in one way everywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from phantoms import affine, labels, result
+
+from palpate.segmentation.case import CaseFacts
+from palpate.ui.number_words import measured, three_figures
+from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.slices import stiffness_planes, stiffness_series
+from palpate.ui.report.quality import without_paths
+from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.regions import region_words
+from palpate.ui.report.stiffness_section import limits, told
+from palpate.ui.report.summary import summary
+
+
+def record(found: dict, covariance: np.ndarray | None = None) -> CaseRecord:
+    facts = CaseFacts("c", boundary_noise_sd_mm=0.4)
+    return CaseRecord(facts, found, {}, {}, {}, {}, ln_covariance=covariance)
+
+
+def test_summary_names_the_stiffer_half_only_when_the_errors_allow() -> None:
+    clear = summary(record(result(120.0, 40.0)))[0]
+    assert clear.startswith("The left half of the prostate is 3.0 times as stiff as the right half")
+    assert summary(record(result(40.0, 120.0)))[0].startswith("The right half of the prostate is 3.0 times")
+    unclear = summary(record(result(42.0, 40.0)))[0]
+    assert unclear.startswith("This pair does not tell which is stiffer")
+    # ln 1.05 over the hypotenuse of two sds of ln 1.2 / 1.96
+    assert "The left half of the prostate is the stiffer one with a chance of about 64 %" in unclear
+
+
+def test_errors_that_go_together_make_the_ratio_surer_than_either() -> None:
+    together = np.array([[0.0100, 0.0099], [0.0099, 0.0100]])
+    assert summary(record(result(44.0, 40.0)))[0].startswith("This pair does not tell")
+    assert summary(record(result(44.0, 40.0), together))[0].startswith("The left half of the prostate is 1.1 times")
+
+
+def test_summary_is_plain_about_what_is_no_measurement() -> None:
+    found = result()
+    found["parameters"]["prostate_left"].update(G_kpa=500.0, at_bound=True)
+    assert any("edge of what was allowed" in s and "no measurement" in s for s in summary(record(found)))
+    found = result()
+    found["parameters"]["prostate_right"]["ci95_kpa"] = [5.2, 480.0]
+    assert any("does not tell the stiffness of the right half" in s for s in summary(record(found)))
+
+
+def test_summary_weighs_the_misfit_against_the_noise() -> None:
+    good, bad = result(), result()
+    bad["misfit"]["rms_mm"] = 1.9
+    assert (
+        "contours' own error explains (0.57 mm expected if contours repeat to 0.40 mm, as the case"
+        in summary(record(good))[-1]
+    )
+    assert "something is left out of the model" in summary(record(bad))[-1]
+
+
+def test_summary_doubts_a_stiffness_on_which_the_searches_differ() -> None:
+    words = "swarm and Gauss-Newton end at different stiffnesses (20 and 60 kPa)"
+    doubtful = summary(record(result(agreement={"harmless": False, "in_words": words})))
+    assert f"Doubtful: {words}." in doubtful
+    assert not any(words in s for s in summary(record(result(agreement={"harmless": True, "in_words": words}))))
+
+
+@pytest.mark.parametrize(
+    "name, alone, words",
+    [
+        ("prostate_left", False, "left half of the prostate"),
+        ("prostate_left", True, "prostate"),
+        ("surrounding_tissue", True, "surrounding tissue"),
+    ],
+)
+def test_regions_are_called_what_people_call_them(name: str, alone: bool, words: str) -> None:
+    assert region_words(name, alone) == words
+
+
+@pytest.mark.parametrize("value, text", [(148.26, "148"), (62.44, "62.4"), (7.3, "7.30"), (0.0, "0"), (1234.5, "1234")])
+def test_three_figures(value: float, text: str) -> None:
+    assert three_figures(value) == text
+
+
+@pytest.mark.parametrize(
+    "value, sd, text",
+    [(-14.93, 2.41, "\u221214.9 \u00b1 2.4"), (0.0209, 0.0382, "0.021 \u00b1 0.038"), (120.4, 31.0, "120 \u00b1 31")],
+)
+def test_a_value_is_told_as_far_as_its_deviation_goes(value: float, sd: float, text: str) -> None:
+    assert measured(value, sd) == text
+
+
+def test_a_verdict_is_told_in_the_words_of_the_report_and_nothing_twice() -> None:
+    verdict = (
+        "prostate left: known within a factor of 1.7 (95 %); prostate right: mu1 is 2 to 98 % of mu1 + mu2 (95 %); "
+        "only G = 2 (mu1 + mu2) is identified; all stiffness is relative to the assumed stiffness of the surrounding tissue"
+    )
+    assert told(verdict, {"prostate_left": 0, "prostate_right": 0}) == [
+        "left half of the prostate: known within a factor of 1.7 (95 %)",
+        "right half of the prostate: \u03bc1 is 2 to 98 % of \u03bc1 + \u03bc2 (95 %)",
+    ]
+
+
+@pytest.mark.parametrize("path", ["/data/Doe Jane/x.dcm", r"C:\scans\Doe\x.dcm", "/Doe"])
+def test_paths_are_left_out_of_notes(path: str) -> None:
+    assert without_paths(f"rest: {path} has 33 slices") == "rest: (path) has 33 slices"
+
+
+def test_one_region_is_told_as_one() -> None:
+    found = result()
+    del found["parameters"]["prostate_right"]
+    assert summary(record(found))[0] == "The shear modulus G of the prostate is 120 kPa (95 % interval 100 to 144)."
+    assert "the organ has one value" in limits(record(found)) and "each half has one value" in limits(record(result()))
+
+
+def test_a_colour_bar_stands_beside_colours_only() -> None:
+    volume = labels(affine())
+    known, unknown = (CaseImages(volume, stiffness_kpa={1: 20.0, 2: 60.0}, untold=frozenset(u)) for u in ((1,), (1, 2)))
+    for draw in (stiffness_planes, stiffness_series):
+        assert len(draw(known).axes) == len(draw(unknown).axes) + 1

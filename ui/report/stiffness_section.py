@@ -1,0 +1,76 @@
+"""The report's section on the stiffness itself, and the limits that belong beside the first figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from palpate.ui.number_words import three_figures
+from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
+from palpate.ui.report.figures import Drawn
+from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.regions import RegionStiffness, in_words
+
+MU_NOTE = (
+    "G = 2 (\u03bc1 + \u03bc2) is the small-strain shear modulus; Young's modulus, which elastography often gives, is E = 3 G in such "
+    "tissue. The kPa of the MaterialCloning paper are \u03bc: its value compares with the mean of \u03bc1 and \u03bc2 here, a quarter "
+    "of G. One pair cannot separate \u03bc1 from \u03bc2; they are set equal unless said otherwise."
+)
+_SAID = ("\u03bc1 and \u03bc2 cannot be told apart by one pair", "only G = ", "all stiffness is relative")
+_DASH = "\N{EN DASH}"
+_HEADER = ("region", "G, kPa", "sd, kPa", "95 % interval, kPa", "\u03bc1, kPa", "\u03bc2, kPa", "mean \u03bc, kPa")
+
+
+def limits(record: CaseRecord) -> str:
+    """What a reader of the summary might take it to say, and it does not."""
+    many = len(record.regions) > 1
+    places = f"{'each half' if many else 'the organ'} has one value, over which a focus within it is spread"
+    return (
+        "What this does not tell: stiffness in absolute terms; what the stiff tissue is, a tumour or anything else; where within "
+        f"{'a half' if many else 'the organ'} it lies: {places}. Left and right are the patient's. G is the shear modulus: "
+        "Young's modulus, which elastography often gives, is three times that."
+    )
+
+
+def stiffness_section(record: CaseRecord, drawn: Drawn) -> Section:
+    """Values, intervals, what the pair tells, and their pictures."""
+    identifiability = record.result["identifiability"]
+    values = ", ".join(f"{v:.3g}" for v in identifiability["singular_values"])
+    blocks: list[Block] = [
+        _values(record.regions),
+        Paragraph(MU_NOTE, "small"),
+        Paragraph("What this pair can tell:"),
+        Bullets(told(str(identifiability["verdict"]), record.result["parameters"])),
+        Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
+        *_shown(drawn.pictures, "stiffness_series", "stiffness_map", "anatomy"),
+        *drawn.interactive,
+    ]
+    return Section("Stiffness", blocks)
+
+
+def told(verdict: str, names: Mapping[str, object]) -> list[str]:
+    """The parts of a verdict of result.json, in the report's words, without those that the note on G and the summary have said.
+
+    names : of the regions.
+    """
+    words = in_words(verdict, names).replace("mu1", "\u03bc1").replace("mu2", "\u03bc2")
+    parts = [part.strip().rstrip(".") for part in words.split(";")]
+    return [part for part in parts if not part.startswith(_SAID)] or parts
+
+
+def _values(regions: Sequence[RegionStiffness]) -> Table:
+    rows = [_row(region) for region in regions]
+    if any(row[-1] for row in rows):
+        return Table((*_HEADER, ""), rows)
+    return Table(_HEADER, [row[:-1] for row in rows])
+
+
+def _row(region: RegionStiffness) -> tuple[str, ...]:
+    ci = _DASH if region.ci is None else f"{three_figures(region.ci[0])} to {three_figures(region.ci[1])}"
+    note = "at bound" if region.at_bound else "" if region.told else "not told"
+    sd = _DASH if region.sd is None else three_figures(region.sd)
+    mu = [three_figures(value) for value in (region.mu1, region.mu2, region.mu_mean)]
+    return region.words, three_figures(region.G), sd, ci, *mu, note
+
+
+def _shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
+    return [pictures[name] for name in names if name in pictures]
