@@ -1,4 +1,4 @@
-"""Cases with a hidden effect, for the blind check of the diagnosis: the phantom's pelvis, each patient of another shape.
+"""Cases with a hidden effect, for the blind check of the diagnosis: pelves of its own, each patient of another shape.
 
 Laws, element, assembly and mesh are not those that diagnose: `gap_truth` is on scikit-fem, with quadratic displacement on a finer
 mesh, and writes its laws out anew. What makes an effect there has steps where the diagnosing effects have smooth edges, and places
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,17 @@ from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.gap_truth.anatomy import Carried, Patient
 from palpate.segmentation.gap_truth.body import Body
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, SIZES
+from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, backward, effect_mm, landmarks, shown, true_surface
+from palpate.segmentation.gap_truth.strength import strength
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv
 from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
 from palpate.segmentation.simulate_contours import drawn_labels
 from palpate.segmentation.simulate_motion import WallMotion
-from palpate.segmentation.simulate_source import LabelArray, PhantomSource, labels_on
+from palpate.segmentation.simulate_source import LabelArray, labels_on
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec, moved_walls
 from palpate.segmentation.smooth_field import FloatArray
 from palpate.segmentation.volume import Volume
@@ -47,15 +49,19 @@ _SEED = 77
 class Recipe:
     """One case: seed, the effects hidden in it (id -> size; none: {}), true G of left and right, kPa.
 
-    rectum_mm, balance : how far the walls move. edge_mm : of the mesh. marks : whether points inside the organ are given.
+    shown_mm : what the two stiffnesses shall leave of each effect alone (rms along the normal); its size is then found between SIZES,
+    and that in `effects` not used. build : of the pelvis. rectum, bladder : how far the walls move. edge_mm : of the mesh.
+    marks : whether points inside the organ are given.
     """
 
     name: str
     seed: int
     effects: Mapping[str, float] = field(default_factory=dict)
     G: tuple[float, float] = (20.0, 50.0)
-    rectum_mm: float = 8.0
-    balance: float = 0.8
+    shown_mm: float | None = None
+    build: int = 0
+    rectum: RectumSpec = RectumSpec(8.0)
+    bladder: BladderSpec = BladderSpec(balance=0.8)
     edge_mm: float = 6.5
     marks: bool = False
 
@@ -76,31 +82,62 @@ class Made:
     rest: Shown
     deformed: Shown
 
+    def effect_mm(self) -> tuple[float, float]:
+        """What is to be seen of the effects, see `states.effect_mm`."""
+        return effect_mm(self.hidden, self.plain, self.boundary, self.rest, self.deformed)
 
-def simulated(recipe: Recipe, meshed: MeshedCase, source: PhantomSource) -> Made:
-    """The states of a recipe. meshed : the phantom. Raises ConvergenceError when the deformation asked for has no equilibrium."""
+
+def simulated(recipe: Recipe, mesh_cache: Path | None = None) -> tuple[Recipe, Made]:
+    """The states of a recipe, and the recipe with the sizes they have.
+
+    Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much.
+    """
+    source = Pelvis.of(recipe.build)
+    labels = source.model_labels
+    meshed = mesh_labels(labels, MeshOptions(edge_mm=recipe.edge_mm, seed=_SEED), mesh_cache)
     patient = Patient.of(source, recipe.random(1))
-    moved = moved_walls(
-        source.model_labels, RectumSpec(inflate_mm=recipe.rectum_mm), BladderSpec(balance=recipe.balance)
-    )
+    moved = moved_walls(labels, recipe.rectum, recipe.bladder)
     walls = {name: Carried(wall.motion, patient) for name, wall in moved.items()}
     body = Body(patient.made(meshed.mesh.points), meshed.mesh.cells, meshed.mesh.regions)
-    faces, _ = meshed.mesh.region_boundary(ORGAN_LABELS)
-    G = dict(zip(ORGAN_LABELS, recipe.G, strict=True))
-    plain, hidden = (Simulated.plain(body, faces, G) for _ in range(2))
-    for name, size in recipe.effects.items():
-        (LIBRARY | OUTSIDE)[name](hidden, size, recipe.random(5))
-    return Made(patient, hidden, plain, meshed.boundary, walls, *shown(hidden, meshed.boundary, walls))
+    pose = _Pose(recipe, patient, body, meshed, walls)
+    if recipe.shown_mm is not None:
+        recipe = replace(recipe, effects={name: pose.strength(name) for name in recipe.effects})
+    return recipe, pose.made(recipe.effects)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pose:
+    """A patient whose walls are to move, before anything is hidden."""
+
+    recipe: Recipe
+    patient: Patient
+    body: Body
+    meshed: MeshedCase
+    walls: Mapping[str, WallMotion]
+
+    def made(self, effects: Mapping[str, float]) -> Made:
+        """With effects of these sizes."""
+        faces, _ = self.meshed.mesh.region_boundary(ORGAN_LABELS)
+        G = dict(zip(ORGAN_LABELS, self.recipe.G, strict=True))
+        plain, hidden = (Simulated.plain(self.body, faces, G) for _ in range(2))
+        for name, size in effects.items():
+            (LIBRARY | OUTSIDE)[name](hidden, size, self.recipe.random(5))
+        boundary = self.meshed.boundary
+        states = shown(hidden, boundary, self.walls)
+        return Made(self.patient, hidden, plain, boundary, self.walls, *states)
+
+    def strength(self, name: str) -> float:
+        """Size at which an effect alone shows what the recipe wants."""
+        assert self.recipe.shown_mm is not None
+        return strength(self.recipe.shown_mm, SIZES[name], lambda size: self.made({name: size}).effect_mm()[1])
 
 
 def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None) -> dict[str, Any]:
     """Write a label case and, in another folder, what is true of it. Returns the truth.
 
-    Raises ConvergenceError when the deformation asked for has no equilibrium.
+    Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much.
     """
-    source = PhantomSource()
-    meshed = mesh_labels(source.model_labels, MeshOptions(edge_mm=recipe.edge_mm, seed=_SEED), mesh_cache)
-    made = simulated(recipe, meshed, source)
+    recipe, made = simulated(recipe, mesh_cache)
     _write_case(recipe, made, case_path)
     truth = _truth(recipe, made)
     answers.mkdir(parents=True, exist_ok=True)
@@ -134,13 +171,14 @@ def _write_case(recipe: Recipe, made: Made, path: Path) -> None:
 def _truth(recipe: Recipe, made: Made) -> dict[str, Any]:
     done, left = (0.0, 0.0)
     if recipe.effects:
-        done, left = effect_mm(made.hidden, made.plain, made.boundary, made.rest, made.deformed)
+        done, left = made.effect_mm()
     return {
         "name": recipe.name,
         "effects": list(recipe.effects) or ["none"],
         "sizes": dict(recipe.effects),
         "in_library": all(name in LIBRARY for name in recipe.effects),
         "true_G_kpa": {LABELS[label]: G for label, G in zip(ORGAN_LABELS, recipe.G, strict=True)},
+        "wanted_mm": recipe.shown_mm,
         "effect_mm": done,
         "effect_left_mm": left,
         "noise_mm": NOISE_MM,

@@ -24,12 +24,15 @@ from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import Recipe, make_case
+from palpate.segmentation.gap_cases import NOISE_MM, Recipe, make_case
 from palpate.segmentation.gap_scores import scores
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, SIZES
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
+from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 
 # A deformation that has no equilibrium is tried again so many times, easier each time.
 _EASIER = 3
+# Pelves, of each of which many patients are made by stretching, and the range of their two stiffnesses.
+BUILDS, SHEAR_MODULI_KPA = 4, (6.0, 60.0)
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 
 
@@ -78,14 +81,35 @@ def recipes_of(options: StudyOptions) -> list[Recipe]:
 
 
 def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recipe:
-    G = np.exp(rng.uniform(np.log(10.0), np.log(100.0), 2)).round(2).tolist()
+    """Effects that leave one to ten times the contours' noise where a pelvis can show it; in one of four the rectum empties."""
+    G = np.exp(rng.uniform(*np.log(SHEAR_MODULI_KPA), 2)).round(2).tolist()
+    empties = rng.random() < 0.25
     return Recipe(
         name,
         int(rng.integers(2**31)),
-        {effect: float(SIZES[effect][0] * (SIZES[effect][1] / SIZES[effect][0]) ** rng.uniform()) for effect in chosen},
+        dict.fromkeys(chosen, 0.0),
         (G[0], G[1]),
-        float(rng.uniform(6.0, 9.5)),
-        float(rng.uniform(0.5, 1.0)),
+        NOISE_MM * float(10.0 ** rng.uniform()),
+        int(rng.integers(BUILDS)),
+        RectumSpec(
+            inflate_mm=float(rng.uniform(-6.0, -4.0) if empties else rng.uniform(5.5, 9.0)),
+            bias=(float(rng.uniform(-0.4, 0.4)), float(rng.uniform(-0.2, 0.2))),
+            push_mm=(
+                float(rng.uniform(-1.5, 1.5)),
+                float(rng.uniform(1.0, 3.0) if empties else -rng.uniform(1.0, 4.5)),
+                0.0,
+            ),
+            middle_mm=float(rng.uniform(-8.0, 8.0)),
+            half_length_mm=float(rng.uniform(28.0, 38.0)),
+        ),
+        BladderSpec(
+            balance=float(rng.uniform(0.6, 1.0)),
+            push_mm=(
+                0.0,
+                float(rng.uniform(0.0, 2.0)),
+                float(-rng.uniform(2.0, 5.0) if empties else rng.uniform(0.0, 2.0)),
+            ),
+        ),
         marks=bool(rng.random() < 0.5),
     )
 
@@ -112,15 +136,23 @@ def _made(recipe: Recipe, folder: Path) -> None:
         try:
             make_case(_easier(recipe, k), case, folder / "answers", folder / "meshes")
             return
-        except ConvergenceError:
+        except (ConvergenceError, InputError):  # no equilibrium; a bladder that cannot give off so much
             shutil.rmtree(case, ignore_errors=True)
 
 
 def _easier(recipe: Recipe, k: int) -> Recipe:
-    """The recipe with walls that move less and effects half as far (in the logarithm) above their weakest, k times over."""
-    weakest = {name: SIZES[name][0] for name in recipe.effects}
-    effects = {name: weakest[name] * (size / weakest[name]) ** 0.5**k for name, size in recipe.effects.items()}
-    return replace(recipe, effects=effects, rectum_mm=recipe.rectum_mm * 0.8**k)
+    """The recipe with walls that move less, k times over."""
+    share = 0.8**k
+    rectum, bladder = recipe.rectum, recipe.bladder
+    return replace(
+        recipe,
+        rectum=replace(rectum, inflate_mm=share * rectum.inflate_mm, push_mm=_scaled(rectum.push_mm, share)),
+        bladder=replace(bladder, push_mm=_scaled(bladder.push_mm, share)),
+    )
+
+
+def _scaled(v: tuple[float, float, float], share: float) -> tuple[float, float, float]:
+    return share * v[0], share * v[1], share * v[2]
 
 
 def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, progress: Progress) -> None:

@@ -1,4 +1,4 @@
-"""The blind check's patients: the phantom's pelvis, stretched and sheared differently in each."""
+"""The blind check's patients: one of its pelves, stretched and sheared differently in each."""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.simulate_motion import WallMotion
-from palpate.segmentation.simulate_source import LabelArray, PhantomSource
+from palpate.segmentation.simulate_source import LabelArray
 from palpate.segmentation.smooth_field import FloatArray
 from palpate.segmentation.volume import Volume
 
 
 @dataclass(frozen=True, eq=False)
 class Patient:
-    """turn : (3, 3) takes the phantom about `centre` (mm) to this patient."""
+    """turn : (3, 3) takes the pelvis about `centre` (mm) to this patient."""
 
-    source: PhantomSource
+    source: Pelvis
     turn: FloatArray
     centre: FloatArray
 
     @classmethod
-    def of(cls, source: PhantomSource, rng: np.random.Generator) -> Patient:
+    def of(cls, source: Pelvis, rng: np.random.Generator) -> Patient:
         """Up to a tenth larger or smaller along each axis, sheared by up to 5 %."""
         turn = np.diag(rng.uniform(0.92, 1.1, 3)) + np.triu(rng.uniform(-0.05, 0.05, (3, 3)), 1)
         grid = source.label_grid
@@ -29,11 +30,11 @@ class Patient:
         return cls(source, turn, middle)
 
     def made(self, points: FloatArray) -> FloatArray:
-        """Points (n, 3) mm of the phantom in this patient."""
+        """Points (n, 3) mm of the pelvis in this patient."""
         return np.asarray((points - self.centre) @ self.turn.T + self.centre)
 
     def undone(self, points: FloatArray) -> FloatArray:
-        """Points (n, 3) mm of this patient in the phantom."""
+        """Points (n, 3) mm of this patient in the pelvis."""
         return np.asarray((points - self.centre) @ np.linalg.inv(self.turn).T + self.centre)
 
     def labels(self, points: FloatArray) -> LabelArray:
@@ -57,7 +58,7 @@ class Patient:
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """A motion of the phantom's wall, in a patient."""
+    """A motion of the pelvis' wall, in a patient."""
 
     motion: WallMotion
     patient: Patient

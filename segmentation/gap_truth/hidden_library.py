@@ -6,8 +6,9 @@ A focus has a sharp edge, sliding is a soft layer, a load is pressure on a patch
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from palpate.core.observe.closest_point import closest_points
+from palpate.core.observe.triangle_tree import TriangleTree
 from palpate.segmentation.gap_truth.anatomy import Rigid
 from palpate.segmentation.gap_truth.draws import ball, direction, either, sign
 from palpate.segmentation.gap_truth.simulated import Hide, Simulated
@@ -20,7 +21,8 @@ _LAYER_MM = 3.0
 
 def _sliding(s: Simulated, size: float, rng: np.random.Generator) -> None:
     """A layer of tissue around the organ `size` times softer in shear."""
-    near = cKDTree(s.body.points[s.organ_faces].mean(axis=1)).query(s.centres)[0] < _LAYER_MM
+    surface = TriangleTree.of(s.body.points, s.organ_faces)
+    near = np.abs(closest_points(surface, s.centres).signed) < _LAYER_MM
     s.G = np.where(near & ~s.in_organ, s.G / size, s.G)
 
 
@@ -84,7 +86,7 @@ def _push(s: Simulated, size: float, rng: np.random.Generator) -> None:
     X = s.body.points[s.organ_faces]
     area = 0.5 * np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
     at = X.mean(axis=1)
-    s.centre = at[rng.integers(len(at))]
+    s.centre = at[np.argmax((at - s.middle) @ np.array(direction(rng)))]
     share = np.clip(1.0 - (np.linalg.norm(at - s.centre, axis=1) / 12.0) ** 2, 0.0, None)
     force = -sign(rng) * size * share[:, None] * area
     load = np.zeros((len(s.body.nodes), 3))

@@ -34,7 +34,7 @@ def _tear(s: Simulated, size: float, rng: np.random.Generator) -> None:
 def _shrunken_tissue(s: Simulated, size: float, rng: np.random.Generator) -> None:
     """A scar: tissue in a ball beside the organ has shrunk."""
     X = s.body.points[np.unique(s.organ_faces)]
-    s.centre = X[rng.integers(len(X))]
+    s.centre = X[np.argmax((X - s.middle) @ np.array(direction(rng)))]
     inside = np.linalg.norm(s.centres - s.centre, axis=1) < 14.0
     s.growth = np.where(inside & ~s.in_organ, 1.0 - size, s.growth)
 
