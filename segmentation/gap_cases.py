@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +61,8 @@ class Recipe:
     G: tuple[float, float] = (20.0, 50.0)
     shown_mm: float | None = None
     build: int = 0
-    rectum: RectumSpec = RectumSpec(8.0)
-    bladder: BladderSpec = BladderSpec(balance=0.8)
+    rectum: RectumSpec = field(default_factory=lambda: RectumSpec(8.0))
+    bladder: BladderSpec = field(default_factory=lambda: BladderSpec(balance=0.8))
     edge_mm: float = 6.5
     marks: bool = False
 
@@ -72,7 +73,10 @@ class Recipe:
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A simulated patient: with its effects and without, its boundary's faces, walls, and both states."""
+    """A simulated patient: with its effects and without, its boundary's faces, walls, and both states.
+
+    without : (n, 3) mm, the deformed state of a plain body that was not deformed at rest.
+    """
 
     patient: Patient
     hidden: Simulated
@@ -81,10 +85,11 @@ class Made:
     walls: Mapping[str, WallMotion]
     rest: Shown
     deformed: Shown
+    without: FloatArray
 
     def effect_mm(self) -> tuple[float, float]:
         """What is to be seen of the effects, see `states.effect_mm`."""
-        return effect_mm(self.hidden, self.plain, self.boundary, self.rest, self.deformed)
+        return effect_mm(self.hidden, self.plain, self.boundary, self.rest, self.deformed, self.without)
 
 
 def simulated(recipe: Recipe, mesh_cache: Path | None = None) -> tuple[Recipe, Made]:
@@ -115,16 +120,22 @@ class _Pose:
     meshed: MeshedCase
     walls: Mapping[str, WallMotion]
 
+    @cached_property
+    def _without(self) -> FloatArray:
+        return shown(self._plain(), self.meshed.boundary, self.walls)[1].u
+
+    def _plain(self) -> Simulated:
+        faces, _ = self.meshed.mesh.region_boundary(ORGAN_LABELS)
+        return Simulated.plain(self.body, faces, dict(zip(ORGAN_LABELS, self.recipe.G, strict=True)))
+
     def made(self, effects: Mapping[str, float]) -> Made:
         """With effects of these sizes."""
-        faces, _ = self.meshed.mesh.region_boundary(ORGAN_LABELS)
-        G = dict(zip(ORGAN_LABELS, self.recipe.G, strict=True))
-        plain, hidden = (Simulated.plain(self.body, faces, G) for _ in range(2))
+        hidden = self._plain()
         for name, size in effects.items():
             (LIBRARY | OUTSIDE)[name](hidden, size, self.recipe.random(5))
         boundary = self.meshed.boundary
-        states = shown(hidden, boundary, self.walls)
-        return Made(self.patient, hidden, plain, boundary, self.walls, *states)
+        states = shown(hidden, boundary, self.walls, self._without)
+        return Made(self.patient, hidden, self._plain(), boundary, self.walls, *states, self._without)
 
     def strength(self, name: str) -> float:
         """Size at which an effect alone shows what the recipe wants."""

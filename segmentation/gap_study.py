@@ -6,14 +6,12 @@ written before the first diagnosis, and of every diagnosis, written before the f
 
 from __future__ import annotations
 
-import itertools
 import json
 import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,26 +22,13 @@ from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import NOISE_MM, Recipe, make_case
+from palpate.segmentation.gap_cases import Recipe, make_case
+from palpate.segmentation.gap_recipes import StudyOptions, easier, recipes_of
 from palpate.segmentation.gap_scores import scores
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 
 # A deformation that has no equilibrium is tried again so many times, easier each time.
-_EASIER = 3
-# Pelves, of each of which many patients are made by stretching, and the range of their two stiffnesses.
-BUILDS, SHEAR_MODULI_KPA = 4, (6.0, 60.0)
+_EASIER = 4
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
-
-
-@dataclass(frozen=True)
-class StudyOptions:
-    """cases : how many. seed : of everything random. workers : processes at a time. timeout_s : for one diagnosis."""
-
-    cases: int = 60
-    seed: int = 1
-    workers: int = 1
-    timeout_s: float = 900.0
 
 
 def run(folder: Path, options: StudyOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
@@ -61,57 +46,6 @@ def run(folder: Path, options: StudyOptions | None = None, progress: Progress = 
     _unchanged(answers, ledger["answers"])
     pairs = [_pair(cases / name, answers / f"{name}.json") for name in ledger["answers"]]
     return scores(pairs) | {"seed": options.seed, "ledger": str(folder / "ledger.json")}
-
-
-def recipes_of(options: StudyOptions) -> list[Recipe]:
-    """A fifth without an effect, a fifth outside the library, a tenth with two effects, the others with one; all effects take turns."""
-    rng = np.random.default_rng(options.seed)
-    inside, outside = (itertools.cycle(rng.permutation(sorted(names)).tolist()) for names in (LIBRARY, OUTSIDE))
-    out = []
-    for k in range(options.cases):
-        chosen: Sequence[str] = ()
-        if k % 10 in (2, 7):
-            chosen = (next(outside),)
-        elif k % 10 == 4:
-            chosen = tuple(rng.choice(sorted(LIBRARY), 2, replace=False).tolist())
-        elif k % 10 not in (0, 5):
-            chosen = (next(inside),)
-        out.append(_recipe(f"gap_{k:03d}", chosen, rng))
-    return out
-
-
-def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recipe:
-    """Effects that leave one to ten times the contours' noise where a pelvis can show it; in one of four the rectum empties."""
-    G = np.exp(rng.uniform(*np.log(SHEAR_MODULI_KPA), 2)).round(2).tolist()
-    empties = rng.random() < 0.25
-    return Recipe(
-        name,
-        int(rng.integers(2**31)),
-        dict.fromkeys(chosen, 0.0),
-        (G[0], G[1]),
-        NOISE_MM * float(10.0 ** rng.uniform()),
-        int(rng.integers(BUILDS)),
-        RectumSpec(
-            inflate_mm=float(rng.uniform(-6.0, -4.0) if empties else rng.uniform(5.5, 9.0)),
-            bias=(float(rng.uniform(-0.4, 0.4)), float(rng.uniform(-0.2, 0.2))),
-            push_mm=(
-                float(rng.uniform(-1.5, 1.5)),
-                float(rng.uniform(1.0, 3.0) if empties else -rng.uniform(1.0, 4.5)),
-                0.0,
-            ),
-            middle_mm=float(rng.uniform(-8.0, 8.0)),
-            half_length_mm=float(rng.uniform(28.0, 38.0)),
-        ),
-        BladderSpec(
-            balance=float(rng.uniform(0.6, 1.0)),
-            push_mm=(
-                0.0,
-                float(rng.uniform(0.0, 2.0)),
-                float(-rng.uniform(2.0, 5.0) if empties else rng.uniform(0.0, 2.0)),
-            ),
-        ),
-        marks=bool(rng.random() < 0.5),
-    )
 
 
 def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
@@ -134,25 +68,10 @@ def _made(recipe: Recipe, folder: Path) -> None:
     for k in range(_EASIER + 1):
         shutil.rmtree(case, ignore_errors=True)  # of a run that was stopped while it made this one
         try:
-            make_case(_easier(recipe, k), case, folder / "answers", folder / "meshes")
+            make_case(easier(recipe, k), case, folder / "answers", folder / "meshes")
             return
         except (ConvergenceError, InputError):  # no equilibrium; a bladder that cannot give off so much
             shutil.rmtree(case, ignore_errors=True)
-
-
-def _easier(recipe: Recipe, k: int) -> Recipe:
-    """The recipe with walls that move less, k times over."""
-    share = 0.8**k
-    rectum, bladder = recipe.rectum, recipe.bladder
-    return replace(
-        recipe,
-        rectum=replace(rectum, inflate_mm=share * rectum.inflate_mm, push_mm=_scaled(rectum.push_mm, share)),
-        bladder=replace(bladder, push_mm=_scaled(bladder.push_mm, share)),
-    )
-
-
-def _scaled(v: tuple[float, float, float], share: float) -> tuple[float, float, float]:
-    return share * v[0], share * v[1], share * v[2]
 
 
 def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, progress: Progress) -> None:

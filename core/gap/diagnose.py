@@ -32,7 +32,7 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     fit = fit_plain(data.problem, data.bones, data.remeshed, part(progress, 0.0, 0.45))
     _factorise(fit)
     forces = ForceFields.around(fit.point, fit.bench.sight)
-    r, J, R = (fit.weighting.whiten(x) for x in (fit.point.residual, fit.point.in_theta, forces.response))
+    r, J, R = (fit.weighting.whiten(x) for x in (fit.point.residual, fit.point.in_theta, forces.free))
     progress(0.46, "score test of every effect")
     stage, point = fit.bench.stage, fit.point
     around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))

@@ -1,4 +1,4 @@
-"""The field of forces that could be missing: smooth body forces around the organ, and what each would move."""
+"""What a gap could be that has no name: smooth missing forces around the organ, and smooth errors of its contour."""
 
 from __future__ import annotations
 
@@ -19,17 +19,21 @@ LENGTH_MM = 12.0
 REACH_MM = 12.0
 # Prior standard deviation of the surface's motion along its normal that missing forces cause, mm.
 TYPICAL_MM = 0.6
+# Correlation length of an error of the contour that is no noise, mm: longer than noise is ever taken to be.
+SHAPE_MM = 20.0
 
 
 @dataclass(frozen=True, eq=False)
 class ForceFields:
     """fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by TYPICAL_MM (rms).
 
-    response : (n, k) of the residual. share : (nodes,) mm3 each node stands for.
+    response : (n, k) of the residual. shapes : (n, m) of the residual, contours drawn wrongly by as much, which no force explains.
+    share : (nodes,) mm3 each node stands for.
     """
 
     fields: FloatArray
     response: FloatArray
+    shapes: FloatArray
     share: FloatArray
 
     @classmethod
@@ -51,9 +55,22 @@ class ForceFields:
         q = len(organ)
         size = float(np.sqrt((response[: sight.n_modes] ** 2).sum() / q))
         scale = TYPICAL_MM / max(size, 1e-30)
-        return cls(fields * scale, response * scale, share)
+        return cls(fields * scale, response * scale, contour_shapes(organ, sight), share)
+
+    @property
+    def free(self) -> FloatArray:
+        """(n, k + m): forces and shapes."""
+        return np.hstack([self.response, self.shapes])
 
     def force_density(self, amplitudes: FloatArray) -> FloatArray:
         """(nodes, 3) kPa/mm of the amplitudes (k,)."""
         total = np.einsum("k,kni->ni", amplitudes, self.fields)
         return total / np.maximum(self.share, 1e-30)[:, None]
+
+
+def contour_shapes(organ: FloatArray, sight: Sight) -> FloatArray:
+    """(n, m) of the residual for smooth errors of a contour with points organ (q, 3) mm, as large as TYPICAL_MM."""
+    modes = noise_modes(organ, TYPICAL_MM, SHAPE_MM, 0.97)
+    shapes = np.zeros((sight.n, modes.shape[1]))
+    shapes[: sight.n_modes] = sight.modes.T @ modes
+    return shapes

@@ -109,7 +109,7 @@ def _judged(
     share = g.mean_mm2 / ceiling.mean_mm2 if ceiling.mean_mm2 > 0.0 else 1.0
     remainder = fit.weighting.whiten(f.point.residual)
     J = fit.weighting.whiten(np.hstack([f.point.in_theta, f.in_phi]))
-    p_left = gap_test(remainder, J, fit.weighting.whiten(forces.response), seed=seed).p_value
+    p_left = gap_test(remainder, J, fit.weighting.whiten(forces.free), seed=seed).p_value
     return Judged(_name(f), f.log_evidence, g, placebo_p, share, p_left, _imitation(fit, best, f))
 
 
@@ -146,10 +146,10 @@ def plain_model(fit: PlainFit) -> Linear:
 
 
 def _saturated_model(plain: Linear, forces: ForceFields) -> Linear:
-    k = forces.response.shape[1]
+    k = forces.free.shape[1]
     return replace(
         plain,
-        J=np.hstack([plain.J, forces.response]),
+        J=np.hstack([plain.J, forces.free]),
         value=np.zeros(plain.J.shape[1] + k),
         precision=np.concatenate([plain.precision, np.ones(k)]),
     )

@@ -87,13 +87,13 @@ def fit_plain(
 
 
 def _free(point: Point, sight: Sight) -> list[FloatArray]:
-    """What may have moved the data besides noise: missing forces, an offset of the contour, the bones. (n, k) each."""
+    """What may have moved the data besides noise: missing forces, smooth errors and an offset of the contour, the bones. (n, k) each."""
     offset = np.zeros((sight.n, 1))
     offset[: sight.n_modes, 0] = _OFFSET_MM * sight.modes.sum(axis=0)
     bones = np.zeros((sight.n, 6))
     if sight.bone is not None:
         bones[-6:] = _BONES * np.eye(6)
-    return [ForceFields.around(point, sight).response, offset, bones]
+    return [ForceFields.around(point, sight).free, offset, bones]
 
 
 def _solved(bench: Bench, theta: FloatArray, near: Point | None) -> Point:

@@ -1,4 +1,7 @@
-"""A body of quadratic tetrahedra in equilibrium, on scikit-fem: its space, quadrature and assembly; Newton with load steps."""
+"""A body of quadratic tetrahedra in equilibrium, on scikit-fem: its space, quadrature and assembly; Newton with load steps.
+
+Of the program that diagnoses only the direct linear solver is used, which either solves or does not.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pypardiso
 from numpy.typing import NDArray
 from scipy import sparse
 from skfem import Basis, ElementTetP2, MeshTet
 from skfem.assembly.form.coo_data import COOData
 
 from palpate.core.errors import ConvergenceError
+from palpate.core.fem.linear_solvers import make_solver
+from palpate.core.fem.pattern import Pattern
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +27,8 @@ Laws = Mapping[int, Organ | Tissue]
 _TOLERANCE, _ITERATIONS, _SMALLEST_STEP = 1e-7, 14, 1.0 / 64.0
 # A step of Newton's longer than this leads nowhere, mm.
 _ABSURD_MM = 60.0
+# Newton is given up when this many steps have not halved what is out of balance.
+_PATIENCE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +104,18 @@ class Body:
         keys = np.repeat(np.arange(n), np.diff(pattern.indptr)) * n + pattern.indices
         return pattern, np.searchsorted(keys, pairs[0] * n + pairs[1])
 
+    def solver(self, K: sparse.csr_matrix, free: NDArray[np.bool_]) -> _Solver:
+        """Of this body's matrices, for unknowns free (3 n,) of bool; the same one as long as the same are free."""
+        key = free.tobytes()
+        if key not in self._solvers:
+            self._solvers.clear()
+            self._solvers[key] = _Solver(K, free)
+        return self._solvers[key]
+
+    @cached_property
+    def _solvers(self) -> dict[bytes, _Solver]:
+        return {}
+
     def _matrix(self, stiffness: FloatArray) -> sparse.csr_matrix:
         """(3 n, 3 n) of cells' blocks (m, 10, 3, 10, 3)."""
         pattern, place = self._pattern
@@ -140,26 +158,25 @@ def _newton(
     body: Body, laws: Laws, u: FloatArray, jump: FloatArray, force: FloatArray, free: NDArray[np.bool_]
 ) -> FloatArray | None:
     """Newton's method with the held unknowns moved by `jump` in the first step; None when it does not converge."""
-    factor = _Factor(free)
-    try:
-        inner, K = body.assemble(u.reshape(-1, 3), laws)
-        if not np.isfinite(inner).all():
-            return None
-        first = None
-        for k in range(_ITERATIONS):
-            rhs = force - inner - (K @ jump if k == 0 else 0.0)
-            move = jump.copy() if k == 0 else np.zeros_like(u)
-            move[free] = factor.solve(K, rhs[free])
-            u, inner, K = _as_far_as_allowed(body, laws, u, move, whole=k == 0)
-            left = float(np.linalg.norm((force - inner)[free]))
-            if not np.isfinite(left) or np.abs(move).max() > _ABSURD_MM:
-                return None
-            first = float(np.linalg.norm(inner[~free])) if first is None else first
-            if left < _TOLERANCE * max(first, 1e-9):
-                return u
+    inner, K = body.assemble(u.reshape(-1, 3), laws)
+    if not np.isfinite(inner).all():
         return None
-    finally:
-        factor.close()
+    first, lefts = None, [np.inf]
+    for k in range(_ITERATIONS):
+        rhs = force - inner - (K @ jump if k == 0 else 0.0)
+        move = jump.copy() if k == 0 else np.zeros_like(u)
+        move[free] = body.solver(K, free).solve(K, rhs[free])
+        u, inner, K = _as_far_as_allowed(body, laws, u, move, whole=k == 0)
+        left = float(np.linalg.norm((force - inner)[free]))
+        if not np.isfinite(left) or np.abs(move).max() > _ABSURD_MM:
+            return None
+        first = float(np.linalg.norm(inner[~free])) if first is None else first
+        if left < _TOLERANCE * max(first, 1e-9):
+            return u
+        lefts.append(left)
+        if k >= _PATIENCE and left > 0.5 * min(lefts[:-_PATIENCE]):
+            return None
+    return None
 
 
 def _as_far_as_allowed(
@@ -178,35 +195,27 @@ def _as_far_as_allowed(
 def slopes_in(body: Body, laws: Laws, regions: Sequence[int], u: FloatArray, held: FloatArray) -> list[FloatArray]:
     """For each region (n, 3) mm, derivative of the equilibrium u in the logarithm of all moduli of that region."""
     free = np.isnan(held).ravel()
-    factor = _Factor(free)
-    out = []
-    try:
-        K = body.assemble(u, laws)[1]
-        for region in regions:
-            # Stress is proportional to the moduli, so their logarithm's derivative is the region's own force.
-            own = body.assemble(u, {region: laws[region]})[0]
-            moved = np.zeros(u.size)
-            moved[free] = -factor.solve(K, own[free])
-            out.append(moved.reshape(-1, 3))
-    finally:
-        factor.close()
-    return out
+    K = body.assemble(u, laws)[1]
+    # Stress is proportional to the moduli, so their logarithm's derivative is the region's own force.
+    own = np.stack([body.assemble(u, {region: laws[region]})[0] for region in regions], axis=1)
+    moved = np.zeros((u.size, len(regions)))
+    moved[free] = -body.solver(K, free).solve(K, own[free])
+    return [column.reshape(-1, 3) for column in moved.T]
 
 
-class _Factor:
-    """MKL PARDISO for a symmetric matrix of which only the free unknowns count."""
+class _Solver:
+    """Direct solver for the free unknowns of a body's matrices, analysed once."""
 
-    def __init__(self, free: NDArray[np.bool_]) -> None:
-        self.free = free
-        self.solver = pypardiso.PyPardisoSolver(mtype=-2)
+    def __init__(self, K: sparse.csr_matrix, free: NDArray[np.bool_]) -> None:
+        # Where in K's values the upper triangle of the free unknowns is.
+        numbered = sparse.csr_matrix((np.arange(1.0, K.nnz + 1.0), K.indices, K.indptr), shape=K.shape)
+        upper = sparse.triu(numbered[free][:, free], format="csr")
+        upper.sort_indices()
+        self._place = upper.data.astype(np.int64) - 1
+        indptr, indices = upper.indptr.astype(np.int32), upper.indices.astype(np.int32)
+        self._solver = make_solver(Pattern(upper.shape[0], indptr, indices, ()))
 
     def solve(self, K: sparse.csr_matrix, rhs: FloatArray) -> FloatArray:
-        """x with K x = rhs on the free unknowns."""
-        upper = sparse.triu(K[self.free][:, self.free], format="csr")
-        upper.sort_indices()
-        self.solver.factorize(upper)
-        return np.asarray(self.solver.solve(upper, rhs))
-
-    def close(self) -> None:
-        """Give the memory back."""
-        self.solver.free_memory(everything=True)
+        """x with K x = rhs on the free unknowns. Raises FactorisationError."""
+        self._solver.factorise(K.data[self._place])
+        return self._solver.solve(rhs)

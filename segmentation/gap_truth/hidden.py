@@ -7,11 +7,11 @@ from palpate.segmentation.gap_truth.hidden_outside import OUTSIDE
 
 __all__ = ["LIBRARY", "OUTSIDE", "SIZES"]
 
-# Strength of each, the weakest and the strongest that a pelvis may have. Between them the study looks for one that the surface shows as far as
-# it wants; where even the strongest shows less, that is what the case has.
+# Strength of each, the weakest and the strongest that a pelvis may have. Between them the study looks for one that the surface shows
+# as far as it wants; where even the strongest shows less, that is what the case has.
 SIZES: dict[str, tuple[float, float]] = {
     "interface_sliding": (3.0, 150.0), "inclusion": (2.0, 40.0), "fibre_anisotropy": (0.5, 12.0), "volume_change": (0.02, 0.35),
-    "compressible_organ": (0.05, 0.8), "tissue_stiffening": (2.0, 60.0), "tissue_heterogeneity": (1.5, 15.0),
+    "compressible_organ": (0.05, 1.5), "tissue_stiffening": (2.0, 60.0), "tissue_heterogeneity": (1.5, 15.0),
     "bone_motion": (0.5, 8.0), "gravity_change": (1.0, 2.0), "prestress": (0.15, 0.9), "unmodelled_load": (3.0, 60.0),
     "contour_bias": (0.35, 3.0), "uneven_growth": (0.03, 0.4), "two_foci": (3.0, 40.0), "tissue_tear": (3.0, 60.0),
     "shrunken_tissue": (0.03, 0.3), "tissue_fibres": (0.5, 10.0), "one_sided_contour": (0.8, 5.0),

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.core.errors import ConvergenceError
-from palpate.segmentation.gap_truth.body import Body, equilibrium, slopes_in
+from palpate.segmentation.gap_truth.body import Body, Laws, equilibrium, slopes_in
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.labels import ORGAN_LABELS
 from palpate.segmentation.simulate_motion import WallMotion
@@ -42,30 +42,51 @@ class Part:
         return self.share * self.motion.displacement(points)
 
 
-def shown(s: Simulated, boundary: Mapping[str, IntArray], walls: Mapping[str, WallMotion]) -> tuple[Shown, Shown]:
-    """The states at rest and deformed. boundary : name -> faces (f, 3). Raises ConvergenceError when one has no equilibrium."""
+def shown(
+    s: Simulated, boundary: Mapping[str, IntArray], walls: Mapping[str, WallMotion], near: FloatArray | None = None
+) -> tuple[Shown, Shown]:
+    """The states at rest and deformed. boundary : name -> faces (f, 3). near : (n, 3) mm, a deformed state like this one, if known.
+
+    Raises ConvergenceError when one has no equilibrium.
+    """
     still = Shown({}, np.zeros_like(s.body.nodes))
     rest = still
     if s.filled:
         before = {name: Part(walls[name], share) for name, share in s.filled.items() if name in walls}
-        rest = _state(s, boundary, before, None)
+        rest, near = _state(s, boundary, before, None, None), None
     motions = dict(walls)
     if s.filled:  # what the walls do between the scans comes on top of what they did before
         motions = {name: Part(walls[name], 1.0 + s.filled.get(name, 0.0)) for name in walls}
     if s.bone is not None:
         motions["bone"] = s.bone
-    return rest, _state(s, boundary, motions, s.load)
+    return rest, _state(s, boundary, motions, s.load, near)
 
 
 def _state(
-    s: Simulated, boundary: Mapping[str, IntArray], motions: Mapping[str, WallMotion], load: FloatArray | None
+    s: Simulated,
+    boundary: Mapping[str, IntArray],
+    motions: Mapping[str, WallMotion],
+    load: FloatArray | None,
+    near: FloatArray | None,
 ) -> Shown:
     held = held_nodes(s.body, boundary, motions)
-    u = equilibrium(s.body, s.laws(), held, load)
+    u = _from(near, s.body, s.laws(), held, load)
     ratio = np.linalg.det(s.body.gradients(u))
     if ratio.min() < _FLAT:
         raise ConvergenceError(f"the simulated tissue folds (volume ratio {ratio.min():.2f}); make the walls move less")
     return Shown(motions, u)
+
+
+def _from(
+    near: FloatArray | None, body: Body, laws: Laws, held: FloatArray, load: FloatArray | None = None
+) -> FloatArray:
+    """Equilibrium from a state like it, or, where that leads nowhere, from rest."""
+    if near is not None:
+        try:
+            return equilibrium(body, laws, held, load, start=near)
+        except ConvergenceError:
+            pass
+    return equilibrium(body, laws, held, load)
 
 
 def held_nodes(body: Body, boundary: Mapping[str, IntArray], motions: Mapping[str, WallMotion]) -> FloatArray:
@@ -89,22 +110,25 @@ def backward(s: Simulated, boundary: Mapping[str, IntArray], state: Shown) -> Ba
 
 
 def effect_mm(
-    s: Simulated, plain: Simulated, boundary: Mapping[str, IntArray], rest: Shown, deformed: Shown
+    s: Simulated,
+    plain: Simulated,
+    boundary: Mapping[str, IntArray],
+    rest: Shown,
+    deformed: Shown,
+    near: FloatArray | None = None,
 ) -> tuple[float, float]:
     """rms along the organ's normal of what the effect does, all of it and what no change of the two stiffnesses can do, mm.
 
-    The plain body starts from the shape that the scan at rest shows.
+    The plain body starts from the shape that the scan at rest shows. near : (n, 3) mm, its deformed state or one like it, if known.
     """
-    v = len(s.body.points)
-    body = Body(s.body.points + rest.u[:v], s.body.cells, s.body.regions)
+    body = s.body
+    if rest.u.any():
+        body, near = Body(body.points + rest.u[: len(body.points)], body.cells, body.regions), deformed.u - rest.u
     model = Simulated(body, plain.organ_faces, plain.G, plain.K, plain.growth, plain.fibre)
     known = {name: motion for name, motion in deformed.motions.items() if name != "bone"}
     driven = held_nodes(s.body, boundary, known) - np.nan_to_num(held_nodes(s.body, boundary, rest.motions))
     laws = model.laws()
-    try:
-        u = equilibrium(body, laws, driven, start=deformed.u - rest.u)
-    except ConvergenceError:  # what was there with the effect may be too far from what is there without
-        u = equilibrium(body, laws, driven)
+    u = _from(deformed.u if near is None else near, body, laws, driven)
     nodes, normals, area = _surface(body.nodes + u, body.face_nodes(s.organ_faces))
     done = ((s.body.nodes + deformed.u - body.nodes - u)[nodes] * normals).sum(axis=1)
     if s.offset is not None:

@@ -14,10 +14,11 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import Recipe
+from palpate.segmentation.gap_cases import NOISE_MM, Recipe
+from palpate.segmentation.gap_recipes import StudyOptions, recipes_of
 from palpate.segmentation.gap_scores import scores
-from palpate.segmentation.gap_study import StudyOptions, recipes_of
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
+from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 
 STIFFNESS = {"prostate_left": {"G_kpa": 21.0, "sd_ln_G": 0.2}, "prostate_right": {"G_kpa": 90.0, "sd_ln_G": 0.1}}
 
@@ -106,6 +107,10 @@ def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> Non
     assert sum(any(e in OUTSIDE for e in r.effects) for r in recipes) == 12
     assert sum(len(r.effects) == 2 for r in recipes) == 6
     assert {e for r in recipes for e in r.effects} == {*LIBRARY, *OUTSIDE}
+    wanted = [r.shown_mm for r in recipes if r.shown_mm is not None]
+    assert len(wanted) == 60
+    assert NOISE_MM <= min(wanted) < 1.3 * NOISE_MM
+    assert 8.0 * NOISE_MM < max(wanted) <= 10.0 * NOISE_MM
 
 
 @pytest.fixture
@@ -163,8 +168,9 @@ def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeyp
 
     monkeypatch.setattr(gap_study, "make_case", make)
     (tmp_path / "cases").mkdir()
-    weakest = gap_study.SIZES["inclusion"][0]
-    gap_study._made(Recipe("gap_000", 1, {"inclusion": 16.0 * weakest}, rectum_mm=10.0), tmp_path)
-    assert [r.rectum_mm for r in tried] == pytest.approx([10.0, 8.0, 6.4])
-    assert [r.effects["inclusion"] / weakest for r in tried] == pytest.approx([16.0, 4.0, 2.0])
+    rectum, bladder = RectumSpec(10.0, push_mm=(0.0, -5.0, 0.0)), BladderSpec(push_mm=(0.0, 0.0, 2.0))
+    gap_study._made(Recipe("gap_000", 1, {"inclusion": 0.0}, shown_mm=0.7, rectum=rectum, bladder=bladder), tmp_path)
+    assert [r.rectum.inflate_mm for r in tried] == pytest.approx([10.0, 8.5, 7.225])
+    assert [r.rectum.push_mm[1] for r in tried] == pytest.approx([-5.0, -4.25, -3.6125])
+    assert [r.bladder.push_mm[2] for r in tried] == pytest.approx([2.0, 1.7, 1.445])
     assert (tmp_path / "cases" / "gap_000").is_dir()

@@ -134,7 +134,7 @@ def _forward_picture(found: dict[str, Any]) -> Figure:
 
 
 def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from palpate.segmentation.gap_study import StudyOptions
+    from palpate.segmentation.gap_recipes import StudyOptions
     from palpate.segmentation.gap_study import run as gap_study
 
     options = StudyOptions(cases=args.cases, seed=random_seed(args), workers=args.workers or 1)

@@ -1,0 +1,91 @@
+"""The blind check's recipes: which effects are hidden, how far walls move, how stiff the halves are; all from one seed."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.segmentation.gap_cases import NOISE_MM, Recipe
+from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
+from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
+
+# Pelves, of each of which many patients are made by stretching, and the range of their two stiffnesses.
+BUILDS, SHEAR_MODULI_KPA = 4, (6.0, 60.0)
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """cases : how many. seed : of everything random. workers : processes at a time. timeout_s : for one diagnosis."""
+
+    cases: int = 60
+    seed: int = 1
+    workers: int = 1
+    timeout_s: float = 900.0
+
+
+def recipes_of(options: StudyOptions) -> list[Recipe]:
+    """A fifth without an effect, a fifth outside the library, a tenth with two effects, the others with one; all effects take turns."""
+    rng = np.random.default_rng(options.seed)
+    inside, outside = (itertools.cycle(rng.permutation(sorted(names)).tolist()) for names in (LIBRARY, OUTSIDE))
+    out = []
+    for k in range(options.cases):
+        chosen: Sequence[str] = ()
+        if k % 10 in (2, 7):
+            chosen = (next(outside),)
+        elif k % 10 == 4:
+            chosen = tuple(rng.choice(sorted(LIBRARY), 2, replace=False).tolist())
+        elif k % 10 not in (0, 5):
+            chosen = (next(inside),)
+        out.append(_recipe(f"gap_{k:03d}", chosen, rng))
+    return out
+
+
+def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recipe:
+    """Effects that leave one to ten times the contours' noise where a pelvis can show it; in one of four the rectum empties."""
+    G = np.exp(rng.uniform(*np.log(SHEAR_MODULI_KPA), 2)).round(2).tolist()
+    empties = rng.random() < 0.25
+    return Recipe(
+        name,
+        int(rng.integers(2**31)),
+        dict.fromkeys(chosen, 0.0),
+        (G[0], G[1]),
+        NOISE_MM * float(10.0 ** rng.uniform()),
+        int(rng.integers(BUILDS)),
+        _rectum(empties, rng),
+        _bladder(empties, rng),
+        marks=bool(rng.random() < 0.5),
+    )
+
+
+def _rectum(empties: bool, rng: np.random.Generator) -> RectumSpec:
+    back = float(rng.uniform(1.0, 3.0) if empties else -rng.uniform(2.0, 6.0))
+    return RectumSpec(
+        inflate_mm=float(rng.uniform(-7.0, -5.0) if empties else rng.uniform(6.5, 10.0)),
+        bias=(float(rng.uniform(-0.4, 0.4)), float(rng.uniform(-0.2, 0.2))),
+        push_mm=(float(rng.uniform(-1.5, 1.5)), back, 0.0),
+        middle_mm=float(rng.uniform(-8.0, 8.0)),
+        half_length_mm=float(rng.uniform(28.0, 38.0)),
+    )
+
+
+def _bladder(empties: bool, rng: np.random.Generator) -> BladderSpec:
+    up = float(-rng.uniform(2.0, 5.0) if empties else rng.uniform(0.0, 2.0))
+    return BladderSpec(balance=float(rng.uniform(0.6, 1.0)), push_mm=(0.0, float(rng.uniform(0.0, 2.0)), up))
+
+
+def easier(recipe: Recipe, k: int) -> Recipe:
+    """The recipe with walls that move less, k times over."""
+    share = 0.85**k
+    rectum, bladder = recipe.rectum, recipe.bladder
+    return replace(
+        recipe,
+        rectum=replace(rectum, inflate_mm=share * rectum.inflate_mm, push_mm=_scaled(rectum.push_mm, share)),
+        bladder=replace(bladder, push_mm=_scaled(bladder.push_mm, share)),
+    )
+
+
+def _scaled(v: tuple[float, float, float], share: float) -> tuple[float, float, float]:
+    return share * v[0], share * v[1], share * v[2]

@@ -1,0 +1,56 @@
+"""The blind check's pelves are anatomy, and its effects are as strong as wanted where a pelvis allows it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from palpate.core.errors import ConvergenceError
+from palpate.segmentation.gap_recipes import BUILDS
+from palpate.segmentation.gap_truth.pelvis import Pelvis
+from palpate.segmentation.gap_truth.strength import strength
+from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+
+
+@pytest.mark.parametrize("slope", [0.5, 1.0, 2.0])
+def test_a_strength_is_found_that_shows_what_is_wanted(slope: float) -> None:
+    size = strength(0.8, (0.01, 1000.0), lambda s: 0.05 * s**slope)
+    assert 0.05 * size**slope == pytest.approx(0.8, rel=0.3)
+
+
+def test_where_even_the_strongest_shows_less_it_is_taken() -> None:
+    assert strength(3.0, (1.0, 9.0), lambda s: 0.1 * s) == pytest.approx(9.0)
+    assert strength(0.001, (1.0, 9.0), lambda s: 0.1 * s) == pytest.approx(1.0)
+
+
+def test_sizes_without_an_equilibrium_are_too_strong() -> None:
+    def shown(size: float) -> float:
+        if size > 4.0:
+            raise ConvergenceError("folds")
+        return 0.1 * size
+
+    assert 1.0 <= strength(2.0, (1.0, 100.0), shown) <= 4.0
+    with pytest.raises(ConvergenceError, match="no strength"):
+        strength(2.0, (5.0, 100.0), shown)
+
+
+@pytest.mark.parametrize("build", range(BUILDS))
+def test_a_pelvis_is_anatomy(build: int) -> None:
+    """Prostate of 25 to 70 cc in two like halves, bladder above, rectum behind, each 2 to 8 mm from it; bone on all sides."""
+    labels = Pelvis.of(build).model_labels
+    values, cc = labels.array, np.prod(labels.spacing) / 1000.0
+    left, right = ((values == k).sum() * cc for k in ORGAN_LABELS)
+    assert 25.0 < left + right < 70.0
+    assert 0.7 < left / right < 1.4
+    organ = np.isin(values, ORGAN_LABELS)
+    away = ndimage.distance_transform_edt(~organ, sampling=labels.spacing)
+    middle = labels.to_lps(np.argwhere(organ).astype(float)).mean(axis=0)
+    for label, axis in ((BLADDER, 2), (RECTUM, 1)):
+        there = labels.to_lps(np.argwhere(values == label).astype(float)).mean(axis=0)
+        assert there[axis] > middle[axis] + 15.0
+        assert 2.0 < away[values == label].min() < 8.0
+    bone = labels.to_lps(np.argwhere(values == BONE).astype(float)) - middle
+    assert bone[:, 0].min() < -30.0
+    assert bone[:, 0].max() > 30.0
+    assert bone[:, 1].min() < -15.0
