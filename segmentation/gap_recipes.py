@@ -73,7 +73,7 @@ def _rectum(empties: bool, rng: np.random.Generator) -> RectumSpec:
 
 def _bladder(empties: bool, rng: np.random.Generator) -> BladderSpec:
     up = float(-rng.uniform(2.0, 5.0) if empties else rng.uniform(0.0, 2.0))
-    return BladderSpec(balance=float(rng.uniform(0.6, 1.0)), push_mm=(0.0, float(rng.uniform(0.0, 2.0)), up))
+    return BladderSpec(balance=float(rng.uniform(0.3, 1.0)), push_mm=(0.0, float(rng.uniform(0.0, 2.0)), up))
 
 
 def easier(recipe: Recipe, k: int) -> Recipe:

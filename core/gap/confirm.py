@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.gap.fit import Point, Trial
-from palpate.core.gap.plain import PlainFit
+from palpate.core.gap.plain import FLAT, PlainFit
 from palpate.core.gap.screen import Screened
 from palpate.core.identify.gauss_newton import gauss_newton
 
@@ -24,7 +24,8 @@ class Refit:
     """An effect's variant where it fits best.
 
     point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi).
-    log_evidence : Laplace's, against the plain model, the variants averaged.
+    log_evidence : Laplace's, against the plain model, the variants averaged, each model with the noise that suits it;
+    at_fitted_noise : the same with the noise of the case as fitted, as the gap test needs it.
     """
 
     trial: Trial
@@ -32,6 +33,7 @@ class Refit:
     in_phi: FloatArray
     covariance: FloatArray
     log_evidence: float
+    at_fitted_noise: float
 
     @property
     def phi(self) -> FloatArray:
@@ -94,13 +96,21 @@ def _weighed(
     plain = fit.weighting.whiten(fit.point.residual)
     J = np.hstack([fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S)])
     t = len(point.theta)
-    prior = np.diag(np.concatenate([np.full(t, 1e-4), 1.0 / scales**2]))
+    prior = np.diag(np.concatenate([np.full(t, FLAT), 1.0 / scales**2]))
     H = J.T @ J + prior
     covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
     # ln of the ratio of posterior to prior volume: stiffness has the same flat prior in both models.
     J0 = fit.weighting.whiten(fit.point.in_theta)
-    H0 = J0.T @ J0 + 1e-4 * np.eye(t)
+    H0 = J0.T @ J0 + FLAT * np.eye(t)
     volume = 0.5 * (np.linalg.slogdet(H0)[1] - np.linalg.slogdet(H)[1]) - np.log(scales).sum()
     evidence = 0.5 * (float(plain @ plain) - cost) + float(volume)
     spread = screened.log_evidence - screened.scores[which].log_evidence
-    return Refit(trial, point, S, covariance, evidence + spread)
+    return Refit(trial, point, S, covariance, _whatever_noise(fit, point, S, scales) + spread, evidence + spread)
+
+
+def _whatever_noise(fit: PlainFit, point: Point, S: FloatArray, scales: FloatArray) -> float:
+    """Log evidence against the plain model, the noise of neither given."""
+    J = np.hstack([point.in_theta, S])
+    precision = np.concatenate([np.full(len(point.theta), FLAT), 1.0 / scales**2])
+    prior = -0.5 * float(((point.phi / scales) ** 2).sum()) - float(np.log(scales).sum())
+    return fit.noise.log_evidence(point.residual, J, precision) + prior - fit.log_evidence

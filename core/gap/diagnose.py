@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+from scipy.special import logsumexp
+
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
 from palpate.core.gap.case_data import CaseData
 from palpate.core.gap.confirm import Refit, refit
 from palpate.core.gap.detect import gap_test
 from palpate.core.gap.effects import Effect, Surroundings
-from palpate.core.gap.evidence import saturated
+from palpate.core.gap.evidence import mean_of_exponentials
 from palpate.core.gap.forces import ForceFields
 from palpate.core.gap.judge import Diagnosis, judge
+from palpate.core.gap.noise_fit import GAPS
 from palpate.core.gap.plain import PlainFit, fit_plain
 from palpate.core.gap.pressure_fields import pressure_fields
 from palpate.core.gap.screen import Screened, screen
@@ -41,10 +45,19 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     test = gap_test(r, J, R, named, seed)
     refits = [] if test.p_value > _CLEAR else _refits(fit, screened, part(progress, 0.6, 0.9))
     if refits and not test.detected:
-        test = gap_test(r, J, R, named, seed, refits[0].log_evidence)
+        test = gap_test(r, J, R, named, seed, max(f.at_fitted_noise for f in refits))
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
-    return judge(fit, test, screened, refits if test.detected else [], where, forces, saturated(r, J, R)[0], seed)
+    return judge(fit, test, screened, refits if test.detected else [], where, forces, _unnamed(fit, forces), seed)
+
+
+def _unnamed(fit: PlainFit, forces: ForceFields) -> float:
+    """Log evidence, against the plain model, of a free smooth field of any size, whatever the noise."""
+    r, J, R = fit.point.residual, fit.point.in_theta, forces.free
+    none = np.zeros((len(r), len(r)))
+    plain = fit.noise.log_likelihood(r, J, none)
+    logs = [logsumexp(fit.noise.log_likelihood(r, J, size**2 * R @ R.T) + fit.noise.log_prior) for size in GAPS if size]
+    return mean_of_exponentials(np.array(logs)) - float(logsumexp(plain + fit.noise.log_prior))
 
 
 def _factorise(fit: PlainFit) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from palpate.core.gap.bone_sight import BoneSight
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.fit import NOTHING, PLAIN, Bench, Point
 from palpate.core.gap.forces import ForceFields
-from palpate.core.gap.noise_fit import fit_noise
+from palpate.core.gap.noise_fit import NoiseGrid, fit_noise
 from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
 from palpate.core.gap.remeshed import Remeshed, what_is_left
 from palpate.core.gap.sight import Sight
@@ -27,6 +28,8 @@ from palpate.core.worker.progress import Progress, part, silent
 
 FloatArray = NDArray[np.float64]
 
+# Precision of ln G's prior: none to speak of.
+FLAT = 1e-4
 # How far a contour may be offset, mm, and bones may seem to have moved, mm and degrees, while the noise is estimated.
 _OFFSET_MM, _BONES = 1.0, 5.0
 
@@ -37,16 +40,22 @@ class PlainFit:
 
     point : at the quick element, residuals corrected; its tangent is the one factorised. mesh : (n,) what the better element
     changed, the mean over all meshes; scatter_mm : rms along the surface of what one mesh differs from that mean, NaN for
-    one mesh. sizes : of the noise of this case. weighting : of the data vector.
+    one mesh. noise : all that it may be; sizes : of this case's. weighting : of the data vector.
     """
 
     bench: Bench
     point: Point
     mesh: FloatArray
     scatter_mm: float
-    noise: NoiseParts
+    noise: NoiseGrid
     sizes: NoiseSizes
     weighting: Weighting
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Of the plain model, whatever the noise."""
+        J = self.point.in_theta
+        return self.noise.log_evidence(self.point.residual, J, np.full(J.shape[1], FLAT))
 
 
 def fit_plain(
@@ -80,20 +89,22 @@ def fit_plain(
     point = replace(point, residual=point.residual + mesh)
     noise = NoiseParts.of(point.scene, sight, point.equilibrium.u)
     left = what_is_left(differences, sizes.mesh)
-    fitted = fit_noise(noise, sizes, left, point.residual, point.in_theta, _free(point, sight))
+    gap = ForceFields.around(point, sight).free
+    grid = NoiseGrid.of(noise, sizes, left)
+    fitted = fit_noise(grid, point.residual, point.in_theta, gap, _free(sight))
     weighting = Weighting(fitted.covariance)
     point = _best(bench, weighting, [point.theta], point)
-    return PlainFit(bench, point, mesh, scatter_mm(differences, sight), noise, fitted.sizes, weighting)
+    return PlainFit(bench, point, mesh, scatter_mm(differences, sight), grid, fitted.sizes, weighting)
 
 
-def _free(point: Point, sight: Sight) -> list[FloatArray]:
-    """What may have moved the data besides noise: missing forces, smooth errors and an offset of the contour, the bones. (n, k) each."""
+def _free(sight: Sight) -> list[FloatArray]:
+    """What may have moved the data besides noise and a gap: an offset of the contour, the bones. (n, k) each."""
     offset = np.zeros((sight.n, 1))
     offset[: sight.n_modes, 0] = _OFFSET_MM * sight.modes.sum(axis=0)
     bones = np.zeros((sight.n, 6))
     if sight.bone is not None:
         bones[-6:] = _BONES * np.eye(6)
-    return [ForceFields.around(point, sight).free, offset, bones]
+    return [offset, bones]
 
 
 def _solved(bench: Bench, theta: FloatArray, near: Point | None) -> Point:

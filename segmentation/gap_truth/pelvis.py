@@ -25,8 +25,8 @@ from palpate.segmentation.simulate_source import LabelArray, labels_on
 from palpate.segmentation.smooth_field import FloatArray
 from palpate.segmentation.volume import Volume
 
-# Semi-axes of the modelled region, a rounded box, and its middle over the prostate's, mm.
-_REGION_MM, _MIDDLE_MM = np.array([52.0, 56.0, 56.0]), np.array([0.0, 5.0, 9.0])
+# Semi-axes of the modelled region, a box with rounded edges, and its middle over the prostate's, mm; the power that rounds it.
+_REGION_MM, _MIDDLE_MM, _POWER = np.array([50.0, 54.0, 54.0]), np.array([0.0, 5.0, 9.0]), 20
 _VOXEL_MM, _MODEL_VOXEL_MM = (1.1, 1.1, 1.8), (1.25, 1.25, 1.25)
 
 
@@ -93,7 +93,7 @@ class Pelvis:
         for label, solids in ((BLADDER, (self.bladder,)), (RECTUM, (self.rectum,)), (BONE, self.bones)):
             for solid in solids:
                 out[solid.distance(points) < 0.0] = label
-        reach = (np.abs(points - _MIDDLE_MM) / _REGION_MM) ** 4
+        reach = (np.abs(points - _MIDDLE_MM) / _REGION_MM) ** _POWER
         return np.where(reach.sum(axis=1) < 1.0, out, OUTSIDE).astype(np.uint8)
 
     @property
