@@ -45,7 +45,8 @@ def recipes_of(options: StudyOptions) -> list[Recipe]:
 
 def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recipe:
     """Effects that leave one to ten times the contours' noise where a pelvis can show it; in one of four the rectum empties."""
-    G = np.exp(rng.uniform(*np.log(SHEAR_MODULI_KPA), 2)).round(2).tolist()
+    low, high = (float(np.log(G)) for G in SHEAR_MODULI_KPA)
+    G = np.exp(rng.uniform(low, high, 2)).round(2).tolist()
     empties = rng.random() < 0.25
     return Recipe(
         name,

@@ -1,15 +1,16 @@
 """How a wall moved along itself, which no scan shows: mostly straight out or in, as pressure moves it, and smoothly.
 
 What fills or leaves a hollow organ presses along its wall's normal. The wall's motion is therefore a Gaussian process in space,
-v = a n + w: a scalar process a along the normal n of the wall at rest, and a little, w, for whatever else moves it. Both have a
-squared-exponential kernel of one length; that and the size of a are those that make what is seen across the wall most likely (type-II
-maximum likelihood; Rasmussen & Williams 2006, 5.4). Large parts of a wall may besides have slid along themselves together, pushed by what
-no scan shows: that moves no expectation, but is unknown and so noise.
+v = a n + t + w: a scalar process a along the normal n of the wall at rest, a translation t of the whole wall, and a little, w, for
+whatever else moves it. a and w have a squared-exponential kernel of one length; that and the sizes of a and t are those that make what is
+seen across the wall most likely (type-II maximum likelihood; Rasmussen & Williams 2006, 5.4). Large parts of a wall may besides have
+slid along themselves together, pushed by what no scan shows: that moves no expectation, but is unknown and so noise.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,8 @@ FloatArray = NDArray[np.float64]
 # Lengths and standard deviations along the normal among which the likeliest is taken, mm.
 LENGTHS_MM = (10.0, 12.0, 14.0, 17.0, 20.0, 24.0, 29.0, 35.0)
 SIZES_MM = (1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0)
+# The same of the whole wall's translation, an axis.
+WHOLE_MM = (0.0, 2.0, 5.0)
 # Of any other motion, an axis, mm. The data do not tell 0.3 from 1 (evidence of eight walls: 3448.1 and 3449.7 in all), and no scan
 # rules out 1; where up to 8 was allowed, a bladder drifted 11 mm along itself as normals were taken anew.
 SIDEWAYS_MM = 1.0
@@ -34,7 +37,7 @@ _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
 # their neck (1 to 2 mm along themselves).
 SLIDE_MM, SLIDE_LENGTH_MM = 1.2, 45.0
 # The contours' noise tilts normals, and a wall that slides along tilted normals fits noise: they are smoothed over so much, mm.
-_SMOOTH_MM = 6.0
+_SMOOTH_MM = 3.0
 # Points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; kernel's share of variance that is kept.
 POINTS, _FEWER, _SHARE = 400, 200, 0.98
 # Normals turn as the wall moves: how often they are taken anew. Smoothed, they have settled then.
@@ -45,18 +48,20 @@ DRAG = 20.0
 
 @dataclass(frozen=True)
 class Kernel:
-    """length, and size along the normal, mm."""
+    """length, size along the normal, and of the translation of the whole (an axis), mm."""
 
     length: float
     size: float
+    whole: float
 
 
 @dataclass(frozen=True, eq=False)
 class WallMotion:
     """points (q, 3) mm the motion was learnt at; at_rest : signed distance of the wall at rest, whose gradient is its normal.
 
-    basis (q, m) takes kernel values to modes, slides (q, w) those of large parts. mean (4 m,), factor (4 m, r) : of the modes' amplitudes,
-    along the normal and along the axes; unit normal numbers (r,) times `factor` are what is left unknown.
+    basis (q, m) takes kernel values to modes, slides (q, w) those of large parts. mean (4 m + 3,), factor (4 m + 3, r) : of the modes'
+    amplitudes, along the normal and along the axes, and of the translation; unit normal numbers (r,) times `factor` are what is left
+    unknown.
     """
 
     points: FloatArray
@@ -98,12 +103,13 @@ class WallMotion:
         return np.concatenate([np.moveaxis(self._motions(x) @ self.factor, 2, 0), slides])
 
     def _motions(self, x: FloatArray) -> FloatArray:
-        """(n, 3, 4 m) mm at x (n, 3) for unit amplitudes."""
+        """(n, 3, 4 m + 3) mm at x (n, 3) for unit amplitudes."""
         modes = np.exp(-0.5 * (cdist(x, self.points) / self.kernel.length) ** 2) @ self.basis
         along = self.kernel.size * _normals(self.at_rest, x)[:, :, None]
         axes = np.tile(np.eye(3), (len(x), 1, 1))
         ways = np.concatenate([along, SIDEWAYS_MM * axes], axis=2)
-        return np.einsum("nik,nm->nikm", ways, modes).reshape(len(x), 3, -1)
+        smooth = np.einsum("nik,nm->nikm", ways, modes).reshape(len(x), 3, -1)
+        return np.concatenate([smooth, self.kernel.whole * axes], axis=2)
 
     def drag(self, wall: SlidingWall, shift: FloatArray, u: FloatArray, way: float, shear_kpa: float) -> Springs:
         """Springs that take a wall along itself to where this motion has it.
@@ -122,16 +128,16 @@ def likeliest(X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatAr
     squared = cdist(X, X) ** 2
     turned = (normal * out).sum(axis=1)
     straight, other = np.outer(turned, turned), normal @ normal.T
-    best = (-np.inf, Kernel(LENGTHS_MM[0], SIZES_MM[0]))
+    best = (-np.inf, Kernel(LENGTHS_MM[0], SIZES_MM[0], WHOLE_MM[0]))
     for length in LENGTHS_MM:
         near = np.exp(-0.5 * squared / length**2)
         rest = noise + SIDEWAYS_MM**2 * near * other
-        for size in SIZES_MM:
-            L = np.linalg.cholesky(size**2 * near * straight + rest)
+        for size, whole in product(SIZES_MM, WHOLE_MM):
+            L = np.linalg.cholesky(size**2 * near * straight + whole**2 * other + rest)
             white = solve_triangular(L, shift, lower=True, check_finite=False)
             likelihood = -0.5 * float(white @ white) - float(np.log(np.diag(L)).sum())
             if likelihood > best[0]:
-                best = (likelihood, Kernel(length, size))
+                best = (likelihood, Kernel(length, size, whole))
     return best[1]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.gap.wall_motion import SIDEWAYS_MM, WallMotion, likeliest
+from palpate.core.gap.wall_motion import SIDEWAYS_MM, SLIDE_MM, WallMotion, likeliest
 
 RADIUS = np.array([14.0, 10.0, 22.0])
 
@@ -49,8 +49,8 @@ def test_a_wall_that_moved_as_a_whole_moved_along_itself_too() -> None:
 def test_a_wall_that_stayed_did_not_move_and_what_is_unknown_is_small() -> None:
     motion = WallMotion.of(wall(np.zeros(3), RADIUS), at_rest, 0.1)
     assert np.abs(motion.at(points())).max() < 0.05
-    unknown = np.sqrt((motion.unknown_at(points()) ** 2).sum(axis=(0, 2)).mean())
-    assert unknown < 1.0
+    unknown = (motion.unknown_at(points()) ** 2).sum(axis=(0, 2)).mean()
+    assert unknown < 1.0 + 3.0 * SLIDE_MM**2
 
 
 def test_what_is_unknown_covers_what_is_wrong() -> None:
