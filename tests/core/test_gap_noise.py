@@ -1,0 +1,78 @@
+"""The noise of a case is not taken for smaller than it is to make room for a gap that is not there; evidence is the integral it says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from palpate.core.gap import noise_fit
+from palpate.core.gap.noise_fit import NoiseGrid, fit_noise
+from palpate.core.gap.noise_model import NoiseSizes
+from palpate.core.observe.noise import noise_modes, smooth_covariance
+
+FACTORS = (0.4, 0.6, 0.8, 1.0, 1.2)
+X = np.random.default_rng(0).uniform(-20.0, 20.0, (60, 3))
+STIFFNESS = (X[:, :2] / 20.0) ** 2
+GAP = noise_modes(X, 0.6, 11.0, 0.95)
+OWN = 0.2**2 * np.eye(len(X))
+
+
+def covariance(factor: float) -> np.ndarray:
+    return factor**2 * smooth_covariance(X, 0.5, 6.0) + OWN
+
+
+@pytest.fixture(scope="module")
+def grid() -> NoiseGrid:
+    sizes = [NoiseSizes(contour=f) for f in FACTORS]
+    even = np.full(len(FACTORS), -np.log(len(FACTORS)))
+    return NoiseGrid(sizes, np.stack([covariance(f) for f in FACTORS]), even)
+
+
+def fitted(grid: NoiseGrid, gap: float, true: float = 1.0) -> float:
+    """Mean over 30 draws of the contours' factor that is found, the truth `true`, with a gap of so many times its usual size."""
+    rng = np.random.default_rng(1)
+    L = np.linalg.cholesky(covariance(true))
+    found = []
+    for _ in range(30):
+        r = L @ rng.standard_normal(len(X)) + gap * GAP @ rng.standard_normal(GAP.shape[1])
+        found.append(fit_noise(grid, r, STIFFNESS, GAP, []).sizes.contour)
+    return float(np.mean(found))
+
+
+def test_without_a_gap_the_noise_is_what_it_is(grid: NoiseGrid, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = fitted(grid, 0.0)
+    assert found == pytest.approx(1.0, abs=0.1)
+    monkeypatch.setattr(noise_fit, "GAPS", (1.0,))
+    assert fitted(grid, 0.0) < found - 0.05  # a gap that must be there takes the noise's place
+
+
+@pytest.mark.parametrize("true", [0.5, 1.0])
+def test_a_gap_is_not_taken_for_noise(grid: NoiseGrid, true: float) -> None:
+    assert fitted(grid, 2.0, true) == pytest.approx(true, abs=0.15)
+
+
+def test_evidence_is_the_marginal_likelihood_of_a_linear_model() -> None:
+    """Laplace's is exact there: against the density of what remains once the effect's amplitude is integrated out."""
+    rng = np.random.default_rng(3)
+    C, S, scale = covariance(0.8), rng.standard_normal((len(X), 2)), np.array([0.7, 1.6])
+    one = NoiseGrid([NoiseSizes()], C[None], np.zeros(1))
+    r0 = np.linalg.cholesky(C) @ rng.standard_normal(len(X)) - S @ np.array([0.5, -1.0])
+    W = np.linalg.inv(C)
+    phi = np.linalg.solve(S.T @ W @ S + np.diag(1.0 / scale**2), -S.T @ W @ r0)
+    prior = -0.5 * ((phi / scale) ** 2).sum() - np.log(scale).sum()
+    plain = one.log_evidence(r0, np.zeros((len(X), 1)), np.ones(1))
+    ours = one.log_evidence(r0 + S @ phi, S, 1.0 / scale**2) + prior - plain
+    densities = [multivariate_normal(np.zeros(len(X)), V).logpdf(r0) for V in (C + S @ np.diag(scale**2) @ S.T, C)]
+    assert ours == pytest.approx(densities[0] - densities[1], abs=1e-6)
+
+
+def test_each_model_may_have_the_noise_that_suits_it(grid: NoiseGrid) -> None:
+    """A model that leaves little is believed more than at the noise of one that leaves much."""
+    rng = np.random.default_rng(4)
+    little = np.linalg.cholesky(covariance(0.4)) @ rng.standard_normal(len(X))
+    much = np.linalg.cholesky(covariance(1.2)) @ rng.standard_normal(len(X))
+    none = np.zeros((len(X), 1))
+    free = grid.log_evidence(little, none, np.ones(1)) - grid.log_evidence(much, none, np.ones(1))
+    wide = NoiseGrid(grid.sizes[-1:], grid.covariances[-1:], np.zeros(1))
+    assert free > wide.log_evidence(little, none, np.ones(1)) - wide.log_evidence(much, none, np.ones(1)) + 3.0
