@@ -61,9 +61,3 @@ def explained(r: FloatArray, J: FloatArray) -> float:
     """r'Mr: the gap statistic Q, chi-squared with n - t degrees of freedom under the plain model."""
     rp = projected(J, r)
     return float(rp @ rp)
-
-
-def saturated(r: FloatArray, J: FloatArray, fields: FloatArray) -> tuple[float, FloatArray]:
-    """(log evidence, estimate (k,)) of a free smooth field: fields (n, k) are its whitened responses to unit normal amplitudes."""
-    found = score(r, J, fields, np.ones(fields.shape[1]))
-    return found.log_evidence, found.estimate
