@@ -40,7 +40,8 @@ SLIDE_MM, SLIDE_LENGTH_MM = 0.75, 45.0
 _SMOOTH_MM = 3.0
 # Points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; kernel's share of variance that is kept.
 POINTS, _FEWER, _SHARE = 400, 200, 0.98
-# Normals turn as the wall moves: how often they are taken anew. Smoothed, they have settled then.
+# Normals turn as the wall moves: how often they are taken anew. It has not quite settled then: after twelve rounds the organ's error on two
+# synthetic cases is 0.22 and 0.21 mm rms instead of 0.18 and 0.21.
 _ROUNDS = 6
 # Stiffness along the wall over the tissue's shear modulus, 1/mm: tissue moves a wall by some hundredths of a millimetre.
 DRAG = 20.0
