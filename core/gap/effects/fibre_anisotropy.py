@@ -26,15 +26,19 @@ def _directions() -> FloatArray:
 
 
 def _variant(a: FloatArray) -> Variant:
+    across = np.linalg.svd(a[None])[2][1:]
+
     def change(composition: Composition, phi: FloatArray) -> Composition:
         organ = composition.problem.regions
+        along = a + np.deg2rad(phi[1:]) @ across
+        along /= np.linalg.norm(along)
 
         def stiffer(mesh: TetMesh, materials: Mapping[int, Material]) -> dict[int, Material]:
             out = dict(materials)
             for region in organ:
                 values, law = per_cell(mesh, materials, region)
                 extra = 3.0 * float(phi[0]) * law.shear_modulus_of(values)
-                out[region] = Material(with_fibres(law, a), np.column_stack([values, extra]))
+                out[region] = Material(with_fibres(law, along), np.column_stack([values, extra]))
             return out
 
         return composition.with_law(stiffer)
@@ -45,7 +49,11 @@ def _variant(a: FloatArray) -> Variant:
 EFFECT = Effect(
     "fibre_anisotropy",
     "the organ is stiffer along one direction than across it",
-    (Parameter("stiffness_share", "1", 1.5, -0.3, 10.0),),
+    (
+        Parameter("stiffness_share", "1", 1.5, -0.3, 10.0),
+        Parameter("tilt_1", "deg", 12.0, -35.0, 35.0, secondary=True),
+        Parameter("tilt_2", "deg", 12.0, -35.0, 35.0, secondary=True),
+    ),
     _variants,
     "a second deformed scan that squeezes the organ along another direction",
 )
