@@ -31,6 +31,7 @@ class Diagnosis:
     """All that was found; `palpate.core.gap.record` writes it down.
 
     refits : best first. gains : of each refit, by effect id; placebo : median share gained by placebos of the best one's size.
+    forces : the free smooth field that stands for what has no name.
     """
 
     fit: PlainFit
@@ -44,6 +45,7 @@ class Diagnosis:
     gains: Mapping[str, Gain]
     ceiling: Gain
     placebo: float
+    forces: ForceFields
 
 
 def judge(
@@ -58,7 +60,7 @@ def judge(
 ) -> Diagnosis:
     split = Split.of(fit)
     plain = plain_model(fit)
-    models = {"": plain, "ceiling": _saturated_model(plain, forces)}
+    models = {"": plain, "ceiling": saturated_model(fit, forces)}
     models |= {_name(f): _effect_model(f) for f in refits}
     left_out = dict(zip(models, split.left_out(list(models.values())), strict=True))
     before = left_out[""]
@@ -80,7 +82,9 @@ def judge(
     )
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
         verdict = replace(verdict, probability=probabilities({s.effect.id: s.log_evidence for s in screened}, unknown))
-    return Diagnosis(fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1])
+    return Diagnosis(
+        fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1], forces
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +149,9 @@ def plain_model(fit: PlainFit) -> Linear:
     return Linear(fit.point.residual, fit.point.in_theta, np.zeros(t), np.full(t, 1e-4))
 
 
-def _saturated_model(plain: Linear, forces: ForceFields) -> Linear:
-    k = forces.free.shape[1]
+def saturated_model(fit: PlainFit, forces: ForceFields) -> Linear:
+    """The plain model around its fit with a free smooth field."""
+    plain, k = plain_model(fit), forces.free.shape[1]
     return replace(
         plain,
         J=np.hstack([plain.J, forces.free]),

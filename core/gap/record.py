@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.gap.averaged import averaged_stiffness
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.fit import Point
 from palpate.core.gap.judge import Diagnosis
@@ -42,7 +43,7 @@ def record(found: Diagnosis, case: str) -> dict[str, Any]:
         "shrinkage": shrinkage(found, best) if best is not None else None,
         "stiffness": {
             "without_effect": _stiffness(found, found.fit.point.theta, _plain_covariance(found)),
-            "with_effect": None if shown is None else _stiffness(found, shown.point.theta, shown.covariance),
+            "with_effect": None if shown is None else _stiffness(found, *averaged_stiffness(found)),
         },
         "next_measurement": next_measurement(found),
         "why": found.verdict.why,

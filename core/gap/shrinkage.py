@@ -18,11 +18,13 @@ _DRAWS = 2000
 def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
     """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
 
-    The ceiling is what a saturated smooth field of forces gains on the same points, the placebo what random fields gain.
+    Every draw of the bootstrap takes one of the refitted effects, by its probability: the interval is for what adding the true effect
+    would do, and which one that is may not be sure. The ceiling is what a saturated smooth field of forces gains on the same points, the placebo what random fields gain.
     """
     assert best.trial.effect is not None
     n = len(found.split.points)
     before, after, top = (found.left_out[key][:n] ** 2 for key in ("", best.trial.effect.id, "ceiling"))
+    rivals, weight = _rivals(found)
     floor = noise_variance(found, best)
     rng = np.random.default_rng(seed)
     patch = found.split.patch[:n]
@@ -30,7 +32,8 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
     draws = []
     for _ in range(_DRAWS):
         chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
-        draws.append(_corrected(before[chosen].mean(), after[chosen].mean(), floor))
+        rival = rivals[rng.choice(len(rivals), p=weight)]
+        draws.append(_corrected(before[chosen].mean(), rival[chosen].mean(), floor))
     return {
         "held_out_rms_before_mm": float(np.sqrt(before.mean())),
         "held_out_rms_after_mm": float(np.sqrt(after.mean())),
@@ -42,6 +45,14 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
         "noise_floor_mm": float(np.sqrt(floor)),
         "effect": best.trial.effect.id,
     }
+
+
+def _rivals(found: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
+    """Squares (n,) mm2 that each refitted effect leaves on points left out, and the effects' probabilities."""
+    n = len(found.split.points)
+    names = [f.trial.effect.id for f in found.refits if f.trial.effect is not None]
+    weight = np.array([found.verdict.probability[name] for name in names])
+    return [found.left_out[name][:n] ** 2 for name in names], weight / weight.sum()
 
 
 def noise_variance(found: Diagnosis, best: Refit) -> float:

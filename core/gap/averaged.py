@@ -1,0 +1,51 @@
+"""The stiffness with whatever causes the gap, when it is not sure what does: the mean over all causes, by their probability.
+
+The best effect's own interval takes the effect for granted. Where two explain the gap about as well and mean different stiffnesses,
+the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1 to 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.gap.judge import Diagnosis, saturated_model
+from palpate.core.gap.verdict import UNKNOWN
+
+FloatArray = NDArray[np.float64]
+
+
+def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
+    """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of "unknown"."""
+    t = len(found.fit.point.theta)
+    models = {
+        f.trial.effect.id: (f.point.theta, f.covariance[:t, :t]) for f in found.refits if f.trial.effect is not None
+    }
+    models[UNKNOWN] = _unnamed(found)
+    return mixture(models, found.verdict.probability)
+
+
+def mixture(
+    models: Mapping[str, tuple[FloatArray, FloatArray]], probability: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Mean (t,) and covariance (t, t) of a mixture of normal distributions; probabilities are taken over those in `models` alone."""
+    weight = np.array([probability.get(name, 0.0) for name in models])
+    weight = weight / weight.sum()
+    means = np.stack([mean for mean, _ in models.values()])
+    mean = weight @ means
+    off = means - mean
+    covariance = sum(w * (C + np.outer(d, d)) for w, (_, C), d in zip(weight, models.values(), off, strict=True))
+    return mean, np.asarray(covariance)
+
+
+def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
+    """ln G where a free smooth field takes what it can, to first order, held between its bounds."""
+    fit, t = found.fit, len(found.fit.point.theta)
+    model = saturated_model(fit, found.forces)
+    J = fit.weighting.whiten(model.J)
+    covariance = np.linalg.inv(J.T @ J + np.diag(model.precision))
+    step = -covariance[:t] @ (J.T @ fit.weighting.whiten(model.r))
+    low, high = fit.point.scene.parameters.bounds.T
+    return np.clip(fit.point.theta + step, low, high), covariance[:t, :t]

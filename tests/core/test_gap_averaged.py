@@ -1,0 +1,34 @@
+"""The stiffness over several possible causes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.core.gap.averaged import mixture
+
+MODELS = {
+    "volume_change": (np.array([3.0, 4.0]), np.diag([0.04, 0.09])),
+    "contour_bias": (np.array([3.6, 3.9]), np.array([[0.01, 0.005], [0.005, 0.02]])),
+    "unknown": (np.array([2.0, 4.5]), np.diag([0.5, 0.5])),
+}
+PROBABILITY = {"volume_change": 0.45, "contour_bias": 0.3, "unknown": 0.15, "prestress": 0.1}
+
+
+def test_a_mixture_has_the_moments_of_its_samples() -> None:
+    rng = np.random.default_rng(4)
+    weight = np.array([PROBABILITY[name] for name in MODELS])
+    which = rng.choice(len(MODELS), size=200_000, p=weight / weight.sum())
+    draws = np.stack([rng.multivariate_normal(*MODELS[name], size=len(which)) for name in MODELS])
+    drawn = draws[which, np.arange(len(which))]
+    mean, covariance = mixture(MODELS, PROBABILITY)
+    np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=0.01)
+    np.testing.assert_allclose(covariance, np.cov(drawn.T), atol=0.02)
+
+
+def test_one_sure_cause_is_its_own_answer_and_rivals_that_differ_widen_it() -> None:
+    mean, covariance = mixture(MODELS, {"contour_bias": 1.0})
+    np.testing.assert_allclose(mean, MODELS["contour_bias"][0])
+    np.testing.assert_allclose(covariance, MODELS["contour_bias"][1])
+    both = mixture(MODELS, {"contour_bias": 0.5, "volume_change": 0.5})[1]
+    assert both[0, 0] == pytest.approx(0.5 * (0.04 + 0.01) + 0.3**2)
