@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.gap.evidence import allowed
 from palpate.core.gap.fit import Point, Trial
 from palpate.core.gap.plain import FLAT, PlainFit
 from palpate.core.gap.screen import Screened
@@ -105,6 +106,7 @@ def _weighed(
     volume = 0.5 * (np.linalg.slogdet(H0)[1] - np.linalg.slogdet(H)[1]) - np.log(scales).sum()
     evidence = 0.5 * (float(plain @ plain) - cost) + float(volume)
     spread = screened.log_evidence - screened.scores[which].log_evidence
+    spread += allowed(point.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
     return Refit(trial, point, S, covariance, _whatever_noise(fit, point, S, scales) + spread, evidence + spread)
 
 

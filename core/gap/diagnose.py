@@ -11,7 +11,7 @@ from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
 from palpate.core.gap.case_data import CaseData
 from palpate.core.gap.confirm import Refit, refit
-from palpate.core.gap.detect import gap_test
+from palpate.core.gap.detect import Named, gap_test
 from palpate.core.gap.effects import Effect, Surroundings
 from palpate.core.gap.evidence import mean_of_exponentials
 from palpate.core.gap.forces import ForceFields
@@ -41,14 +41,19 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     stage, point = fit.bench.stage, fit.point
     around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
-    named = [(fit.weighting.whiten(S), s.effect.scales) for s in screened for S in s.directions]
+    named = {s.effect.id: _named(fit, s) for s in screened}
     test = gap_test(r, J, R, named, seed)
     refits = [] if test.p_value > _CLEAR else _refits(fit, screened, part(progress, 0.6, 0.9))
     if refits and not test.detected:
-        test = gap_test(r, J, R, named, seed, max(f.at_fitted_noise for f in refits))
+        test = gap_test(r, J, R, named, seed, {f.trial.effect.id: f.at_fitted_noise for f in refits if f.trial.effect})
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
     return judge(fit, test, screened, refits if test.detected else [], where, forces, _unnamed(fit, forces), seed)
+
+
+def _named(fit: PlainFit, screened: Screened) -> Named:
+    directions = [fit.weighting.whiten(S) for S in screened.directions]
+    return Named(directions, screened.effect.scales, screened.effect.bounds)
 
 
 def _unnamed(fit: PlainFit, forces: ForceFields) -> float:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.special import log_ndtr
 
 FloatArray = NDArray[np.float64]
 
@@ -32,8 +33,8 @@ def projected(J: FloatArray, x: FloatArray) -> FloatArray:
     return x - U @ (U.T @ x)
 
 
-def score(r: FloatArray, J: FloatArray, S: FloatArray, scales: FloatArray) -> Score:
-    """Score test and evidence of S under a normal prior of standard deviations `scales` (k,).
+def score(r: FloatArray, J: FloatArray, S: FloatArray, scales: FloatArray, bounds: FloatArray | None = None) -> Score:
+    """Score test and evidence of S under a normal prior of standard deviations `scales` (k,), cut off at `bounds` (k, 2).
 
     T = (S'Mr)' (S'MS)^-1 (S'Mr) is chi-squared with as many degrees of freedom as S has independent columns.
     """
@@ -46,9 +47,29 @@ def score(r: FloatArray, J: FloatArray, S: FloatArray, scales: FloatArray) -> Sc
     estimate = -covariance @ b
     _, logdet = np.linalg.slogdet(np.eye(len(scales)) + A * scales**2)
     log_evidence = 0.5 * float(b @ covariance @ b) - 0.5 * float(logdet)
+    if bounds is not None:
+        log_evidence += allowed(estimate, np.sqrt(np.diag(covariance)), scales, bounds)
     return Score(
         statistic, float(stats.chi2.sf(statistic, max(int(seen.sum()), 1))), estimate, covariance, log_evidence
     )
+
+
+def allowed(estimate: FloatArray, sd: FloatArray, scales: FloatArray, bounds: FloatArray) -> float:
+    """What bounds (k, 2) add to a log evidence that knows none: ln of how much more of the posterior they hold than of the prior.
+
+    estimate, sd (k,) : of the posterior, normal; scales (k,) : standard deviations of the prior around 0. Parameters one by one. An
+    effect that can only go one way gains ln 2 where the data agree, and loses what they should never have given it where not.
+    """
+    posterior = log_share((bounds[:, 0] - estimate) / sd, (bounds[:, 1] - estimate) / sd)
+    return float((posterior - log_share(bounds[:, 0] / scales, bounds[:, 1] / scales)).sum())
+
+
+def log_share(low: FloatArray, high: FloatArray) -> FloatArray:
+    """ln of the share of a standard normal distribution between low and high, far in the tails too."""
+    tail = low > 0.0
+    low, high = np.where(tail, -high, low), np.where(tail, -low, high)
+    top = log_ndtr(high)
+    return np.asarray(top + np.log1p(-np.exp(np.minimum(log_ndtr(low) - top, -1e-15))))
 
 
 def mean_of_exponentials(logs: FloatArray) -> float:

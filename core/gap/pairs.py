@@ -60,7 +60,7 @@ def _screened(fit: PlainFit, first: Screened, second: Screened) -> Screened:
     effect = together(first.effect, second.effect)
     S = np.hstack([first.directions[0], second.directions[0]])
     r, J = fit.weighting.whiten(fit.point.residual), fit.weighting.whiten(fit.point.in_theta)
-    found = score(r, J, fit.weighting.whiten(S), effect.scales)
+    found = score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds)
     variant = joined(first.variants[0], second.variants[0], len(first.effect.parameters))
     paid = sum(s.log_evidence - s.scores[0].log_evidence for s in (first, second)) - float(np.log(PARTNERS))
     return Screened(effect, [variant], [found], [S], found.log_evidence + paid)

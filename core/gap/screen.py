@@ -46,7 +46,7 @@ def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -
             continue
         at = _at_zero(fit, effect)
         directions = [fit.bench.directions(Trial(effect, v), at) for v in variants]
-        scores = [score(r, J, fit.weighting.whiten(S), effect.scales) for S in directions]
+        scores = [score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds) for S in directions]
         order = np.argsort([-s.log_evidence for s in scores], kind="stable")
         total = mean_of_exponentials(np.array([s.log_evidence for s in scores]))
         out.append(

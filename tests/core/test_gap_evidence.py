@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import integrate, stats
 
-from palpate.core.gap.detect import gap_test
-from palpate.core.gap.evidence import explained, mean_of_exponentials, projected, score
+from palpate.core.gap.detect import Named, gap_test
+from palpate.core.gap.evidence import allowed, explained, mean_of_exponentials, projected, score
 from palpate.core.gap.heldout import Gain
 from palpate.core.gap.verdict import Judged, decide, probabilities
 
@@ -17,6 +17,8 @@ J = RNG.standard_normal((N, T))
 S = RNG.standard_normal((N, 3))
 FIELDS = RNG.standard_normal((N, 12))
 SCALES = np.array([0.5, 1.0, 2.0])
+ANYWHERE = np.tile([-np.inf, np.inf], (3, 1))
+LOOK = {"a": Named([S], SCALES, ANYWHERE)}
 
 
 def log_density(r: np.ndarray, columns: np.ndarray) -> float:
@@ -29,6 +31,33 @@ def test_evidence_is_the_ratio_of_marginal_likelihoods() -> None:
     r = RNG.standard_normal(N) + S @ [0.4, -0.8, 1.5]
     expected = log_density(r, S * SCALES) - log_density(r, np.zeros((N, 1)))
     assert score(r, J, S, SCALES).log_evidence == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("phi", [-2.0, 0.1, 0.6, 4.0])
+def test_evidence_of_an_effect_with_bounds_is_an_integral_between_them(phi: float) -> None:
+    """One parameter, scale 0.5, from 0 to 0.8; against quadrature, also where the data ask for what is not allowed."""
+    r, one, scale, bounds = (
+        np.random.default_rng(3).standard_normal(N) - phi * S[:, 0],
+        S[:, :1],
+        SCALES[:1],
+        (0.0, 0.8),
+    )
+    a, b = projected(J, one)[:, 0], projected(J, r)
+    prior = stats.truncnorm(bounds[0] / 0.5, bounds[1] / 0.5, scale=0.5)
+    value = integrate.quad(lambda x: np.exp(-0.5 * (2.0 * x * a @ b + x**2 * a @ a)) * prior.pdf(x), *bounds)[0]
+    found = score(r, J, one, scale, np.array([bounds]))
+    assert found.log_evidence == pytest.approx(np.log(value), abs=1e-6)
+    look = {"a": Named([one], scale, np.array([bounds]))}
+    seen = gap_test(r, J, FIELDS, look, refitted={"a": found.log_evidence - 1e-9})
+    assert seen == gap_test(r, J, FIELDS, look)  # its own look says the same
+
+
+def test_an_effect_that_can_only_go_one_way_gains_ln_2_where_the_data_agree() -> None:
+    bounds, scale = np.array([[0.0, np.inf]]), np.ones(1)
+    assert allowed(np.array([5.0]), np.array([0.5]), scale, bounds) == pytest.approx(np.log(2.0))
+    assert allowed(np.array([0.0]), np.array([0.5]), scale, bounds) == pytest.approx(0.0)
+    assert allowed(np.array([-20.0]), np.array([0.5]), scale, bounds) < -700.0
+    assert allowed(np.array([5.0]), np.array([0.5]), scale, np.array([[-np.inf, np.inf]])) == 0.0
 
 
 def test_an_effect_that_the_stiffness_can_imitate_has_no_evidence() -> None:
@@ -50,7 +79,8 @@ def test_the_score_statistic_is_chi_squared_without_an_effect() -> None:
 
 def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
     """200 cases: of the three looks together, and of each by itself."""
-    named = [(S[:, :1], SCALES[:1]), (S[:, 1:], SCALES[1:])]
+    one_way = Named([S[:, :1], FIELDS[:, :1]], SCALES[:1], np.array([[0.0, 3.0]]))
+    named = {"one way": one_way, "both ways": Named([S[:, 1:]], SCALES[1:], ANYWHERE[1:])}
     found = [
         gap_test(np.random.default_rng([7, k]).standard_normal(N), J, FIELDS, named, seed=1000 + k) for k in range(200)
     ]
@@ -62,8 +92,8 @@ def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
 
 def test_the_gap_test_sees_an_effect_and_not_a_change_of_stiffness() -> None:
     quiet = np.random.default_rng(0).standard_normal(N)
-    assert not gap_test(quiet + 100.0 * J[:, 0], J, FIELDS, [(S, SCALES)]).detected
-    assert gap_test(quiet + 3.0 * S[:, 0], J, FIELDS, [(S, SCALES)]).detected
+    assert not gap_test(quiet + 100.0 * J[:, 0], J, FIELDS, LOOK).detected
+    assert gap_test(quiet + 3.0 * S[:, 0], J, FIELDS, LOOK).detected
     assert explained(100.0 * J[:, 1], J) < 1e-18
 
 
@@ -113,8 +143,8 @@ def test_two_effects_together_are_named_where_neither_alone_explains_the_gap() -
 
 def test_a_refit_counts_where_the_first_look_underrates_an_effect() -> None:
     quiet = np.random.default_rng(0).standard_normal(N)
-    assert gap_test(quiet, J, FIELDS, [(S, SCALES)], refitted=12.0).detected
-    assert gap_test(quiet, J, FIELDS, [(S, SCALES)], refitted=-5.0) == gap_test(quiet, J, FIELDS, [(S, SCALES)])
+    assert gap_test(quiet, J, FIELDS, LOOK, refitted={"a": 12.0}).detected
+    assert gap_test(quiet, J, FIELDS, LOOK, refitted={"a": -5.0}) == gap_test(quiet, J, FIELDS, LOOK)
 
 
 def test_refusals() -> None:
