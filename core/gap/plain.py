@@ -88,10 +88,10 @@ def fit_plain(
     progress(0.8, "plain model: noise of this case's contours")
     point = replace(point, residual=point.residual + mesh)
     noise = NoiseParts.of(point.scene, sight, point.equilibrium.u)
-    left = what_is_left(differences, sizes.mesh)
-    gap = ForceFields.around(point, sight).free
+    gap = ForceFields.around(point, sight)
+    left = np.hstack([what_is_left(differences, sizes.mesh), sizes.model * gap.response])
     grid = NoiseGrid.of(noise, sizes, left)
-    fitted = fit_noise(grid, point.residual, point.in_theta, gap, _free(sight))
+    fitted = fit_noise(grid, point.residual, point.in_theta, gap.free, _free(sight))
     weighting = Weighting(fitted.covariance)
     point = _best(bench, weighting, [point.theta], point)
     return PlainFit(bench, point, mesh, scatter_mm(differences, sight), grid, fitted.sizes, weighting)

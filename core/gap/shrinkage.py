@@ -19,7 +19,8 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
     """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
 
     Every draw of the bootstrap takes one of the refitted effects, by its probability: the interval is for what adding the true effect
-    would do, and which one that is may not be sure. The ceiling is what a saturated smooth field of forces gains on the same points, the placebo what random fields gain.
+    would do, and which one that is may not be sure. The ceiling is what a saturated smooth field of forces gains on the same points,
+    the placebo what random fields gain.
     """
     assert best.trial.effect is not None
     n = len(found.split.points)

@@ -34,8 +34,8 @@ SIDEWAYS_MM = 1.0
 # Correlation length of the contours' noise, and what voxels add to it point by point, mm.
 _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
 # Of a slide of large parts of a wall, an axis, and its length, mm. Simulated walls that are pushed, or empty towards their neck, slide by
-# 1 to 2 mm; so sized that effect-free cases of two simulators raise no more alarms than they should.
-SLIDE_MM, SLIDE_LENGTH_MM = 0.75, 45.0
+# 1 to 2 mm; the size is the likeliest on effect-free cases, see `noise_model`.
+SLIDE_MM, SLIDE_LENGTH_MM = 0.5, 45.0
 # The contours' noise tilts normals, and a wall that slides along tilted normals fits noise: they are smoothed over so much, mm.
 _SMOOTH_MM = 3.0
 # Points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; kernel's share of variance that is kept.

@@ -161,4 +161,4 @@ def test_probabilities_add_up_and_follow_the_evidence() -> None:
     found = probabilities({"a": 3.0, "b": 1.0}, 0.0)
     assert sum(found.values()) == pytest.approx(1.0)
     assert found["a"] / found["b"] == pytest.approx(np.exp(2.0))
-    assert found["unknown"] / found["a"] == pytest.approx(np.exp(-3.0) * 0.1 / 0.45)
+    assert found["unknown"] / found["a"] == pytest.approx(np.exp(-3.0) * 0.2 / 0.4)

@@ -1,0 +1,106 @@
+"""The diagnosis's noise model against cases without an effect: ``python tests/benchmarks/gap_noise.py CASE ...``.
+
+Each CASE is a case folder, meshed or not, in which nothing is hidden (of `palpate validate gap --folder F`, those whose answer
+says "none"). Printed are the log restricted likelihoods of their residuals together, each less that of the sizes in use, as one size after
+another is changed: none should be above 0 by more than chance. A change of 2 is about two standard deviations of one size.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from palpate.core.fem.sensitivity import factorise_at
+from palpate.core.fem.state import State
+from palpate.core.gap import wall_motion
+from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.noise_fit import NoiseGrid
+from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
+from palpate.core.gap.plain import PlainFit, fit_plain
+from palpate.core.worker.executors import one_thread
+from palpate.segmentation import mesh_step
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.diagnose_step import data_of
+
+SLIDES_MM = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
+SIZES: dict[str, tuple[float, ...]] = {
+    "mesh": (0.0, 0.3, 0.45, 0.6, 1.0),
+    "offset": (0.0, 0.05, 0.1, 0.2, 0.3),
+    "model": (0.0, 0.1, 0.2, 0.3, 0.4),
+    "along": (0.0, 0.5, 1.0, 1.5, 2.0),
+}
+
+
+def main() -> None:
+    """Prints one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cases", nargs="+", type=Path)
+    args = parser.parse_args()
+    one_thread()
+    total: dict[str, NDArray[np.float64]] = {}
+    for path in args.cases:
+        for name, logs in likelihoods(plain_of(path)).items():
+            total[name] = total.get(name, np.zeros(len(logs))) + logs
+    of = {"slides_mm": SLIDES_MM} | SIZES
+    print(json.dumps({k: dict(zip(map(str, of[k]), v.round(2).tolist(), strict=True)) for k, v in total.items()}))
+
+
+def plain_of(path: Path) -> PlainFit:
+    """The plain model of a copy of the case."""
+    with tempfile.TemporaryDirectory() as folder:
+        lone = shutil.copytree(path, Path(folder) / path.name, copy_function=shutil.copyfile)
+        lone.chmod(0o755)
+        case = CaseFolder(lone)
+        if not case.has("mesh.json"):
+            mesh_step.run(case)
+        data = data_of(case)
+    fit = fit_plain(data.problem, data.bones)
+    scene, found = fit.point.scene, fit.point.equilibrium
+    scene.assembler.set_materials(scene.materials(fit.point.theta))
+    factorise_at(scene.assembler, State(found.u, found.p))
+    return fit
+
+
+def likelihoods(fit: PlainFit) -> dict[str, NDArray[np.float64]]:
+    """For each size, log likelihoods as it changes, less that of the sizes in use."""
+    forces = ForceFields.around(fit.point, fit.bench.sight).response
+    used = NoiseSizes()
+    parts = _parts(fit)
+    base = _log_likelihood(fit, parts, used, forces)
+    out = {
+        name: np.array([_log_likelihood(fit, parts, replace(used, **{name: v}), forces) - base for v in values])
+        for name, values in SIZES.items()
+    }
+    return out | {"slides_mm": _slides(fit, used, forces) - base}
+
+
+def _slides(fit: PlainFit, used: NoiseSizes, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+    kept, logs = wall_motion.SLIDE_MM, []
+    for size in SLIDES_MM:
+        wall_motion.SLIDE_MM = size
+        logs.append(_log_likelihood(fit, _parts(fit), used, forces))
+    wall_motion.SLIDE_MM = kept
+    return np.array(logs)
+
+
+def _parts(fit: PlainFit) -> NoiseParts:
+    return NoiseParts.of(fit.point.scene, fit.bench.sight, fit.point.equilibrium.u)
+
+
+def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: NDArray[np.float64]) -> float:
+    """Of the residual, whatever the contours' noise."""
+    grid = NoiseGrid.of(parts, sizes, np.hstack([sizes.mesh * fit.mesh[:, None], sizes.model * forces]))
+    none = np.zeros((fit.bench.sight.n,) * 2)
+    return float(logsumexp(grid.log_likelihood(fit.point.residual, fit.point.in_theta, none) + grid.log_prior))
+
+
+if __name__ == "__main__":
+    main()
