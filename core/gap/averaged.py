@@ -45,7 +45,7 @@ def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     fit, t = found.fit, len(found.fit.point.theta)
     model = saturated_model(fit, found.forces)
     J = fit.weighting.whiten(model.J)
-    covariance = np.linalg.inv(J.T @ J + np.diag(model.precision))
+    covariance = np.asarray(np.linalg.inv(J.T @ J + np.diag(model.precision)), dtype=np.float64)
     step = -covariance[:t] @ (J.T @ fit.weighting.whiten(model.r))
     low, high = fit.point.scene.parameters.bounds.T
     return np.clip(fit.point.theta + step, low, high), covariance[:t, :t]

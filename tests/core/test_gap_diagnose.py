@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from synthetic_case import problem
 
+from palpate.core.gap.averaged import averaged_stiffness
 from palpate.core.gap.better import GOOD
 from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.diagnose import diagnose
 from palpate.core.gap.effects import library
 from palpate.core.gap.judge import Diagnosis
+from palpate.core.gap.noise_model import NoiseParts
 from palpate.core.gap.record import maps, record
 from palpate.core.gap.stage import Stage
 from palpate.core.problem import Surface, SurfacePair
@@ -162,6 +164,29 @@ def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.F
     drawn = maps(found)
     assert len(drawn["points"]) == len(drawn["standardised"]) == len(drawn["normals"])
     assert np.isfinite(drawn["force_kpa_per_mm"]).all()
+
+
+def test_a_small_offset_of_the_whole_contour_is_noise(none: Diagnosis) -> None:
+    fit = none.fit
+    parts = NoiseParts.of(fit.point.scene, fit.bench.sight, fit.point.equilibrium.u)
+    left = np.zeros((fit.bench.sight.n, 1))
+    with_it, without = (parts.covariance(replace(fit.sizes, offset=size), left) for size in (0.1, 0.0))
+    k = fit.bench.sight.n_modes
+    seen = (
+        fit.bench.sight.modes @ (with_it - without)[:k, :k] @ fit.bench.sight.modes.T
+    )  # what the modes show of 0.01 mm2
+    wide = fit.bench.sight.modes @ fit.bench.sight.modes.sum(axis=0)
+    np.testing.assert_allclose(seen, 0.01 * np.outer(wide, wide), atol=1e-9)
+    assert wide.mean() > 0.8
+
+
+def test_the_stiffness_with_an_effect_is_over_all_that_may_be_it(wide: Diagnosis) -> None:
+    mean, covariance = averaged_stiffness(wide)
+    each = np.stack([f.point.theta for f in wide.refits])
+    assert (mean > each.min(axis=0) - 1.0).all() and (mean < each.max(axis=0) + 1.0).all()
+    written = record(wide, "a case")["stiffness"]["with_effect"]
+    assert written["prostate_left"]["sd_ln_G"] == pytest.approx(float(np.sqrt(covariance[0, 0])))
+    assert written["prostate_right"]["G_kpa"] == pytest.approx(float(np.exp(mean[1])))
 
 
 def test_case_data_survive_their_file(posed, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

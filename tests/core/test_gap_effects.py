@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from synthetic_case import problem
 from palpate.core.errors import InputError
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.effects import Surroundings, library
+from palpate.core.gap.effects.compressible_organ import given_way, poisson_ratio
+from palpate.core.gap.effects.tissue_stiffening import exponent
 from palpate.core.gap.fit import PLAIN, Bench, Point, Trial
 from palpate.core.gap.opened import open_problem
 from palpate.core.gap.pairs import joined, together
@@ -190,3 +193,36 @@ def test_two_effects_at_once_are_each_as_they_are_alone(bench: Bench, plain: Poi
         two.applied(bench.plain, phi[6:]).observation
         == both.applied(bench.plain, phi * (np.arange(7) == 6)).observation
     )
+
+
+def test_a_push_dents_the_organ_where_it_presses_and_may_be_moved(bench: Bench, plain: Point) -> None:
+    effect = library()["unmodelled_load"]
+    again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
+    assert again is not None
+    points = bench.stage.observation.points
+    for variant in effect.variants(surroundings(bench, plain))[:3]:
+        trial = Trial(effect, variant)
+        S = bench.directions(trial, replace(again, phi=np.zeros(trial.n)))
+        assert not S[:, 3:].any()  # where and how wide say nothing while nothing presses
+        moved = bench.sight.modes @ S[: bench.sight.n_modes, 0]
+        deepest = points[np.argmin(moved)]
+        assert moved.min() < 0.0
+        assert np.linalg.norm(deepest - variant.where) < 8.0
+    there = effect.parameters[3]
+    assert there.name == "shift_x" and there.secondary
+
+
+@pytest.mark.parametrize(("value", "name"), [(exponent, "tissue_stiffening"), (given_way, "compressible_organ")])
+def test_effects_that_saturate_grow_exponentially_from_nothing(value: Callable[[float], float], name: str) -> None:
+    assert value(0.0) == 0.0
+    assert value(2.0) / value(1.0) == pytest.approx(np.e + 1.0)
+    parameter = library()[name].parameters[0]
+    assert parameter.low == 0.0
+    assert value(parameter.high) > 5.0 * value(parameter.scale)
+
+
+def test_poisson_ratio_falls_from_the_plain_model_s() -> None:
+    """G / K = 3 (1 - 2 nu) / (2 (1 + nu)): what the ratio grows by gives back the nu of a law with that bulk modulus."""
+    for phi in (0.0, 1.0, 2.5):
+        nu = poisson_ratio(phi)
+        assert 3.0 * (1.0 - 2.0 * nu) / (2.0 * (1.0 + nu)) == pytest.approx(3.0 * 0.01 / (2.0 * 1.495) + given_way(phi))

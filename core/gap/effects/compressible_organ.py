@@ -30,21 +30,21 @@ def _soften(composition: Composition, phi: FloatArray) -> Composition:
             values, law = per_cell(mesh, materials, region)
             G, K = law.shear_modulus_of(values), law.kappa_of(values)
             values = values.copy()
-            values[:, law.parameters.index("v1")] *= 1.0 / (1.0 + grown(float(phi[0])) * K / G)
+            values[:, law.parameters.index("v1")] *= 1.0 / (1.0 + given_way(float(phi[0])) * K / G)
             out[region] = Material(law, values)
         return out
 
     return composition.with_law(change)
 
 
-def grown(phi: float) -> float:
+def given_way(phi: float) -> float:
     """What the ratio G / K grows by."""
     return float(_UNIT_RATIO * np.expm1(max(phi, 0.0)))
 
 
 def poisson_ratio(phi: float, plain: float = 0.495) -> float:
     """Small-strain Poisson ratio."""
-    ratio = 3.0 * (1.0 - 2.0 * plain) / (2.0 * (1.0 + plain)) + grown(phi)
+    ratio = 3.0 * (1.0 - 2.0 * plain) / (2.0 * (1.0 + plain)) + given_way(phi)
     return float((3.0 - 2.0 * ratio) / (6.0 + 2.0 * ratio))
 
 
