@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 MAP_FILE = "gap_maps.npz"
 # A stiffness this close to a bound (ln G) is flagged: it may be absorbing an effect.
 AT_BOUND = 0.05
+# A better element that moves the organ's surface by more than this, mm rms, says that the mesh is too coarse for this deformation.
+COARSE_MM = 0.35
 
 
 def record(found: Diagnosis, case: str) -> dict[str, Any]:
@@ -183,6 +185,13 @@ def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
             if t < low + AT_BOUND or t > high - AT_BOUND:
                 name = found.fit.bench.plain.problem.region_names[region].replace("_", " ")
                 out.append(f"{name}: stiffness at its bound {what} the effect; it may be absorbing an effect")
+    k = found.fit.bench.sight.n_modes
+    changed = float(np.sqrt((found.fit.mesh[:k] ** 2).sum() / len(found.where.points)))
+    if changed > COARSE_MM:
+        out.append(
+            f"a better element moves the organ's surface by {changed:.2f} mm: the mesh is too coarse for this deformation, "
+            "and the gap may come from it; mesh more finely"
+        )
     if found.verdict.verdict == AMBIGUOUS and not found.refits:
         out.append("no effect could be refitted")
     return out

@@ -189,6 +189,14 @@ def test_the_stiffness_with_an_effect_is_over_all_that_may_be_it(wide: Diagnosis
     assert written["prostate_right"]["G_kpa"] == pytest.approx(float(np.exp(mean[1])))
 
 
+def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> None:
+    assert not any("too coarse" in flag for flag in record(none, "a case")["flags"])
+    much = np.zeros(none.fit.bench.sight.n)
+    much[0] = 0.5 * np.sqrt(len(none.where.points))
+    coarse = replace(none, fit=replace(none.fit, mesh=much))
+    assert any("by 0.50 mm" in flag and "too coarse" in flag for flag in record(coarse, "a case")["flags"])
+
+
 def test_case_data_survive_their_file(posed, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     bones = SurfacePair(*(Surface(np.eye(3) + k, np.array([[0, 1, 2]]), np.array([4])) for k in (0.0, 1.5)))
     np.savez(tmp_path / "data.npz", **arrays(CaseData(posed, bones, ((0.0, 9.81, 0.0), None))))
