@@ -1,7 +1,9 @@
 """The stiffness with whatever causes the gap, when it is not sure what does: the mean over all causes, by their probability.
 
 The best effect's own interval takes the effect for granted. Where two explain the gap about as well and mean different stiffnesses,
-the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1 to 3).
+the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1 to 3). The same within one
+effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before it, looks the same, but the organ's stiffness, known
+relative to the tissue's alone, then differs by that factor.
 """
 
 from __future__ import annotations
@@ -10,7 +12,9 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
+from palpate.core.gap.confirm import Refit
 from palpate.core.gap.judge import Diagnosis, saturated_model
 from palpate.core.gap.verdict import UNKNOWN
 
@@ -19,10 +23,7 @@ FloatArray = NDArray[np.float64]
 
 def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of "unknown"."""
-    t = len(found.fit.point.theta)
-    models = {
-        f.trial.effect.id: (f.point.theta, f.covariance[:t, :t]) for f in found.refits if f.trial.effect is not None
-    }
+    models = {f.trial.effect.id: over_variants(f) for f in found.refits if f.trial.effect is not None}
     models[UNKNOWN] = _unnamed(found)
     return mixture(models, found.verdict.probability)
 
@@ -38,6 +39,15 @@ def mixture(
     off = means - mean
     covariance = sum(w * (C + np.outer(d, d)) for w, (_, C), d in zip(weight, models.values(), off, strict=True))
     return mean, np.asarray(covariance)
+
+
+def over_variants(best: Refit) -> tuple[FloatArray, FloatArray]:
+    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their evidence."""
+    t = len(best.point.theta)
+    variants = (best, *best.others)
+    models = {str(k): (f.point.theta, f.covariance[:t, :t]) for k, f in enumerate(variants)}
+    weight = softmax([f.log_evidence for f in variants])
+    return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
 
 def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:

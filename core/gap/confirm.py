@@ -26,7 +26,8 @@ class Refit:
 
     point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi).
     log_evidence : Laplace's, against the plain model, the variants averaged, each model with the noise that suits it;
-    at_fitted_noise : the same with the noise of the case as fitted, as the gap test needs it.
+    at_fitted_noise : the same with the noise of the case as fitted, as the gap test needs it. others : variants that were
+    refitted too.
     """
 
     trial: Trial
@@ -35,6 +36,7 @@ class Refit:
     covariance: FloatArray
     log_evidence: float
     at_fitted_noise: float
+    others: tuple[Refit, ...] = ()
 
     @property
     def phi(self) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -80,5 +81,6 @@ def _refits(fit: PlainFit, screened: Sequence[Screened], progress: Progress) -> 
         near = [i for i, sc in enumerate(s.scores[:_VARIANTS]) if sc.log_evidence > s.scores[0].log_evidence - _CLOSE]
         found = [f for f in (refit(fit, s, i) for i in near) if f is not None]
         if found:
-            out.append(max(found, key=lambda f: f.log_evidence))
+            best = max(found, key=lambda f: f.log_evidence)
+            out.append(replace(best, others=tuple(f for f in found if f is not best)))
     return sorted(out, key=lambda f: -f.log_evidence)

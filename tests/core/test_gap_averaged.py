@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from palpate.core.gap.averaged import mixture
+from palpate.core.gap.averaged import mixture, over_variants
 
 MODELS = {
     "volume_change": (np.array([3.0, 4.0]), np.diag([0.04, 0.09])),
@@ -32,3 +34,17 @@ def test_one_sure_cause_is_its_own_answer_and_rivals_that_differ_widen_it() -> N
     np.testing.assert_allclose(covariance, MODELS["contour_bias"][1])
     both = mixture(MODELS, {"contour_bias": 0.5, "volume_change": 0.5})[1]
     assert both[0, 0] == pytest.approx(0.5 * (0.04 + 0.01) + 0.3**2)
+
+
+def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval() -> None:
+    """Tissue twelve times stiffer behind, or softer before: one in two, a factor of twelve apart."""
+
+    def variant(G: float, evidence: float, *others: SimpleNamespace) -> SimpleNamespace:
+        point = SimpleNamespace(theta=np.log([G, 2.0 * G]))
+        return SimpleNamespace(point=point, covariance=np.diag([0.04, 0.04, 1.0]), log_evidence=evidence, others=others)
+
+    mean, covariance = over_variants(variant(5.0, 9.0, variant(60.0, 9.0)))  # type: ignore[arg-type]
+    np.testing.assert_allclose(np.exp(mean), np.sqrt(300.0) * np.array([1.0, 2.0]))
+    assert covariance[0, 0] == pytest.approx(0.04 + (0.5 * np.log(12.0)) ** 2)
+    alone = over_variants(variant(5.0, 9.0, variant(60.0, -20.0)))  # type: ignore[arg-type]
+    assert np.exp(alone[0][0]) == pytest.approx(5.0)
