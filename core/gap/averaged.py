@@ -2,8 +2,8 @@
 
 The best effect's own interval takes the effect for granted. Where two explain the gap about as well and mean different stiffnesses,
 the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1 to 3). The same within one
-effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before it, looks the same, but the organ's stiffness, known
-relative to the tissue's alone, then differs by that factor.
+effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before it, looks the same, but the organ's
+stiffness, known relative to the tissue's alone, then differs by that factor.
 """
 
 from __future__ import annotations
