@@ -5,12 +5,13 @@ Everything here is in whitened coordinates: r (n,) residual, J (n, t) derivative
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.special import log_ndtr
+from scipy.special import log_ndtr, logsumexp
 
 FloatArray = NDArray[np.float64]
 
@@ -74,8 +75,12 @@ def log_share(low: FloatArray, high: FloatArray) -> FloatArray:
 
 def mean_of_exponentials(logs: FloatArray) -> float:
     """ln of the mean of exp(logs): the evidence of an effect that may be at any of several places."""
-    top = float(np.max(logs))
-    return top + float(np.log(np.mean(np.exp(np.asarray(logs) - top))))
+    return float(means_of_exponentials(logs))
+
+
+def means_of_exponentials(logs: Sequence[FloatArray] | FloatArray) -> FloatArray:
+    """The same of each column of logs (k, ...)."""
+    return np.asarray(logsumexp(logs, axis=0) - np.log(len(logs)))
 
 
 def explained(r: FloatArray, J: FloatArray) -> float:

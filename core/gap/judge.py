@@ -15,7 +15,7 @@ from palpate.core.gap.forces import ForceFields
 from palpate.core.gap.heldout import Gain, Linear, Split, gain
 from palpate.core.gap.pairs import JOINED, refit_pairs
 from palpate.core.gap.placebo import moved_gains, placebo_gains
-from palpate.core.gap.plain import PlainFit
+from palpate.core.gap.plain import FLAT, PlainFit
 from palpate.core.gap.screen import Screened
 from palpate.core.gap.verdict import REMAINDER_LEVEL, Judged, Verdict, decide, probabilities
 from palpate.core.gap.where import Where
@@ -146,7 +146,7 @@ def _size(fit: PlainFit, found: Refit) -> float:
 def plain_model(fit: PlainFit) -> Linear:
     """The plain model around its fit."""
     t = fit.point.in_theta.shape[1]
-    return Linear(fit.point.residual, fit.point.in_theta, np.zeros(t), np.full(t, 1e-4))
+    return Linear(fit.point.residual, fit.point.in_theta, np.zeros(t), np.full(t, FLAT))
 
 
 def saturated_model(fit: PlainFit, forces: ForceFields) -> Linear:
@@ -167,5 +167,5 @@ def _effect_model(found: Refit) -> Linear:
         found.point.residual,
         np.hstack([found.point.in_theta, found.in_phi]),
         np.concatenate([np.zeros(t), found.phi]),
-        np.concatenate([np.full(t, 1e-4), 1.0 / scales**2]),
+        np.concatenate([np.full(t, FLAT), 1.0 / scales**2]),
     )

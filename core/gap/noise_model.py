@@ -70,9 +70,7 @@ class NoiseParts:
             floor[-6:, -6:] = sight.bone.covariance(0.0, 1.0)
         walls = _WallNoise.of(scene, sight, u)
         contour = tuple(_contour(scene, sight, walls, length) for length in LENGTHS_MM)
-        wide = np.zeros(n)
-        wide[:k] = sight.modes.sum(axis=0)
-        return cls(contour, _along(scene, sight, u), own, marks, floor, np.outer(wide, wide))
+        return cls(contour, _along(scene, sight, u), own, marks, floor, np.outer(sight.wider, sight.wider))
 
     def covariance(self, sizes: NoiseSizes, left: FloatArray) -> FloatArray:
         """(n, n); left : (n, m) columns whose outer products are what meshes and elements leave uncertain (`remeshed`).

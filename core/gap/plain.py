@@ -99,8 +99,7 @@ def fit_plain(
 
 def _free(sight: Sight) -> list[FloatArray]:
     """What may have moved the data besides noise and a gap: an offset of the contour, the bones. (n, k) each."""
-    offset = np.zeros((sight.n, 1))
-    offset[: sight.n_modes, 0] = _OFFSET_MM * sight.modes.sum(axis=0)
+    offset = _OFFSET_MM * sight.wider[:, None]
     bones = np.zeros((sight.n, 6))
     if sight.bone is not None:
         bones[-6:] = _BONES * np.eye(6)

@@ -190,7 +190,7 @@ def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
     if changed > COARSE_MM:
         out.append(
             f"a better element moves the organ's surface by {changed:.2f} mm: the mesh is too coarse for this deformation, "
-            "and the gap may come from it; mesh more finely"
+            "and the gap may come from it; mesh more finely (--tets)"
         )
     if found.verdict.verdict == AMBIGUOUS and not found.refits:
         out.append("no effect could be refitted")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.judge import Diagnosis
@@ -49,11 +50,11 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
 
 
 def _rivals(found: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
-    """Squares (n,) mm2 that each refitted effect leaves on points left out, and the effects' probabilities."""
+    """Squares (n,) mm2 that each refitted effect leaves on points left out, and the effects' probabilities among each other."""
     n = len(found.split.points)
-    names = [f.trial.effect.id for f in found.refits if f.trial.effect is not None]
-    weight = np.array([found.verdict.probability[name] for name in names])
-    return [found.left_out[name][:n] ** 2 for name in names], weight / weight.sum()
+    named = [(f.trial.effect.id, f.log_evidence) for f in found.refits if f.trial.effect is not None]
+    # From evidence: where no effect comes near a free field, all their probabilities may have become 0.
+    return [found.left_out[name][:n] ** 2 for name, _ in named], softmax([evidence for _, evidence in named])
 
 
 def noise_variance(found: Diagnosis, best: Refit) -> float:

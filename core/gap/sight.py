@@ -49,6 +49,13 @@ class Sight:
         return self.n_modes + 3 * self.n_marks + (6 if self.bone else 0)
 
     @property
+    def wider(self) -> FloatArray:
+        """(n,) change of the residual when the whole contour is 1 mm wider."""
+        out = np.zeros(self.n)
+        out[: self.n_modes] = self.modes.sum(axis=0)
+        return out
+
+    @property
     def marks(self) -> slice:
         """Where the landmarks are in the data vector."""
         return slice(self.n_modes, self.n_modes + 3 * self.n_marks)

@@ -189,6 +189,15 @@ def test_the_stiffness_with_an_effect_is_over_all_that_may_be_it(wide: Diagnosis
     assert written["prostate_right"]["G_kpa"] == pytest.approx(float(np.exp(mean[1])))
 
 
+def test_a_gap_that_no_effect_comes_near_is_still_written_down(wide: Diagnosis) -> None:
+    """Where a free field is likelier by more than a double can hold, every effect's probability is 0."""
+    lost = dict.fromkeys(wide.verdict.probability, 0.0) | {"unknown": 1.0}
+    found = replace(wide, verdict=replace(wide.verdict, verdict="unknown", candidates=(), probability=lost))
+    written = record(found, "a case")
+    assert np.isfinite(written["shrinkage"]["ci95"]).all()
+    assert written["stiffness"]["with_effect"] is None
+
+
 def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> None:
     assert not any("too coarse" in flag for flag in record(none, "a case")["flags"])
     much = np.zeros(none.fit.bench.sight.n)
