@@ -39,7 +39,8 @@ from palpate.segmentation.smooth_field import FloatArray
 from palpate.segmentation.volume import Volume
 
 Labels = Callable[[FloatArray], LabelArray]
-NOISE_MM, NOISE_LENGTH_MM = 0.35, 6.5
+# Correlation length of the contours' noise, mm.
+NOISE_LENGTH_MM = 6.5
 # A contour is moved no farther from the organ than this.
 _REACH_MM = 6.0
 # Of the mesher's random numbers: no mesh of a diagnosis has it.
@@ -50,15 +51,16 @@ _SEED = 77
 class Recipe:
     """One case: seed, the effects hidden in it (id -> size; none: {}), true G of left and right, kPa.
 
-    shown_mm : what the two stiffnesses shall leave of each effect alone (rms along the normal); its size is then found between SIZES,
-    and that in `effects` not used. build : of the pelvis. rectum, bladder : how far the walls move. edge_mm : of the mesh.
-    marks : whether points inside the organ are given.
+    noise_mm : standard deviation of one contour. shown_mm : what the two stiffnesses shall leave of each effect alone (rms along the
+    normal); its size is then found between SIZES, and that in `effects` not used. build : of the pelvis. rectum, bladder :
+    how far the walls move. edge_mm : of the mesh. marks : whether points inside the organ are given.
     """
 
     name: str
     seed: int
     effects: Mapping[str, float] = field(default_factory=dict)
     G: tuple[float, float] = (20.0, 50.0)
+    noise_mm: float = 0.35
     shown_mm: float | None = None
     build: int = 0
     rectum: RectumSpec = field(default_factory=lambda: RectumSpec(8.0))
@@ -169,10 +171,10 @@ def _write_case(recipe: Recipe, made: Made, path: Path) -> None:
         seen[name] = lambda p, w=warp, m=moved: made.patient.labels(w.rest_points(p) if m else p)  # type: ignore[misc]
     if made.hidden.offset is not None:
         seen["deformed"] = widened(seen["deformed"], grid, made.hidden.offset)
-    facts = CaseFacts(recipe.name, boundary_noise_sd_mm=NOISE_MM, other={"simulated": True})
+    facts = CaseFacts(recipe.name, boundary_noise_sd_mm=recipe.noise_mm, other={"simulated": True})
     case = CaseFolder.create(path, facts)
     for name, labels in seen.items():
-        case.write_labels(name, drawn_labels(labels, grid, NOISE_MM, NOISE_LENGTH_MM, rng))
+        case.write_labels(name, drawn_labels(labels, grid, recipe.noise_mm, NOISE_LENGTH_MM, rng))
     if recipe.marks:
         at_rest, after = landmarks(made.hidden, made.rest, made.deformed, rng)
         points = Landmarks(tuple(f"mark_{k + 1}" for k in range(len(after))), at_rest, after)
@@ -192,7 +194,7 @@ def _truth(recipe: Recipe, made: Made) -> dict[str, Any]:
         "wanted_mm": recipe.shown_mm,
         "effect_mm": done,
         "effect_left_mm": left,
-        "noise_mm": NOISE_MM,
+        "noise_mm": recipe.noise_mm,
         "centre_mm": None if made.hidden.centre is None else made.hidden.centre.tolist(),
     }
 

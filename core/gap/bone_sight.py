@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from palpate.core.gap.composition import Motion
 from palpate.core.observe.distance_field import SignedDistanceField
@@ -25,14 +26,17 @@ _ROUNDS = 4
 
 @dataclass(frozen=True, eq=False)
 class BoneSight:
-    """points (q, 3) mm on bone at rest, their normals and weights; field : distance of the deformed scan's bone.
+    """points (q, 3) mm on bone at rest; field : distance of the deformed scan's bone.
 
-    reader : (6, q) takes distances to the rigid motion still missing: mm, degrees about `pivot`.
+    design : (q, 6) takes a rigid motion (mm, degrees about the pivot) to distances; reader (6, q) distances to the motion still missing.
+    misfit : (q,) mm, distances that are left where the bones fit best.
     """
 
     points: FloatArray
     field: SignedDistanceField
+    design: FloatArray
     reader: FloatArray
+    misfit: FloatArray
 
     @classmethod
     def of(cls, pair: SurfacePair, pivot: FloatArray) -> BoneSight | None:
@@ -53,18 +57,34 @@ class BoneSight:
             left = distance + N @ motion
             spread = 1.4826 * np.median(np.abs(left[keep]))
             weight = keep * np.minimum(1.0, 1.5 * spread / np.maximum(np.abs(left), 1e-9)) ** 0.5
-        W2 = weight**2
+        points, N, W2 = points[keep], N[keep], weight[keep] ** 2
         reader = np.linalg.solve((N * W2[:, None]).T @ N, (N * W2[:, None]).T)
-        return cls(points, field, reader)
+        return cls(points, field, N, reader, _misfit(points, field, reader, pivot))
 
     def residual(self, motion: Motion) -> FloatArray:
         """(6,) rigid motion (mm, degrees) by which the bones seem to be from where `motion` puts them, sign turned."""
         return self.reader @ self.field.value_and_gradient(self.points + motion(self.points))[0]
 
+    @property
+    def floor(self) -> FloatArray:
+        """(6, 6) of the motion, what no registration of contours is better than."""
+        return np.diag(_FLOOR**2)
+
     def covariance(self, sd_mm: float, correlation_mm: float) -> FloatArray:
         """(6, 6) of the residual, for contour noise in both scans."""
         C = 2.0 * smooth_covariance(self.points, sd_mm, correlation_mm)
-        return np.asarray(self.reader @ C @ self.reader.T + np.diag(_FLOOR**2))
+        return np.asarray(self.reader @ C @ self.reader.T + self.floor)
+
+
+def _misfit(points: FloatArray, field: SignedDistanceField, reader: FloatArray, pivot: FloatArray) -> FloatArray:
+    """(q,) mm, distances after the rigid motion (about the pivot) that leaves the least."""
+    motion = np.zeros(6)
+    distance = field.value_and_gradient(points)[0]
+    for _ in range(_ROUNDS):
+        motion -= reader @ distance
+        turned = Rotation.from_rotvec(motion[3:], degrees=True).apply(points - pivot)
+        distance = field.value_and_gradient(turned + pivot + motion[:3])[0]
+    return np.asarray(distance)
 
 
 def _common(points: FloatArray, pair: SurfacePair) -> NDArray[np.bool_]:

@@ -37,24 +37,20 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     fit = fit_plain(data.problem, data.bones, data.remeshed, part(progress, 0.0, 0.45))
     _factorise(fit)
     forces = ForceFields.around(fit.point, fit.bench.sight)
-    r, J, R = (fit.weighting.whiten(x) for x in (fit.point.residual, fit.point.in_theta, forces.free))
+    r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     progress(0.46, "score test of every effect")
     stage, point = fit.bench.stage, fit.point
     around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
-    named = {s.effect.id: _named(fit, s) for s in screened}
-    test = gap_test(r, J, R, named, seed)
+    named = {s.effect.id: Named(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
+    test = gap_test(fit.noise, r, J, R, named, seed)
     refits = [] if test.p_value > _CLEAR else _refits(fit, screened, part(progress, 0.6, 0.9))
     if refits and not test.detected:
-        test = gap_test(r, J, R, named, seed, {f.trial.effect.id: f.at_fitted_noise for f in refits if f.trial.effect})
+        found = {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect}
+        test = gap_test(fit.noise, r, J, R, named, seed, found)
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
     return judge(fit, test, screened, refits if test.detected else [], where, forces, _unnamed(fit, forces), seed)
-
-
-def _named(fit: PlainFit, screened: Screened) -> Named:
-    directions = [fit.weighting.whiten(S) for S in screened.directions]
-    return Named(directions, screened.effect.scales, screened.effect.bounds)
 
 
 def _unnamed(fit: PlainFit, forces: ForceFields) -> float:

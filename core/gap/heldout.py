@@ -1,4 +1,4 @@
-"""Prediction of what was left out: patches of the organ's surface, and the landmarks, one at a time.
+"""Prediction of what was left out: patches of the organ's surface and of bones, and the landmarks, one at a time.
 
 In-sample criteria prefer the wrong model under correlated noise; a patch at least two correlation lengths wide that the fit has not
 seen does not. Models are linear around their own best fit here: every patch takes one small solve.
@@ -6,22 +6,18 @@ seen does not. Models are linear around their own best fit here: every patch tak
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from palpate.core.gap.plain import PlainFit
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Width of a patch, mm: two correlation lengths of the contour noise.
-PATCH_MM = 14.0
-# Points are thinned to about this spacing, mm, and take an independent error of this size, mm.
-_SPACING_MM = 4.0
-_NUGGET_MM = 0.1
+# Draws of noise for the standard error of a gain.
+_DRAWS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,97 +35,103 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """The data, point by point, in patches.
+    """The data, row by row, in patches.
 
-    reader : (m, n) takes the data vector to thinned surface points, then landmarks, then bone. patch : (m,) of each row, -1 for
-    rows that are never left out. covariance (m, m). points : (surface points, 3) mm.
+    reader : (m, n) takes the data vector to rows, constant (m,) mm is added. patch : (m,) of each row, -1 for
+    rows that are never left out. covariance (m, m). points : (p, 3) mm, of the first rows.
     """
 
     reader: FloatArray
+    constant: FloatArray
     patch: IntArray
     covariance: FloatArray
     points: FloatArray
 
-    @classmethod
-    def of(cls, fit: PlainFit) -> Split:
-        """Patches of a fitted case."""
-        sight, scene = fit.bench.sight, fit.point.scene
-        chosen = _thinned(scene.observation.points)
-        points = scene.observation.points[chosen]
-        k, n = sight.n_modes, sight.n
-        reader = np.zeros((len(chosen) + n - k, n))
-        reader[: len(chosen), :k] = sight.modes[chosen]
-        reader[len(chosen) :, k:] = np.eye(n - k)
-        patch = np.full(len(reader), -1)
-        patch[: len(chosen)] = _patches(points)
-        patch[len(chosen) : len(chosen) + 3 * sight.n_marks] = patch.max() + 1
-        covariance = reader @ fit.weighting.covariance @ reader.T
-        covariance[np.arange(len(chosen)), np.arange(len(chosen))] += _NUGGET_MM**2
-        return cls(reader, patch, covariance, points)
+    @property
+    def n_patches(self) -> int:
+        """Number of patches, of whatever kind."""
+        return int(self.patch.max()) + 1
 
     @property
     def n_surface(self) -> int:
-        """Number of surface patches."""
+        """Number of patches of `points`."""
         return int(self.patch[: len(self.points)].max()) + 1
 
-    def left_out(self, models: list[Linear]) -> list[FloatArray]:
+    def left_out(self, models: Sequence[Linear]) -> list[FloatArray]:
         """For each model the residual (m,) mm of every row, predicted without its own patch; rows never left out are 0."""
-        out = [np.zeros(len(self.reader)) for _ in models]
-        read = [(self.reader @ m.r, self.reader @ m.J) for m in models]
-        for p in range(int(self.patch.max()) + 1):
+        rows = [(self.reader @ m.r + self.constant)[:, None] for m in models]
+        return [x[:, 0] for x in self.predicted(models, rows)]
+
+    def predicted(self, models: Sequence[Linear], rows: Sequence[FloatArray]) -> list[FloatArray]:
+        """The same for residuals (m, d) of each model that are not its own, column by column."""
+        out = [np.zeros(r.shape) for r in rows]
+        read = [self.reader @ m.J for m in models]
+        for p in range(self.n_patches):
             test = self.patch == p
-            if not test.any():
-                continue
             factor = cho_factor(self.covariance[np.ix_(~test, ~test)], lower=True)
-            for model, (r, J), residual in zip(models, read, out, strict=True):
+            for model, r, J, residual in zip(models, rows, read, out, strict=True):
                 weighed = cho_solve(factor, J[~test])
                 H = J[~test].T @ weighed + np.diag(model.precision)
-                g = weighed.T @ r[~test] + model.precision * model.value
+                g = weighed.T @ r[~test] + (model.precision * model.value)[:, None]
                 residual[test] = r[test] - J[test] @ np.linalg.solve(H, g)
         return out
 
     def patch_means(self, squares: FloatArray) -> FloatArray:
-        """(patches,) mean of squares (m,) mm2 over every patch, landmarks last if there are any."""
-        return np.array([squares[self.patch == p].mean() for p in range(int(self.patch.max()) + 1)])
+        """(patches, ...) mean of squares (m, ...) mm2 over every patch."""
+        return np.array([squares[self.patch == p].mean(axis=0) for p in range(self.n_patches)])
 
 
 @dataclass(frozen=True)
 class Gain:
-    """What an effect gains on data left out: rms before and after (mm, surface), the gain per patch and its standard error (mm2)."""
+    """What an effect gains on data left out: rms before and after (mm, surface), the gain per patch and its standard error (mm2).
+
+    patches : how many. share : of the mean square before.
+    """
 
     before_mm: float
     after_mm: float
     mean_mm2: float
     error_mm2: float
     share: float
+    patches: int = 1
+
+    @property
+    def total_mm2(self) -> float:
+        """Over all patches."""
+        return self.patches * self.mean_mm2
 
     @property
     def accepted(self) -> bool:
         """At least two paired standard errors, and 10 % of the mean square."""
         return self.mean_mm2 > 2.0 * self.error_mm2 and self.share > 0.1
 
+    def __add__(self, other: Gain) -> Gain:
+        """Over the patches of both, whose noise is independent; rms as of the first."""
+        n = self.patches + other.patches
+        mean = (self.total_mm2 + other.total_mm2) / n
+        error = float(np.hypot(self.patches * self.error_mm2, other.patches * other.error_mm2)) / n
+        before = sum(g.patches * g.mean_mm2 / g.share for g in (self, other) if g.share)
+        return Gain(self.before_mm, self.after_mm, mean, error, mean * n / max(before, 1e-30), n)
 
-def gain(split: Split, before: FloatArray, after: FloatArray) -> Gain:
-    """Compare two models by their residuals (m,) on data left out."""
+
+def gain(split: Split, before: FloatArray, after: FloatArray, error_mm2: float = np.nan) -> Gain:
+    """Compare two models by their residuals (m,) on data left out. error_mm2 : of the gain per patch, see `gain_error`."""
     a, b = split.patch_means(before**2), split.patch_means(after**2)
-    d = a - b
+    d = float((a - b).mean())
     surface = np.arange(len(split.points))
     rms = [float(np.sqrt((x[surface] ** 2).mean())) for x in (before, after)]
-    error = float(d.std(ddof=1) / np.sqrt(len(d)))
-    return Gain(rms[0], rms[1], float(d.mean()), error, float(d.mean() / max(a.mean(), 1e-30)))
+    return Gain(rms[0], rms[1], d, error_mm2, d / max(float(a.mean()), 1e-30), len(a))
 
 
-def _thinned(points: FloatArray) -> IntArray:
-    cube = np.floor(points / _SPACING_MM).astype(np.int64)
-    _, first = np.unique(cube, axis=0, return_index=True)
-    return np.sort(first)
+def gain_error(split: Split, plain: Linear, model: Linear, seed: int = 1) -> float:
+    """Standard error (mm2) of the gain per patch of a model over the plain one, both seeing the same noise.
 
-
-def _patches(points: FloatArray) -> IntArray:
-    """Voronoi cells of points far apart: every next seed is the point farthest from those before."""
-    seeds = [int(np.argmin(points[:, 2]))]
-    distance = np.linalg.norm(points - points[seeds[0]], axis=1)
-    while distance.max() > PATCH_MM:
-        seeds.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(points - points[seeds[-1]], axis=1))
-    return np.argmin(np.linalg.norm(points[:, None] - points[seeds], axis=2), axis=1)
+    By draws of the noise, the model taken for true where it fits best. The spread from patch to patch is no error: what acts at one
+    place gains there and nowhere else.
+    """
+    rng = np.random.default_rng(seed)
+    noise = np.linalg.cholesky(split.covariance) @ rng.standard_normal((len(split.covariance), _DRAWS))
+    off = split.reader @ (plain.r - model.r)
+    before, after = split.predicted([plain, model], [noise + off[:, None], noise])
+    gains = split.patch_means(before**2 - after**2).mean(axis=0)
+    return float(gains.std(ddof=1))

@@ -12,11 +12,12 @@ from palpate.core.gap.confirm import Refit
 from palpate.core.gap.detect import GapTest, gap_test
 from palpate.core.gap.evidence import projected
 from palpate.core.gap.forces import ForceFields
-from palpate.core.gap.heldout import Gain, Linear, Split, gain
+from palpate.core.gap.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.gap.pairs import JOINED, refit_pairs
 from palpate.core.gap.placebo import moved_gains, placebo_gains
 from palpate.core.gap.plain import FLAT, PlainFit
 from palpate.core.gap.screen import Screened
+from palpate.core.gap.splits import bone_split, organ_split
 from palpate.core.gap.verdict import REMAINDER_LEVEL, Judged, Verdict, decide, probabilities
 from palpate.core.gap.where import Where
 
@@ -58,15 +59,14 @@ def judge(
     unknown: float,
     seed: int,
 ) -> Diagnosis:
-    split = Split.of(fit)
-    plain = plain_model(fit)
-    models = {"": plain, "ceiling": saturated_model(fit, forces)}
-    models |= {_name(f): _effect_model(f) for f in refits}
+    split, plain = organ_split(fit), plain_model(fit)
+    effects = {_name(f): _effect_model(f) for f in refits}
+    models = {"": plain, "ceiling": saturated_model(fit, forces)} | effects
     left_out = dict(zip(models, split.left_out(list(models.values())), strict=True))
     before = left_out[""]
-    gains = {name: gain(split, before, after) for name, after in left_out.items()}
-    ceiling = gains.pop("ceiling")
-    gains.pop("")
+    ceiling = gain(split, before, left_out["ceiling"])
+    gains = {name: gain(split, before, left_out[name], gain_error(split, plain, m)) for name, m in effects.items()}
+    gains |= {name: gains[name] + more for name, more in _gains_on_bone(fit, plain, effects).items()}
     by_id = {s.effect.id: s for s in screened}
     bench = _Placebos(split, plain, before, forces, seed)
     all_judged, shares = [], [0.0]
@@ -85,6 +85,19 @@ def judge(
     return Diagnosis(
         fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1], forces
     )
+
+
+def _gains_on_bone(fit: PlainFit, plain: Linear, effects: Mapping[str, Linear]) -> dict[str, Gain]:
+    """Of effects that move bone: what each gains on patches of it that were left out."""
+    moving = {name: m for name, m in effects.items() if m.J[-6:].any()} if fit.bench.sight.bone is not None else {}
+    split = bone_split(fit) if moving else None
+    if split is None:
+        return {}
+    before, *after = split.left_out([plain, *moving.values()])
+    return {
+        name: gain(split, before, a, gain_error(split, plain, m))
+        for (name, m), a in zip(moving.items(), after, strict=True)
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +123,9 @@ class _Placebos:
 def _judged(
     fit: PlainFit, f: Refit, best: Refit, g: Gain, ceiling: Gain, placebo_p: float, forces: ForceFields, seed: int
 ) -> Judged:
-    share = g.mean_mm2 / ceiling.mean_mm2 if ceiling.mean_mm2 > 0.0 else 1.0
-    remainder = fit.weighting.whiten(f.point.residual)
-    J = fit.weighting.whiten(np.hstack([f.point.in_theta, f.in_phi]))
-    p_left = gap_test(remainder, J, fit.weighting.whiten(forces.free), seed=seed).p_value
+    share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
+    J = np.hstack([f.point.in_theta, f.in_phi])
+    p_left = gap_test(fit.noise, f.point.residual, J, forces.free, seed=seed).p_value
     return Judged(_name(f), f.log_evidence, g, placebo_p, share, p_left, _imitation(fit, best, f))
 
 
@@ -123,7 +135,7 @@ def _name(found: Refit) -> str:
 
 
 def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
-    return float(np.mean([q.mean_mm2 >= g.mean_mm2 for q in placebos])) if placebos else 0.0
+    return float(np.mean([q.total_mm2 >= g.total_mm2 for q in placebos])) if placebos else 0.0
 
 
 def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from palpate.core.gap.noise_model import LENGTHS_MM, NoiseParts, NoiseSizes
 
@@ -56,6 +56,17 @@ class NoiseGrid:
     def log_likelihood(self, r: FloatArray, J: FloatArray, more: FloatArray) -> FloatArray:
         """(g,) restricted likelihood of residuals r (n,), stiffness J (n, t) projected out, with a further covariance (n, n)."""
         return np.array([_restricted(C + more, r, J) for C in self.covariances])
+
+    def probable(self, r: FloatArray, J: FloatArray, gap: FloatArray, most: int) -> NoiseGrid:
+        """The sizes that are most probable with a gap (n, k) of any size or without one, as many as `most`."""
+        if len(self.sizes) <= most:
+            return self
+        none = np.zeros((len(r), len(r)))
+        without, *others = (self.log_likelihood(r, J, none if not g else g**2 * gap @ gap.T) for g in GAPS)
+        weight = softmax(without + self.log_prior) + softmax(logsumexp(others, axis=0) + self.log_prior)
+        kept = np.sort(np.argsort(-weight, kind="stable")[:most])
+        prior = self.log_prior[kept]
+        return NoiseGrid([self.sizes[k] for k in kept], self.covariances[kept], prior - logsumexp(prior))
 
     def log_evidence(self, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
         """Laplace's, averaged over all sizes: each model may have the noise that suits it.

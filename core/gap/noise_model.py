@@ -40,7 +40,7 @@ class NoiseSizes:
     length: float = 7.0
     mesh: float = 0.45
     offset: float = 0.1
-    model: float = 0.2
+    model: float = 0.25
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.gap.better import QUICK, better_differences, scatter_mm
+from palpate.core.gap.better import QUICK, UNKNOWN_MM, better_differences, scatter_mm
 from palpate.core.gap.bone_sight import BoneSight
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.fit import NOTHING, PLAIN, Bench, Point
-from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.forces import TYPICAL_MM, ForceFields
 from palpate.core.gap.noise_fit import NoiseGrid, fit_noise
 from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
 from palpate.core.gap.remeshed import Remeshed, what_is_left
@@ -39,13 +39,15 @@ class PlainFit:
     """The plain model where it fits best.
 
     point : at the quick element, residuals corrected; its tangent is the one factorised. mesh : (n,) what the better element
-    changed, the mean over all meshes; scatter_mm : rms along the surface of what one mesh differs from that mean, NaN for
-    one mesh. noise : all that it may be; sizes : of this case's. weighting : of the data vector.
+    changed, the mean over all `meshes` on which it was solved, 0 for none. scatter_mm : rms along the surface of
+    what one mesh differs from that mean, NaN for one mesh. noise : all that it may be; sizes : of this case's. weighting : of the data
+    vector.
     """
 
     bench: Bench
     point: Point
     mesh: FloatArray
+    meshes: int
     scatter_mm: float
     noise: NoiseGrid
     sizes: NoiseSizes
@@ -84,17 +86,19 @@ def fit_plain(
     point = _best(bench, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
     progress(0.4, "plain model: the better element")
     differences = better_differences(bench, point, remeshed, part(progress, 0.4, 0.8))
-    bench.correction = mesh = differences.mean(axis=0)
+    bench.correction = mesh = differences.mean(axis=0) if len(differences) else np.zeros(sight.n)
     progress(0.8, "plain model: noise of this case's contours")
     point = replace(point, residual=point.residual + mesh)
     noise = NoiseParts.of(point.scene, sight, point.equilibrium.u)
     gap = ForceFields.around(point, sight)
-    left = np.hstack([what_is_left(differences, sizes.mesh), sizes.model * gap.response])
+    # Where no better element could be solved, the model's own smooth error is larger by what it would have changed.
+    model = sizes.model if len(differences) else float(np.hypot(sizes.model, UNKNOWN_MM / TYPICAL_MM))
+    left = np.hstack([what_is_left(differences, sizes.mesh), model * gap.response])
     grid = NoiseGrid.of(noise, sizes, left)
     fitted = fit_noise(grid, point.residual, point.in_theta, gap.free, _free(sight))
     weighting = Weighting(fitted.covariance)
     point = _best(bench, weighting, [point.theta], point)
-    return PlainFit(bench, point, mesh, scatter_mm(differences, sight), grid, fitted.sizes, weighting)
+    return PlainFit(bench, point, mesh, len(differences), scatter_mm(differences, sight), grid, fitted.sizes, weighting)
 
 
 def _free(sight: Sight) -> list[FloatArray]:

@@ -192,6 +192,11 @@ def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
             f"a better element moves the organ's surface by {changed:.2f} mm: the mesh is too coarse for this deformation, "
             "and the gap may come from it; mesh more finely (--tets)"
         )
+    if not found.fit.meshes:
+        out.append(
+            "no better element finds an equilibrium here, so that what the mesh is wrong by is not known but allowed for; "
+            "mesh more finely (--tets)"
+        )
     if found.verdict.verdict == AMBIGUOUS and not found.refits:
         out.append("no effect could be refitted")
     return out

@@ -48,13 +48,15 @@ def all_from(found: dict[str, NDArray[np.generic]], prefix: str) -> tuple[Remesh
 
 
 def what_is_left(differences: FloatArray, share: float) -> FloatArray:
-    """(n, 1 + M) mm, columns whose outer products are what the mean of M meshes leaves uncertain; one mesh: (n, 1).
+    """(n, 1 + M) mm, columns whose outer products are what the mean of M meshes leaves uncertain; one mesh: (n, 1); none: (n, 0).
 
     differences : (M, n) of every mesh's better element from the one quick prediction. share : of their mean that the better
     element may still be wrong by. The scatter of a mean is that of one over the square root of M.
     """
-    mean = differences.mean(axis=0)
     M = len(differences)
+    if M == 0:
+        return np.zeros((differences.shape[1], 0))
+    mean = differences.mean(axis=0)
     if M == 1:
         return share * mean[:, None]
     scatter = (differences - mean).T / np.sqrt(M * (M - 1.0))

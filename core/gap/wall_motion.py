@@ -1,10 +1,12 @@
 """How a wall moved along itself, which no scan shows: mostly straight out or in, as pressure moves it, and smoothly.
 
 What fills or leaves a hollow organ presses along its wall's normal. The wall's motion is therefore a Gaussian process in space,
-v = a n + t + w: a scalar process a along the normal n of the wall at rest, a translation t of the whole wall, and a little, w, for
-whatever else moves it. a and w have a squared-exponential kernel of one length; that and the sizes of a and t are those that make what is
-seen across the wall most likely (type-II maximum likelihood; Rasmussen & Williams 2006, 5.4). Large parts of a wall may besides have
-slid along themselves together, pushed by what no scan shows: that moves no expectation, but is unknown and so noise.
+v = a n + t + g + w: a scalar process a along the normal n of the wall at rest, a translation t of the whole wall, its growth g to
+another size of the same shape if it is a bag, and a little, w, for whatever else moves it. Random pressures on a wall add up to a force
+whose covariance is the mean of n n'; t and w go as far along an axis as that says, so that a tube hardly moves along its own, where
+nothing pushes it and no scan would show it. a and w have a squared-exponential kernel of one length; that and the sizes of a, t and g are
+those that make what is seen across the wall most likely (type-II maximum likelihood; Rasmussen & Williams 2006, 5.4). Large parts of a
+wall may besides have slid along themselves together, pushed by what no scan shows: that moves no expectation, but is unknown and so noise.
 """
 
 from __future__ import annotations
@@ -27,15 +29,18 @@ FloatArray = NDArray[np.float64]
 LENGTHS_MM = (10.0, 12.0, 14.0, 17.0, 20.0, 24.0, 29.0, 35.0)
 SIZES_MM = (1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0)
 # The same of the whole wall's translation, an axis.
-WHOLE_MM = (0.0, 2.0, 5.0)
-# Of any other motion, an axis, mm. The data do not tell 0.3 from 1 (evidence of eight walls: 3448.1 and 3449.7 in all), and no scan
-# rules out 1; where up to 8 was allowed, a bladder drifted 11 mm along itself as normals were taken anew.
-SIDEWAYS_MM = 1.0
+WHOLE_MM = (0.0, 1.0, 2.0, 4.0)
+# And of a bag's growth, rms. A tube is cut where the scan ends: it has no size of its own. Of a bag, random pressures along any axis add up
+# to at least this share of their mean.
+GROWN_MM, BAG = (0.0, 2.0, 6.0), 0.3
+# Of any other motion, an axis, mm. The data do not tell 0.3 from 1 (evidence of eight walls: 3448.1 and 3449.7 in all). Where up to 8 was
+# allowed, a bladder drifted 11 mm along itself as normals were taken anew; with 1 and all axes alike, a rectum 5 mm.
+SIDEWAYS_MM = 0.7
 # Correlation length of the contours' noise, and what voxels add to it point by point, mm.
 _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
-# Of a slide of large parts of a wall, an axis, and its length, mm. Simulated walls that are pushed, or empty towards their neck, slide by
-# 1 to 2 mm; the size is the likeliest on effect-free cases, see `noise_model`.
-SLIDE_MM, SLIDE_LENGTH_MM = 0.5, 45.0
+# Of a slide of large parts of a wall, an axis, over how far the wall moved (rms), and its length, mm. Simulated walls that are pushed, or
+# empty towards their neck, slide by 1 to 2 mm; the share is the likeliest on effect-free cases, see `noise_model`.
+SLIDE_SHARE, SLIDE_LENGTH_MM = 0.2, 45.0
 # The contours' noise tilts normals, and a wall that slides along tilted normals fits noise: they are smoothed over so much, mm.
 _SMOOTH_MM = 3.0
 # Points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; kernel's share of variance that is kept.
@@ -49,25 +54,50 @@ DRAG = 20.0
 
 @dataclass(frozen=True)
 class Kernel:
-    """length, size along the normal, and of the translation of the whole (an axis), mm."""
+    """length, size along the normal, of the translation of the whole (an axis), and of its growth (rms), mm."""
 
     length: float
     size: float
     whole: float
+    grown: float
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """How a wall may move as a whole. axes (3, 3) : takes unit normal amplitudes to a translation, in its size.
+
+    middle (3,) mm, radius mm : of the wall at rest, about which it grows; radius is rms, infinite for what is no bag.
+    """
+
+    axes: FloatArray
+    middle: FloatArray
+    radius: float
+
+    @classmethod
+    def of(cls, points: FloatArray, normals: FloatArray) -> Whole:
+        """Of a wall at rest with these points and normals, (q, 3) each."""
+        axes, middle = pushed(normals), points.mean(axis=0)
+        bag = np.linalg.eigvalsh(axes)[0] > BAG
+        return cls(axes, middle, float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean())) if bag else np.inf)
+
+    def growth(self, x: FloatArray) -> FloatArray:
+        """(n, 3) mm at x (n, 3), of 1 mm rms."""
+        return (x - self.middle) / self.radius
 
 
 @dataclass(frozen=True, eq=False)
 class WallMotion:
     """points (q, 3) mm the motion was learnt at; at_rest : signed distance of the wall at rest, whose gradient is its normal.
 
-    basis (q, m) takes kernel values to modes, slides (q, w) those of large parts. mean (4 m + 3,), factor (4 m + 3, r) : of the modes'
-    amplitudes, along the normal and along the axes, and of the translation; unit normal numbers (r,) times `factor` are what is left
-    unknown.
+    whole : t and g; w has its axes too. basis (q, m) takes kernel values to modes, slides (q, w) those of large parts. mean (4 m + 4,),
+    factor (4 m + 4, r) : of the modes' amplitudes, along the normal and along the axes, of the translation and the growth; unit normal
+    numbers (r,) times `factor` are what is left unknown.
     """
 
     points: FloatArray
     at_rest: DistanceFunction
     kernel: Kernel
+    whole: Whole
     basis: FloatArray
     slides: FloatArray
     mean: FloatArray
@@ -80,6 +110,7 @@ class WallMotion:
         X = wall.rest[chosen]
         out = _normals(at_rest, X)
         noise = 2.0 * smooth_covariance(X, noise_sd_mm, _NOISE_LENGTH_MM) + _VOXELS_MM**2 * np.eye(len(X))
+        whole = Whole.of(wall.rest, _normals(at_rest, wall.rest))
         few = slice(None, None, -(-len(X) // _FEWER))
         near = np.exp(-0.5 * (cdist(X, X) / _SMOOTH_MM) ** 2)
         v = np.zeros_like(wall.rest)
@@ -88,8 +119,8 @@ class WallMotion:
             normal, shift = seen.normal[chosen], seen.shift[chosen]
             if k > 0:  # at rest a point may lie far from where the wall went, and its neighbours see other parts of it
                 normal, shift = _smoothed(near, v[chosen], normal, shift)
-            kernel = likeliest(X[few], out[few], normal[few], shift[few], noise[few, few])
-            found = _posterior(X, at_rest, normal, shift, noise, kernel)
+            kernel = likeliest(X[few], out[few], normal[few], shift[few], noise[few, few], whole)
+            found = _posterior(X, at_rest, normal, shift, noise, kernel, whole)
             v = found.at(wall.rest)
         return found
 
@@ -97,20 +128,26 @@ class WallMotion:
         """(n, 3) mm, the likeliest motion at x (n, 3)."""
         return np.asarray(self._motions(x) @ self.mean)
 
+    @property
+    def slide_mm(self) -> float:
+        """Standard deviation of a slide, an axis."""
+        return SLIDE_SHARE * float(np.sqrt((self.at(self.points) ** 2).sum(axis=1).mean()))
+
     def unknown_at(self, x: FloatArray) -> FloatArray:
         """(r, n, 3) mm: motions whose sum with unit normal amplitudes is what is not known at x (n, 3), slides included."""
         parts = np.exp(-0.5 * (cdist(x, self.points) / SLIDE_LENGTH_MM) ** 2) @ self.slides
-        slides = np.einsum("nm,ik->mkni", SLIDE_MM * parts, np.eye(3)).reshape(-1, len(x), 3)
+        slides = np.einsum("nm,ik->mkni", self.slide_mm * parts, np.eye(3)).reshape(-1, len(x), 3)
         return np.concatenate([np.moveaxis(self._motions(x) @ self.factor, 2, 0), slides])
 
     def _motions(self, x: FloatArray) -> FloatArray:
-        """(n, 3, 4 m + 3) mm at x (n, 3) for unit amplitudes."""
+        """(n, 3, 4 m + 4) mm at x (n, 3) for unit amplitudes."""
         modes = np.exp(-0.5 * (cdist(x, self.points) / self.kernel.length) ** 2) @ self.basis
         along = self.kernel.size * _normals(self.at_rest, x)[:, :, None]
-        axes = np.tile(np.eye(3), (len(x), 1, 1))
+        axes = np.tile(self.whole.axes, (len(x), 1, 1))
         ways = np.concatenate([along, SIDEWAYS_MM * axes], axis=2)
         smooth = np.einsum("nik,nm->nikm", ways, modes).reshape(len(x), 3, -1)
-        return np.concatenate([smooth, self.kernel.whole * axes], axis=2)
+        grown = self.kernel.grown * self.whole.growth(x)[:, :, None]
+        return np.concatenate([smooth, self.kernel.whole * axes, grown], axis=2)
 
     def drag(self, wall: SlidingWall, shift: FloatArray, u: FloatArray, way: float, shear_kpa: float) -> Springs:
         """Springs that take a wall along itself to where this motion has it.
@@ -124,34 +161,50 @@ class WallMotion:
         return Springs(wall.points, DRAG * shear_kpa * along, target)
 
 
-def likeliest(X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray) -> Kernel:
+def pushed(normals: FloatArray) -> FloatArray:
+    """(3, 3) covariance, over its mean an axis, of the force that random pressures on a wall with normals (q, 3) add up to."""
+    return np.asarray(3.0 * normals.T @ normals / len(normals))
+
+
+def likeliest(
+    X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray, whole: Whole
+) -> Kernel:
     """The kernel under which motions shift (q,) along `normal` (q, 3) at X (q, 3) are likeliest; out (q, 3) : normals at rest."""
     squared = cdist(X, X) ** 2
-    turned = (normal * out).sum(axis=1)
-    straight, other = np.outer(turned, turned), normal @ normal.T
-    best = (-np.inf, Kernel(LENGTHS_MM[0], SIZES_MM[0], WHOLE_MM[0]))
+    turned, larger = (normal * out).sum(axis=1), (normal * whole.growth(X)).sum(axis=1)
+    across = normal @ whole.axes
+    straight, other, growing = np.outer(turned, turned), across @ across.T, np.outer(larger, larger)
+    best = (-np.inf, Kernel(LENGTHS_MM[0], SIZES_MM[0], WHOLE_MM[0], GROWN_MM[0]))
+    sizes = list(product(SIZES_MM, WHOLE_MM, GROWN_MM if np.isfinite(whole.radius) else GROWN_MM[:1]))
     for length in LENGTHS_MM:
         near = np.exp(-0.5 * squared / length**2)
         rest = noise + SIDEWAYS_MM**2 * near * other
-        for size, whole in product(SIZES_MM, WHOLE_MM):
-            L = np.linalg.cholesky(size**2 * near * straight + whole**2 * other + rest)
+        for size, moved, grown in sizes:
+            L = np.linalg.cholesky(size**2 * near * straight + moved**2 * other + grown**2 * growing + rest)
             white = solve_triangular(L, shift, lower=True, check_finite=False)
             likelihood = -0.5 * float(white @ white) - float(np.log(np.diag(L)).sum())
             if likelihood > best[0]:
-                best = (likelihood, Kernel(length, size, whole))
+                best = (likelihood, Kernel(length, size, moved, grown))
     return best[1]
 
 
 def _posterior(
-    X: FloatArray, at_rest: DistanceFunction, normal: FloatArray, shift: FloatArray, noise: FloatArray, kernel: Kernel
+    X: FloatArray,
+    at_rest: DistanceFunction,
+    normal: FloatArray,
+    shift: FloatArray,
+    noise: FloatArray,
+    kernel: Kernel,
+    whole: Whole,
 ) -> WallMotion:
     basis, slides = (_basis(X, length) for length in (kernel.length, SLIDE_LENGTH_MM))
     nothing = np.zeros(0)
-    A = np.einsum("nik,ni->nk", WallMotion(X, at_rest, kernel, basis, slides, nothing, nothing)._motions(X), normal)
+    motions = WallMotion(X, at_rest, kernel, whole, basis, slides, nothing, nothing)._motions(X)
+    A = np.einsum("nik,ni->nk", motions, normal)
     weighed = cho_solve(cho_factor(noise, lower=True), A)
     precision = np.eye(A.shape[1]) + A.T @ weighed
     mean = np.linalg.solve(precision, weighed.T @ shift)
-    return WallMotion(X, at_rest, kernel, basis, slides, mean, np.linalg.inv(np.linalg.cholesky(precision)).T)
+    return WallMotion(X, at_rest, kernel, whole, basis, slides, mean, np.linalg.inv(np.linalg.cholesky(precision)).T)
 
 
 def _basis(X: FloatArray, length: float) -> FloatArray:

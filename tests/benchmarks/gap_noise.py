@@ -30,7 +30,7 @@ from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.diagnose_step import data_of
 
-SLIDES_MM = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
+SLIDES = (0.0, 0.1, 0.15, 0.2, 0.3, 0.4)
 SIZES: dict[str, tuple[float, ...]] = {
     "mesh": (0.0, 0.3, 0.45, 0.6, 1.0),
     "offset": (0.0, 0.05, 0.1, 0.2, 0.3),
@@ -49,7 +49,7 @@ def main() -> None:
     for path in args.cases:
         for name, logs in likelihoods(plain_of(path)).items():
             total[name] = total.get(name, np.zeros(len(logs))) + logs
-    of = {"slides_mm": SLIDES_MM} | SIZES
+    of = {"slides": SLIDES} | SIZES
     print(json.dumps({k: dict(zip(map(str, of[k]), v.round(2).tolist(), strict=True)) for k, v in total.items()}))
 
 
@@ -79,15 +79,15 @@ def likelihoods(fit: PlainFit) -> dict[str, NDArray[np.float64]]:
         name: np.array([_log_likelihood(fit, parts, replace(used, **{name: v}), forces) - base for v in values])
         for name, values in SIZES.items()
     }
-    return out | {"slides_mm": _slides(fit, used, forces) - base}
+    return out | {"slides": _slides(fit, used, forces) - base}
 
 
 def _slides(fit: PlainFit, used: NoiseSizes, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-    kept, logs = wall_motion.SLIDE_MM, []
-    for size in SLIDES_MM:
-        wall_motion.SLIDE_MM = size
+    kept, logs = wall_motion.SLIDE_SHARE, []
+    for share in SLIDES:
+        wall_motion.SLIDE_SHARE = share
         logs.append(_log_likelihood(fit, _parts(fit), used, forces))
-    wall_motion.SLIDE_MM = kept
+    wall_motion.SLIDE_SHARE = kept
     return np.array(logs)
 
 

@@ -136,6 +136,8 @@ def test_a_deformed_scan_that_is_not_aligned_on_bone_is_said_to_be_so(posed) -> 
     assert found.verdict.verdict == "bone_motion"
     best = found.refits[0]
     np.testing.assert_allclose(best.phi[:3], shift, atol=0.3)
+    # The bone's own patches were left out too, and only what moves bone is asked to predict them.
+    assert found.gains["bone_motion"].patches > found.split.n_patches == found.gains["contour_bias"].patches
     assert diagnose(CaseData(posed, SurfacePair(bone, bone)), effects).verdict.verdict == "none"
 
 

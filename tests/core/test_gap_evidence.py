@@ -9,6 +9,8 @@ from scipy import integrate, stats
 from palpate.core.gap.detect import Named, gap_test
 from palpate.core.gap.evidence import allowed, explained, mean_of_exponentials, projected, score
 from palpate.core.gap.heldout import Gain
+from palpate.core.gap.noise_fit import NoiseGrid
+from palpate.core.gap.noise_model import NoiseSizes
 from palpate.core.gap.verdict import Judged, decide, probabilities
 
 N, T = 40, 2
@@ -18,6 +20,7 @@ S = RNG.standard_normal((N, 3))
 FIELDS = RNG.standard_normal((N, 12))
 SCALES = np.array([0.5, 1.0, 2.0])
 ANYWHERE = np.tile([-np.inf, np.inf], (3, 1))
+WHITE = NoiseGrid([NoiseSizes()], np.eye(N)[None], np.zeros(1))
 LOOK = {"a": Named([S], SCALES, ANYWHERE)}
 
 
@@ -48,8 +51,8 @@ def test_evidence_of_an_effect_with_bounds_is_an_integral_between_them(phi: floa
     found = score(r, J, one, scale, np.array([bounds]))
     assert found.log_evidence == pytest.approx(np.log(value), abs=1e-6)
     look = {"a": Named([one], scale, np.array([bounds]))}
-    seen = gap_test(r, J, FIELDS, look, refitted={"a": found.log_evidence - 1e-9})
-    assert seen == gap_test(r, J, FIELDS, look)  # its own look says the same
+    seen = gap_test(WHITE, r, J, FIELDS, look, refitted={"a": found.log_evidence - 1e-9})
+    assert seen == gap_test(WHITE, r, J, FIELDS, look)  # its own look says the same
 
 
 def test_an_effect_that_can_only_go_one_way_gains_ln_2_where_the_data_agree() -> None:
@@ -82,7 +85,8 @@ def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
     one_way = Named([S[:, :1], FIELDS[:, :1]], SCALES[:1], np.array([[0.0, 3.0]]))
     named = {"one way": one_way, "both ways": Named([S[:, 1:]], SCALES[1:], ANYWHERE[1:])}
     found = [
-        gap_test(np.random.default_rng([7, k]).standard_normal(N), J, FIELDS, named, seed=1000 + k) for k in range(200)
+        gap_test(WHITE, np.random.default_rng([7, k]).standard_normal(N), J, FIELDS, named, seed=1000 + k)
+        for k in range(200)
     ]
     assert stats.kstest([t.p_value for t in found], "uniform").pvalue > 0.05
     for name in ("p_whole", "p_smooth", "p_named"):
@@ -92,8 +96,8 @@ def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
 
 def test_the_gap_test_sees_an_effect_and_not_a_change_of_stiffness() -> None:
     quiet = np.random.default_rng(0).standard_normal(N)
-    assert not gap_test(quiet + 100.0 * J[:, 0], J, FIELDS, LOOK).detected
-    assert gap_test(quiet + 3.0 * S[:, 0], J, FIELDS, LOOK).detected
+    assert not gap_test(WHITE, quiet + 100.0 * J[:, 0], J, FIELDS, LOOK).detected
+    assert gap_test(WHITE, quiet + 3.0 * S[:, 0], J, FIELDS, LOOK).detected
     assert explained(100.0 * J[:, 1], J) < 1e-18
 
 
@@ -143,8 +147,8 @@ def test_two_effects_together_are_named_where_neither_alone_explains_the_gap() -
 
 def test_a_refit_counts_where_the_first_look_underrates_an_effect() -> None:
     quiet = np.random.default_rng(0).standard_normal(N)
-    assert gap_test(quiet, J, FIELDS, LOOK, refitted={"a": 12.0}).detected
-    assert gap_test(quiet, J, FIELDS, LOOK, refitted={"a": -5.0}) == gap_test(quiet, J, FIELDS, LOOK)
+    assert gap_test(WHITE, quiet, J, FIELDS, LOOK, refitted={"a": 12.0}).detected
+    assert gap_test(WHITE, quiet, J, FIELDS, LOOK, refitted={"a": -5.0}) == gap_test(WHITE, quiet, J, FIELDS, LOOK)
 
 
 def test_refusals() -> None:

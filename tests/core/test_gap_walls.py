@@ -7,7 +7,7 @@ import pytest
 
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.gap.wall_motion import SIDEWAYS_MM, SLIDE_MM, WallMotion, likeliest
+from palpate.core.gap.wall_motion import SIDEWAYS_MM, WallMotion, Whole, likeliest, pushed
 
 RADIUS = np.array([14.0, 10.0, 22.0])
 
@@ -50,7 +50,8 @@ def test_a_wall_that_stayed_did_not_move_and_what_is_unknown_is_small() -> None:
     motion = WallMotion.of(wall(np.zeros(3), RADIUS), at_rest, 0.1)
     assert np.abs(motion.at(points())).max() < 0.05
     unknown = (motion.unknown_at(points()) ** 2).sum(axis=(0, 2)).mean()
-    assert unknown < 1.0 + 3.0 * SLIDE_MM**2
+    assert unknown < 1.0
+    assert motion.slide_mm < 0.02  # a wall slides by a share of how far it moved
 
 
 def test_what_is_unknown_covers_what_is_wrong() -> None:
@@ -84,6 +85,52 @@ def test_the_likeliest_length_is_about_the_true_one(length: float) -> None:
     distance = np.linalg.norm(X[:, None] - X, axis=2)
     K = 9.0 * np.exp(-0.5 * (distance / length) ** 2) + 1e-6 * np.eye(len(X))
     v = np.linalg.cholesky(K) @ np.random.default_rng(2).standard_normal(len(X))
-    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)))
+    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)), Whole(np.eye(3), np.zeros(3), np.inf))
     assert found.length == pytest.approx(length, rel=0.45)
     assert np.hypot(found.size, SIDEWAYS_MM) == pytest.approx(3.0, rel=0.6)
+
+
+def tube(x: np.ndarray, bulge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Distance of a tube along z, 14 mm wide, whose middle has bulged and whose contour wanders; to first order in its slope."""
+    r, phi = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
+    bell = np.exp(-0.5 * (x[:, 2] / 18.0) ** 2)
+    radius = 14.0 + bulge * bell * (1.0 - 0.5 * np.sin(phi)) + 0.2 * np.sin(0.4 * x[:, 2] + 3.0 * phi)
+    slope = -bulge * x[:, 2] / 18.0**2 * bell * (1.0 - 0.5 * np.sin(phi)) + 0.08 * np.cos(0.4 * x[:, 2] + 3.0 * phi)
+    n = np.column_stack([np.cos(phi), np.sin(phi), -slope])
+    length = np.linalg.norm(n, axis=1)
+    return (r - radius) / length, n / length[:, None]
+
+
+def test_a_tube_that_bulges_does_not_slide_along_its_axis() -> None:
+    """Flanks of the bulge face along the tube: a slide would explain a little of the contours' noise, and nothing forbids it."""
+    z, phi = (a.ravel() for a in np.meshgrid(np.linspace(-55.0, 55.0, 38), np.linspace(0.0, 2.0 * np.pi, 23)[:-1]))
+    X = np.column_stack([14.0 * np.cos(phi), 14.0 * np.sin(phi), z])
+    at = PointSet(np.arange(len(X))[:, None], np.ones((len(X), 1)), np.full(len(X), 9.0))
+    wall = SlidingWall.between(at, X, lambda x: tube(x, 0.0), lambda x: tube(x, 7.0), 8000.0)
+    found = WallMotion.of(wall, lambda x: tube(x, 0.0), 0.2).at(X)
+    assert np.abs(found[:, 2]).mean() < 0.5
+    assert np.abs(wall.linearised_at(found).shift - (wall.linearised_at(found).normal * found).sum(axis=1)).mean() < 0.3
+
+
+def test_a_ball_may_be_pushed_anywhere_and_a_tube_not_along_its_axis() -> None:
+    ball = np.random.default_rng(1).standard_normal((20000, 3))
+    np.testing.assert_allclose(pushed(ball / np.linalg.norm(ball, axis=1)[:, None]), np.eye(3), atol=0.05)
+    phi = np.linspace(0.0, 2.0 * np.pi, 200)[:-1]
+    np.testing.assert_allclose(
+        pushed(np.column_stack([np.cos(phi), np.sin(phi), 0.0 * phi])), np.diag([1.5, 1.5, 0.0]), atol=1e-12
+    )
+
+
+def test_a_bag_that_grows_about_its_neck_slides_as_it_grows_and_a_tube_has_no_size() -> None:
+    """Growth about one end of an ellipsoid moves its sides along themselves; its own normals would not."""
+    neck = np.array([0.0, 0.0, -22.0])
+    moved = 0.25 * (points() - neck)
+    found = WallMotion.of(wall(-0.25 * neck, 1.25 * RADIUS), at_rest, 0.2).at(points())
+    straight = (moved * at_rest(points())[1]).sum(axis=1)[:, None] * at_rest(points())[1]
+    assert np.linalg.norm(found - moved, axis=1).mean() < 0.4 * np.linalg.norm(straight - moved, axis=1).mean()
+    phi = np.linspace(0.0, 2.0 * np.pi, 200)[:-1]
+    round_tube = np.column_stack([np.cos(phi), np.sin(phi), 0.0 * phi])
+    assert Whole.of(points(), at_rest(points())[1]).radius == pytest.approx(
+        np.sqrt((points() ** 2).sum(axis=1).mean()), rel=0.01
+    )
+    assert np.isinf(Whole.of(round_tube, round_tube).radius)

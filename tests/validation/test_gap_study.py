@@ -14,8 +14,8 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import NOISE_MM, Recipe
-from palpate.segmentation.gap_recipes import StudyOptions, recipes_of
+from palpate.segmentation.gap_cases import Recipe
+from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, recipes_of
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
@@ -107,10 +107,12 @@ def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> Non
     assert sum(any(e in OUTSIDE for e in r.effects) for r in recipes) == 12
     assert sum(len(r.effects) == 2 for r in recipes) == 6
     assert {e for r in recipes for e in r.effects} == {*LIBRARY, *OUTSIDE}
-    wanted = [r.shown_mm for r in recipes if r.shown_mm is not None]
+    wanted = [r.shown_mm / r.noise_mm for r in recipes if r.shown_mm is not None]
     assert len(wanted) == 60
-    assert NOISE_MM <= min(wanted) < 1.3 * NOISE_MM
-    assert 8.0 * NOISE_MM < max(wanted) <= 10.0 * NOISE_MM
+    assert 1.0 <= min(wanted) < 1.3
+    assert 8.0 < max(wanted) <= 10.0
+    noise = [r.noise_mm for r in recipes]
+    assert NOISE_MM[0] <= min(noise) < 0.15 < 0.36 < max(noise) <= NOISE_MM[1]
 
 
 @pytest.fixture
