@@ -140,7 +140,7 @@ class _Looks:
         draws: FloatArray,
     ) -> None:
         """Under noise of covariance C (n, n)."""
-        L = np.linalg.cholesky(C)
+        L = np.asarray(np.linalg.cholesky(C), dtype=np.float64)
         Jw = _whitened(L, J)
         x = projected(Jw, _whitened(L, draws))
         self.Q.append((x**2).sum(axis=0))
