@@ -114,20 +114,24 @@ class Gain:
         return Gain(self.before_mm, self.after_mm, mean, error, mean * n / max(before, 1e-30), n)
 
 
-def gain(split: Split, before: FloatArray, after: FloatArray, error_mm2: float = np.nan) -> Gain:
-    """Compare two models by their residuals (m,) on data left out. error_mm2 : of the gain per patch, see `gain_error`."""
+def gain(split: Split, before: FloatArray, after: FloatArray, noise_mm2: float = np.inf) -> Gain:
+    """Compare two models by their residuals (m,) on data left out. noise_mm2 : what noise makes of the gain per patch, see `gain_error`.
+
+    The standard error is the smaller of that and the spread from patch to patch, for either may be too large: the first where the noise
+    is less than it is said to be, the second where an effect acts at one place, gains there and nowhere else.
+    """
     a, b = split.patch_means(before**2), split.patch_means(after**2)
     d = float((a - b).mean())
+    error = min(float((a - b).std(ddof=1) / np.sqrt(len(a))), noise_mm2)
     surface = np.arange(len(split.points))
     rms = [float(np.sqrt((x[surface] ** 2).mean())) for x in (before, after)]
-    return Gain(rms[0], rms[1], d, error_mm2, d / max(float(a.mean()), 1e-30), len(a))
+    return Gain(rms[0], rms[1], d, error, d / max(float(a.mean()), 1e-30), len(a))
 
 
 def gain_error(split: Split, plain: Linear, model: Linear, seed: int = 1) -> float:
     """Standard error (mm2) of the gain per patch of a model over the plain one, both seeing the same noise.
 
-    By draws of the noise, the model taken for true where it fits best. The spread from patch to patch is no error: what acts at one
-    place gains there and nowhere else.
+    By draws of the noise, the model taken for true where it fits best.
     """
     rng = np.random.default_rng(seed)
     noise = np.linalg.cholesky(split.covariance) @ rng.standard_normal((len(split.covariance), _DRAWS))
