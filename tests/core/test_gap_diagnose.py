@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from synthetic_case import problem
 
+from palpate.core.gap import better
 from palpate.core.gap.averaged import averaged_stiffness
 from palpate.core.gap.better import GOOD
 from palpate.core.gap.case_data import CaseData, arrays, load
@@ -85,6 +86,18 @@ def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-unt
     written = record(found, "still")
     assert written["gap"]["rms_mm"] < 0.05
     assert min(s["sd_ln_G"] for s in written["stiffness"]["without_effect"].values()) > 1.0
+
+
+def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(
+    posed, none: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr(better, "_better_residual", lambda *_: None)
+    found = diagnosed(posed, 0.0)
+    assert found.fit.meshes == 0
+    assert not found.fit.mesh.any()
+    assert any("no better element" in flag for flag in record(found, "hard")["flags"])
+    k = found.fit.bench.sight.n_modes
+    assert np.trace(found.fit.weighting.covariance[:k, :k]) > np.trace(none.fit.weighting.covariance[:k, :k])
 
 
 def test_a_pair_of_scans_moved_rigidly_has_no_gap_and_the_same_stiffness(posed, none: Diagnosis) -> None:  # type: ignore[no-untyped-def]

@@ -94,6 +94,31 @@ def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
     assert np.mean([t.detected for t in found]) <= 0.08
 
 
+def test_p_values_are_uniform_though_nobody_knows_how_large_the_noise_is() -> None:
+    """Every case has noise of another size; with the covariance of one size, half of the noisier ones would be alarms."""
+    sizes = np.array([0.6, 1.0, 1.6])
+    grid = NoiseGrid([NoiseSizes()] * 3, sizes[:, None, None] ** 2 * np.eye(N), np.log(np.full(3, 1.0 / 3.0)))
+    rng, p = np.random.default_rng(11), []
+    for k in range(200):
+        r = sizes[rng.integers(3)] * rng.standard_normal(N)
+        p.append(gap_test(grid, r, J, FIELDS, LOOK, seed=k).p_value)
+    assert stats.kstest(p, "uniform").pvalue > 0.05
+    one = NoiseGrid(grid.sizes[:1], grid.covariances[:1], np.zeros(1))
+    assert gap_test(one, 1.6 * rng.standard_normal(N), J, FIELDS, LOOK).detected
+
+
+def test_the_most_probable_sizes_of_noise_are_kept() -> None:
+    grid = NoiseGrid(
+        [NoiseSizes(contour=c) for c in (0.2, 1.0, 5.0)],
+        np.array([0.04, 1.0, 25.0])[:, None, None] * np.eye(N),
+        np.log([0.3, 0.3, 0.4]),
+    )
+    kept = grid.probable(np.random.default_rng(0).standard_normal(N), J, 0.1 * FIELDS, 1)
+    assert [s.contour for s in kept.sizes] == [1.0]
+    assert kept.log_prior == pytest.approx([0.0])
+    assert grid.probable(np.zeros(N), J, FIELDS, 3) is grid
+
+
 def test_the_gap_test_sees_an_effect_and_not_a_change_of_stiffness() -> None:
     quiet = np.random.default_rng(0).standard_normal(N)
     assert not gap_test(WHITE, quiet + 100.0 * J[:, 0], J, FIELDS, LOOK).detected
