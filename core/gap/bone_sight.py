@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from palpate.core.gap.composition import Motion
+from palpate.core.gap.composition import Motion, rigid_motion
 from palpate.core.observe.distance_field import SignedDistanceField
 from palpate.core.observe.noise import smooth_covariance
 from palpate.core.observe.surface_observation import sample_surface
@@ -82,8 +81,7 @@ def _misfit(points: FloatArray, field: SignedDistanceField, reader: FloatArray, 
     distance = field.value_and_gradient(points)[0]
     for _ in range(_ROUNDS):
         motion -= reader @ distance
-        turned = Rotation.from_rotvec(motion[3:], degrees=True).apply(points - pivot)
-        distance = field.value_and_gradient(turned + pivot + motion[:3])[0]
+        distance = field.value_and_gradient(points + rigid_motion(points, pivot, motion))[0]
     return np.asarray(distance)
 
 

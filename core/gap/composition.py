@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from palpate.core.fem.materials import Material
 from palpate.core.fem.space import Space
@@ -87,3 +88,9 @@ class Composition:
         for motion in self.support:
             out = out + motion(X)
         return out
+
+
+def rigid_motion(X: FloatArray, pivot: FloatArray, phi: FloatArray) -> FloatArray:
+    """(n, 3) mm: translation phi[:3] mm and rotation vector phi[3:] degrees about the pivot, at X (n, 3)."""
+    turned = Rotation.from_rotvec(phi[3:], degrees=True).apply(X - pivot)
+    return np.asarray(turned + pivot - X + phi[:3])

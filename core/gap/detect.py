@@ -12,7 +12,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
 from palpate.core.gap.evidence import log_share, means_of_exponentials, projected
-from palpate.core.gap.noise_fit import GAPS, NoiseGrid
+from palpate.core.gap.noise_fit import FLAT, GAPS, NoiseGrid
 from palpate.core.gap.verdict import PRIOR_UNKNOWN
 
 FloatArray = NDArray[np.float64]
@@ -27,8 +27,6 @@ _WHOLE = 0.1
 _REFITS_ADD = 0.12
 # Bounds farther from 0 than so many of the prior's standard deviations are none.
 _FAR = 3.0
-# Precision of ln G's prior: none to speak of.
-_FLAT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +42,8 @@ class Named:
 
 @dataclass(frozen=True)
 class GapTest:
-    """statistic Q and its degrees of freedom; p_value of the test; of single looks: whole, smooth (no name), named.
+    """statistic Q (the mean over the noise's sizes) and its degrees of freedom; p_value of the test; of single looks: whole, smooth (no
+    name), named.
 
     p_value : how often noise alone makes the smallest of the two looks as small (Westfall & Young 1993), see `gap_test`.
     """
@@ -144,7 +143,7 @@ class _Looks:
         Jw = _whitened(L, J)
         x = projected(Jw, _whitened(L, draws))
         self.Q.append((x**2).sum(axis=0))
-        volume = np.linalg.slogdet(Jw.T @ Jw + _FLAT * np.eye(J.shape[1]))[1]
+        volume = np.linalg.slogdet(Jw.T @ Jw + FLAT * np.eye(J.shape[1]))[1]
         plain = log_prior - 0.5 * self.Q[-1] - np.log(np.diag(L)).sum() - 0.5 * volume
         self.plain.append(plain)
         self.smooth.append(plain + _unnamed(projected(Jw, _whitened(L, fields)), x))

@@ -30,7 +30,7 @@ _PRIOR = 0.35
 # Sizes less probable than this are left out of the mean.
 _NEGLIGIBLE = 1e-4
 # Precision of ln G's prior: none to speak of.
-_FLAT = 1e-3
+FLAT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ def _restricted(C: FloatArray, r: FloatArray, J: FloatArray) -> float:
     L = np.linalg.cholesky(C)
     both = np.linalg.solve(L, np.column_stack([r, J]))
     rw, Jw = both[:, 0], both[:, 1:]
-    A = Jw.T @ Jw + _FLAT * np.eye(J.shape[1])  # a pair that tells nothing of the stiffness must not divide by zero
+    A = Jw.T @ Jw + FLAT * np.eye(J.shape[1])  # a pair that tells nothing of the stiffness must not divide by zero
     b = Jw.T @ rw
     Q = float(rw @ rw - b @ np.linalg.solve(A, b))
     return -0.5 * Q - float(np.log(np.diag(L)).sum()) - 0.5 * float(np.linalg.slogdet(A)[1])

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
-from palpate.core.gap.composition import Composition
+from palpate.core.gap.composition import Composition, rigid_motion
 from palpate.core.gap.effects.base import Effect, FloatArray, Parameter, Surroundings, Variant
 
 
@@ -18,12 +15,6 @@ def _variants(around: Surroundings) -> list[Variant]:
         return composition.with_support(lambda X: rigid_motion(X, pivot, phi))
 
     return [Variant(change)]
-
-
-def rigid_motion(X: FloatArray, pivot: FloatArray, phi: FloatArray) -> FloatArray:
-    """(n, 3) mm: translation phi[:3] mm and rotation vector phi[3:] degrees about the pivot, at X (n, 3)."""
-    turned = Rotation.from_rotvec(phi[3:], degrees=True).apply(X - pivot)
-    return np.asarray(turned + pivot - X + phi[:3])
 
 
 EFFECT = Effect(
