@@ -26,7 +26,7 @@ from palpate.segmentation.gap_truth.body import Body
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, SIZES
 from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.gap_truth.simulated import Simulated
-from palpate.segmentation.gap_truth.states import Shown, backward, effect_mm, landmarks, shown, true_surface
+from palpate.segmentation.gap_truth.states import Shown, backward, effect_mm, landmarks, shown, true_surfaces
 from palpate.segmentation.gap_truth.strength import strength
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv
@@ -41,6 +41,8 @@ from palpate.segmentation.volume import Volume
 Labels = Callable[[FloatArray], LabelArray]
 # Correlation length of the contours' noise, mm.
 NOISE_LENGTH_MM = 6.5
+# The noise floor, over the noise of one contour: an organ's motion is the difference of two.
+FLOOR = float(np.sqrt(2.0))
 # A contour is moved no farther from the organ than this.
 _REACH_MM = 6.0
 # Of the mesher's random numbers: no mesh of a diagnosis has it.
@@ -52,8 +54,9 @@ class Recipe:
     """One case: seed, the effects hidden in it (id -> size; none: {}), true G of left and right, kPa.
 
     noise_mm : standard deviation of one contour. shown_mm : what the two stiffnesses shall leave of each effect alone (rms along the
-    normal); its size is then found between SIZES, and that in `effects` not used. build : of the pelvis. rectum, bladder :
-    how far the walls move. edge_mm : of the mesh. marks : whether points inside the organ are given.
+    normal); its size is then found between SIZES, and that in `effects` not used. least_noise_mm : where even the strongest shows less,
+    contours are drawn better in proportion, down to this. build : of the pelvis. rectum, bladder : how far the walls move. edge_mm : of the
+    mesh. marks : whether points inside the organ are given.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Recipe:
     G: tuple[float, float] = (20.0, 50.0)
     noise_mm: float = 0.35
     shown_mm: float | None = None
+    least_noise_mm: float | None = None
     build: int = 0
     rectum: RectumSpec = field(default_factory=lambda: RectumSpec(8.0))
     bladder: BladderSpec = field(default_factory=lambda: BladderSpec(balance=0.8))
@@ -89,6 +93,7 @@ class Made:
     deformed: Shown
     without: FloatArray
 
+    @cached_property
     def effect_mm(self) -> tuple[float, float]:
         """What is to be seen of the effects, see `states.effect_mm`."""
         return effect_mm(self.hidden, self.plain, self.boundary, self.rest, self.deformed, self.without)
@@ -109,7 +114,17 @@ def simulated(recipe: Recipe, mesh_cache: Path | None = None) -> tuple[Recipe, M
     pose = _Pose(recipe, patient, body, meshed, walls)
     if recipe.shown_mm is not None:
         recipe = replace(recipe, effects={name: pose.strength(name) for name in recipe.effects})
-    return recipe, pose.made(recipe.effects)
+    made = pose.made(recipe.effects)
+    return replace(recipe, noise_mm=_noise_mm(recipe, made)), made
+
+
+def _noise_mm(recipe: Recipe, made: Made) -> float:
+    """Of one contour: the recipe's, or less where its effects show less than they shall."""
+    least, wanted = recipe.least_noise_mm, recipe.shown_mm
+    if not recipe.effects or least is None or wanted is None:
+        return recipe.noise_mm
+    share = min(made.effect_mm[1] / wanted, 1.0)
+    return round(float(max(recipe.noise_mm * share, min(least, recipe.noise_mm))), 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,21 +157,30 @@ class _Pose:
     def strength(self, name: str) -> float:
         """Size at which an effect alone shows what the recipe wants."""
         assert self.recipe.shown_mm is not None
-        return strength(self.recipe.shown_mm, SIZES[name], lambda size: self.made({name: size}).effect_mm()[1])
+        return strength(self.recipe.shown_mm, SIZES[name], lambda size: self.made({name: size}).effect_mm[1])
 
 
-def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None) -> dict[str, Any]:
+class TooWeak(Exception):
+    """An effect that the scans of this patient cannot show."""
+
+
+def make_case(
+    recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None, must_show: bool = False
+) -> dict[str, Any]:
     """Write a label case and, in another folder, what is true of it. Returns the truth.
 
+    must_show : raise TooWeak, and write nothing, where the two stiffnesses leave less of the effects than the noise floor.
     Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much.
     """
     recipe, made = simulated(recipe, mesh_cache)
+    if must_show and recipe.effects and made.effect_mm[1] < FLOOR * recipe.noise_mm:
+        raise TooWeak(f"{recipe.name}: {made.effect_mm[1]:.2f} mm are left")
     _write_case(recipe, made, case_path)
     truth = _truth(recipe, made)
     answers.mkdir(parents=True, exist_ok=True)
-    points, faces = true_surface(made.hidden, made.deformed)
+    surface = true_surfaces(made.hidden, made.rest, made.deformed)
     with atomic_path(answers / f"{recipe.name}_surface.npz") as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, points=points, faces=faces)
+        np.savez_compressed(stream, **surface)
     with atomic_path(answers / f"{recipe.name}.json") as temporary:
         temporary.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
     return truth
@@ -184,7 +208,7 @@ def _write_case(recipe: Recipe, made: Made, path: Path) -> None:
 def _truth(recipe: Recipe, made: Made) -> dict[str, Any]:
     done, left = (0.0, 0.0)
     if recipe.effects:
-        done, left = made.effect_mm()
+        done, left = made.effect_mm
     return {
         "name": recipe.name,
         "effects": list(recipe.effects) or ["none"],

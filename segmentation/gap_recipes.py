@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.segmentation.gap_cases import Recipe
+from palpate.segmentation.gap_cases import FLOOR, Recipe
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 
@@ -47,7 +47,7 @@ def recipes_of(options: StudyOptions) -> list[Recipe]:
 
 
 def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recipe:
-    """Effects that leave one to ten times the contours' noise, where a pelvis can show it; in one of four the rectum empties."""
+    """Effects that leave one to ten times the noise floor, where a pelvis can show it; in one of four the rectum empties."""
     low, high = (float(np.log(G)) for G in SHEAR_MODULI_KPA)
     G = np.exp(rng.uniform(low, high, 2)).round(2).tolist()
     empties = rng.random() < 0.25
@@ -58,7 +58,8 @@ def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recip
         dict.fromkeys(chosen, 0.0),
         (G[0], G[1]),
         noise,
-        noise * float(10.0 ** rng.uniform()),
+        FLOOR * noise * float(10.0 ** rng.uniform()),
+        NOISE_MM[0],
         int(rng.integers(BUILDS)),
         _rectum(empties, rng),
         _bladder(empties, rng),
@@ -80,6 +81,11 @@ def _rectum(empties: bool, rng: np.random.Generator) -> RectumSpec:
 def _bladder(empties: bool, rng: np.random.Generator) -> BladderSpec:
     up = float(-rng.uniform(2.0, 5.0) if empties else rng.uniform(0.0, 2.0))
     return BladderSpec(balance=float(rng.uniform(0.3, 1.0)), push_mm=(0.0, float(rng.uniform(0.0, 2.0)), up))
+
+
+def another(recipe: Recipe) -> Recipe:
+    """The same effects in another patient."""
+    return _recipe(recipe.name, tuple(recipe.effects), np.random.default_rng(recipe.seed))
 
 
 def easier(recipe: Recipe, k: int) -> Recipe:

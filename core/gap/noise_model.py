@@ -108,12 +108,17 @@ def _contour(scene: GapScene, sight: Sight, walls: _WallNoise, length: float) ->
     sd = scene.problem.facts.noise_sd_mm
     n, k = sight.n, sight.n_modes
     out = np.zeros((n, n))
-    out[:k, :k] = 2.0 * sight.modes.T @ smooth_covariance(scene.observation.points, sd, length) @ sight.modes
+    out[:k, :k] = organ_contours(sight, scene.observation.points, sd, length)
     for rest, modes, response in walls.walls:
         out += 2.0 * response @ (modes.T @ smooth_covariance(rest, sd, length) @ modes) @ response.T
     if sight.bone is not None:
         out[-6:, -6:] += sight.bone.covariance(sd, length) - sight.bone.covariance(0.0, length)
     return out
+
+
+def organ_contours(sight: Sight, points: FloatArray, sd_mm: float, length: float) -> FloatArray:
+    """(k, k) mm2 of the surface's modes, for the organ's two contours at points (q, 3), correlated over `length` mm."""
+    return np.asarray(2.0 * sight.modes.T @ smooth_covariance(points, sd_mm, length) @ sight.modes)
 
 
 def _on_nodes(scene: GapScene, nodes: NDArray[np.int64], force: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from scipy.special import softmax
 
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.judge import Diagnosis
+from palpate.core.gap.noise_model import LENGTHS_MM, organ_contours
 
 FloatArray = NDArray[np.float64]
 
@@ -19,15 +20,16 @@ _DRAWS = 2000
 def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
     """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
 
-    Every draw of the bootstrap takes one of the refitted effects, by its probability: the interval is for what adding the true effect
-    would do, and which one that is may not be sure. The ceiling is what a saturated smooth field of forces gains on the same points,
-    the placebo what random fields gain.
+    Every draw of the bootstrap takes one of the refitted effects, by its probability, and one of the sizes that the contours' noise may
+    have: the interval is for what adding the true effect would do, and which one that is may not be sure. The ceiling is what a saturated
+    smooth field of forces gains on the same points, the placebo what random fields gain.
     """
     assert best.trial.effect is not None
     n = len(found.split.points)
     before, after, top = (found.left_out[key][:n] ** 2 for key in ("", best.trial.effect.id, "ceiling"))
     rivals, weight = _rivals(found)
-    floor = noise_variance(found, best)
+    floors, likely = contours_mm2(found, best)
+    floor = float(floors @ likely)
     rng = np.random.default_rng(seed)
     patch = found.split.patch[:n]
     members = [np.flatnonzero(patch == p) for p in range(found.split.n_surface)]
@@ -35,7 +37,7 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
     for _ in range(_DRAWS):
         chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
         rival = rivals[rng.choice(len(rivals), p=weight)]
-        draws.append(_corrected(before[chosen].mean(), rival[chosen].mean(), floor))
+        draws.append(_corrected(before[chosen].mean(), rival[chosen].mean(), rng.choice(floors, p=likely)))
     return {
         "held_out_rms_before_mm": float(np.sqrt(before.mean())),
         "held_out_rms_after_mm": float(np.sqrt(after.mean())),
@@ -57,13 +59,25 @@ def _rivals(found: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
     return [found.left_out[name][:n] ** 2 for name, _ in named], softmax([evidence for _, evidence in named])
 
 
-def noise_variance(found: Diagnosis, best: Refit) -> float:
-    """mm2 a point has of noise alone: the stated covariance, less where even the best model's residual says it is too wide."""
-    split = found.split
-    n = len(split.points)
-    stated = float(np.trace(split.covariance[:n, :n])) / n
-    residual = split.reader[:n] @ best.point.residual
-    return min(stated, float((residual**2).mean()))
+def contours_mm2(found: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]:
+    """What the organ's two contours alone add to the mean square of the points left out, for every size that noise may have, and how
+    probable each is where the best effect fits, (g,) each.
+
+    Walls read wrongly and the model's own errors stay with the model: no better scan of the organ would take them away.
+    """
+    fit, n = found.fit, len(found.split.points)
+    sight, scene = fit.bench.sight, fit.point.scene
+    k, sd = sight.n_modes, scene.problem.facts.noise_sd_mm
+    reader = found.split.reader[:n, :k]
+    of_length = {
+        length: np.einsum("ij,jk,ik->", reader, organ_contours(sight, scene.observation.points, sd, length), reader) / n
+        for length in LENGTHS_MM
+    }
+    own = float((reader**2).sum()) / n
+    floors = np.array([s.contour**2 * of_length[s.length] + s.own**2 * own for s in fit.noise.sizes])
+    J = np.hstack([best.point.in_theta, best.in_phi])
+    none = np.zeros((sight.n, sight.n))
+    return floors, softmax(fit.noise.log_likelihood(best.point.residual, J, none) + fit.noise.log_prior)
 
 
 def _fraction(before: float, after: float) -> float:

@@ -18,8 +18,8 @@ from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 # How far from bone the region's edge is drawn along with it.
 _DRAWN_MM = 15.0
-# Cells whose volume changes by more than this cannot be drawn.
-_FLAT = 0.02
+# No tissue gives up so much of its volume that this is left of a cell.
+_FLAT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +140,8 @@ def effect_mm(
     return float(np.linalg.norm(w * done)), float(np.linalg.norm(left))
 
 
-def true_surface(s: Simulated, deformed: Shown) -> tuple[FloatArray, IntArray]:
-    """Points (k, 3) mm and faces (f, 3) of the organ as the scan would show it without noise."""
+def true_surfaces(s: Simulated, rest: Shown, deformed: Shown) -> dict[str, FloatArray | IntArray]:
+    """The organ as scans would show it without noise: points (k, 3) mm deformed, at_rest (k, 3) the same at rest, faces (f, 3) of both."""
     faces = s.body.face_nodes(s.organ_faces)
     nodes, normals, _ = _surface(s.body.nodes + deformed.u, faces)
     points = (s.body.nodes + deformed.u)[nodes]
@@ -150,7 +150,7 @@ def true_surface(s: Simulated, deformed: Shown) -> tuple[FloatArray, IntArray]:
     number = np.full(len(s.body.nodes), -1)
     number[nodes] = np.arange(len(nodes))
     four = faces[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
-    return points, number[four]
+    return {"points": points, "at_rest": (s.body.nodes + rest.u)[nodes], "faces": number[four]}
 
 
 def _surface(at: FloatArray, faces: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:

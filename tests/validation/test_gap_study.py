@@ -14,7 +14,7 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import Recipe
+from palpate.segmentation.gap_cases import FLOOR, Recipe, TooWeak
 from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, recipes_of
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
@@ -86,18 +86,21 @@ def test_accuracy_of_effects_that_can_be_seen_is_counted_apart() -> None:
 
 
 def test_what_an_effect_achieves_is_measured_to_the_surface_without_noise() -> None:
-    """A flat organ's surface at z = 0, predicted 2 mm off by the plain model and 0.5 mm with the effect."""
-    points, faces = np.array([[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 12.0, 0.0]]), np.array([[0, 1, 2]])
-    at = np.array([[0.0, 0.0, 0.0], [1.0, -1.0, 0.0]])
+    """A flat organ that moved up by 1 mm, drawn 0.4 mm too far out at rest: predicted 2 mm off, 0.5 mm with the effect."""
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-20.0, 20.0, 21), np.linspace(-20.0, 20.0, 21)))
+    corners, faces = np.array([[-90.0, -90.0, 0.0], [90.0, -90.0, 0.0], [0.0, 120.0, 0.0]]), np.array([[0, 1, 2]])
     up = np.array([0.0, 0.0, 1.0])
+    at = np.stack([x, y, np.full(len(x), 0.4)], axis=1)
+    voxels = 0.3 * (-1.0) ** np.arange(len(x))  # too fine for a model to be blamed for
     maps = {
-        "predicted/plain": at + 1.6 * up, "predicted/inclusion": at - 0.3 * up, "correction_mm": np.full(2, 0.4),
-        "offset/plain": np.zeros(1), "offset/inclusion": np.full(1, 0.4),
+        "points": at, "predicted/plain": at + (2.6 + voxels[:, None]) * up, "predicted/inclusion": at + 0.1 * up,
+        "correction_mm": np.full(len(x), 0.4), "offset/plain": np.zeros(1), "offset/inclusion": np.zeros(1),
     }  # fmt: skip
-    assert achieved(maps, points, faces, "inclusion", 0.0) == pytest.approx((0.75, 2.0, 0.5))
-    assert achieved(maps, points, faces, "inclusion", 0.4) == pytest.approx((1.0 - 0.3 / 3.84**0.5, 3.84**0.5, 0.3))
-    assert achieved(maps, points, faces, "inclusion", 0.6) == pytest.approx((1.0, 3.64**0.5, 0.0))
-    assert achieved(maps, points, faces, "prestress", 0.4) is None
+    true = {"points": corners + up, "at_rest": corners, "faces": faces}
+    assert achieved(maps, true, "inclusion") == pytest.approx((0.75, 2.0, 0.5), rel=0.03)
+    maps["offset/inclusion"] = np.full(1, 0.4)
+    assert achieved(maps, true, "inclusion") == pytest.approx((0.95, 2.0, 0.1), rel=0.03)
+    assert achieved(maps, true, "prestress") is None
 
 
 def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> None:
@@ -107,7 +110,7 @@ def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> Non
     assert sum(any(e in OUTSIDE for e in r.effects) for r in recipes) == 12
     assert sum(len(r.effects) == 2 for r in recipes) == 6
     assert {e for r in recipes for e in r.effects} == {*LIBRARY, *OUTSIDE}
-    wanted = [r.shown_mm / r.noise_mm for r in recipes if r.shown_mm is not None]
+    wanted = [r.shown_mm / (FLOOR * r.noise_mm) for r in recipes if r.shown_mm is not None]
     assert len(wanted) == 60
     assert 1.0 <= min(wanted) < 1.3
     assert 8.0 < max(wanted) <= 10.0
@@ -119,7 +122,7 @@ def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> Non
 def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A study whose cases and diagnoses take no time: the child sees a folder and writes what a diagnosis would."""
 
-    def made(recipe: Recipe, case: Path, answers: Path, meshes: Path | None = None) -> None:
+    def made(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
         write_case(case)
         answers.mkdir(parents=True, exist_ok=True)
         (answers / f"{recipe.name}.json").write_text(json.dumps(truth(*recipe.effects) | {"name": recipe.name}))
@@ -162,7 +165,7 @@ def test_a_case_folder_never_holds_its_answer(study: Path) -> None:
 def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[Recipe] = []
 
-    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path) -> None:
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
         tried.append(recipe)
         case.mkdir()
         if len(tried) < 3:
@@ -176,3 +179,22 @@ def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeyp
     assert [r.rectum.push_mm[1] for r in tried] == pytest.approx([-5.0, -4.25, -3.6125])
     assert [r.bladder.push_mm[2] for r in tried] == pytest.approx([2.0, 1.7, 1.445])
     assert (tmp_path / "cases" / "gap_000").is_dir()
+
+
+def test_an_effect_that_cannot_show_gets_another_patient_and_the_third_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Recipe] = []
+
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+        tried.append(recipe)
+        if must_show:
+            raise TooWeak("0.1 mm are left")
+        case.mkdir()
+
+    monkeypatch.setattr(gap_study, "make_case", make)
+    (tmp_path / "cases").mkdir()
+    gap_study._made(recipes_of(StudyOptions(2, 5))[1], tmp_path)
+    assert len({r.seed for r in tried}) == len(tried) == 3
+    assert len({tuple(r.effects) for r in tried}) == 1
+    assert (tmp_path / "cases" / "gap_001").is_dir()
