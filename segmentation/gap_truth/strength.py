@@ -9,7 +9,9 @@ import numpy as np
 from palpate.core.errors import ConvergenceError
 
 # Solves that the search may take, and how near to what is wanted it ends (a factor).
-_TRIES, _NEAR = 4, 1.3
+_TRIES, _NEAR = 5, 1.3
+# What has no equilibrium is left behind by this share of the way back to what had one.
+_BACK = 0.4
 
 
 def strength(wanted_mm: float, limits: tuple[float, float], shown_mm: Callable[[float], float]) -> float:
@@ -24,8 +26,10 @@ def strength(wanted_mm: float, limits: tuple[float, float], shown_mm: Callable[[
         try:
             found.append((at, float(np.log(max(shown_mm(float(np.exp(at))), 1e-6)))))
         except ConvergenceError:
-            high = at - 0.25 * (at - low)
-            at = 0.5 * (low + high)
+            known = max((size for size, _ in found if size < at), default=low)
+            high = at = at - _BACK * (at - known)
+            if at - known < 0.1:
+                break
             continue
         off = np.log(wanted_mm) - found[-1][1]
         after = float(np.clip(at + off / _slope(found), low, high))

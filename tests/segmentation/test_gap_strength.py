@@ -30,6 +30,7 @@ def test_sizes_without_an_equilibrium_are_too_strong() -> None:
             raise ConvergenceError("folds")
         return 0.1 * size
 
+    assert 2.0 <= strength(2.0, (1.0, 10.0), shown) <= 4.0
     assert 1.0 <= strength(2.0, (1.0, 100.0), shown) <= 4.0
     with pytest.raises(ConvergenceError, match="no strength"):
         strength(2.0, (5.0, 100.0), shown)
