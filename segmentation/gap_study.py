@@ -29,7 +29,7 @@ from palpate.segmentation.gap_scores import scores
 # A deformation that has no equilibrium is tried again so many times, easier each time.
 _EASIER = 4
 # Patients that are looked at for one whose organ shows an effect above the noise floor; the last one is taken as it is.
-_PATIENTS = 3
+_PATIENTS = 2
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 
 

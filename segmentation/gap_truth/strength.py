@@ -9,7 +9,7 @@ import numpy as np
 from palpate.core.errors import ConvergenceError
 
 # Solves that the search may take, and how near to what is wanted it ends (a factor).
-_TRIES, _NEAR = 5, 1.3
+_TRIES, _NEAR = 4, 1.3
 # What has no equilibrium is left behind by this share of the way back to what had one.
 _BACK = 0.4
 

@@ -181,7 +181,7 @@ def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeyp
     assert (tmp_path / "cases" / "gap_000").is_dir()
 
 
-def test_an_effect_that_cannot_show_gets_another_patient_and_the_third_is_taken(
+def test_an_effect_that_cannot_show_gets_another_patient_who_is_taken(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[Recipe] = []
@@ -195,6 +195,6 @@ def test_an_effect_that_cannot_show_gets_another_patient_and_the_third_is_taken(
     monkeypatch.setattr(gap_study, "make_case", make)
     (tmp_path / "cases").mkdir()
     gap_study._made(recipes_of(StudyOptions(2, 5))[1], tmp_path)
-    assert len({r.seed for r in tried}) == len(tried) == 3
+    assert len({r.seed for r in tried}) == len(tried) == 2
     assert len({tuple(r.effects) for r in tried}) == 1
     assert (tmp_path / "cases" / "gap_001").is_dir()
