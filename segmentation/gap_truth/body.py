@@ -81,18 +81,42 @@ class Body:
         """Internal force (3 n,) mN and its derivative (3 n, 3 n) mN/mm. Not finite where an organ's cell is turned inside out."""
         F = self.gradients(u)
         m, q = self.weights.shape
-        force, stiffness = np.zeros((m, 10, 3)), np.zeros((m, 30, 30))
+        force, summed = np.zeros((m, 10, 3)), np.zeros((9, self._pattern[0].nnz))
         for region, law in laws.items():
             here = np.flatnonzero(self.regions == region)
-            P, A = law.response(F[here].reshape(-1, 3, 3))
-            w, D = self.weights[here], self.slopes[here]
-            P, A = P.reshape(-1, q, 3, 3) * w[..., None, None], A.reshape(-1, q, 3, 3, 3, 3)
+            D, at = self.slopes[here], F[here].reshape(-1, 3, 3)
+            if isinstance(law, Tissue) and law.constant:
+                P = law.stress(at)
+                summed += self._kept_tangent(here, law, at)
+            else:
+                P, A = law.response(at)
+                summed += self._tangent(here, A)
+            P = P.reshape(-1, q, 3, 3) * self.weights[here][..., None, None]
             force[here] = np.einsum("mqaj,mqij->mai", D, P, optimize=True)
-            half = np.einsum("mqaj,mqijkl->mqaikl", D, A * w[..., None, None, None, None], optimize=True)
-            stiffness[here] = np.einsum("mqaikl,mqbl->maibk", half, D, optimize=True).reshape(-1, 30, 30)
         total = np.zeros((len(self.nodes), 3))
         np.add.at(total, self.cell_nodes, force)
-        return total.ravel(), self._matrix(stiffness.reshape(m, 10, 3, 10, 3))
+        return total.ravel(), self._matrix(summed)
+
+    def _kept_tangent(self, here: IntArray, law: Tissue, F: FloatArray) -> FloatArray:
+        """Of cells whose tangent does not change: most of a pelvis is linear."""
+        kept = self._kept
+        if not kept or kept[0][0] is not law.G or kept[0][1] is not law.K:
+            kept[:] = [(law.G, law.K, self._tangent(here, law.response(F)[1]))]
+        return kept[0][2]
+
+    @cached_property
+    def _kept(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        return []
+
+    def _tangent(self, here: IntArray, A: FloatArray) -> FloatArray:
+        """(9, pairs) sums over the cells `here`, whose law has the tangent A (p, 3, 3, 3, 3)."""
+        pattern, place = self._pattern
+        w, D = self.weights[here], self.slopes[here]
+        A = A.reshape(*w.shape, 3, 3, 3, 3) * w[..., None, None, None, None]
+        half = np.einsum("mqaj,mqijkl->mqaikl", D, A, optimize=True)
+        blocks = np.einsum("mqaikl,mqbl->ikmab", half, D, optimize=True).reshape(9, -1)
+        where = place.reshape(len(self.cell_nodes), -1)[here].ravel()
+        return np.stack([np.bincount(where, column, minlength=pattern.nnz) for column in blocks])
 
     @cached_property
     def _pattern(self) -> tuple[sparse.csr_matrix, IntArray]:
@@ -116,14 +140,12 @@ class Body:
     def _solvers(self) -> dict[bytes, _Solver]:
         return {}
 
-    def _matrix(self, stiffness: FloatArray) -> sparse.csr_matrix:
-        """(3 n, 3 n) of cells' blocks (m, 10, 3, 10, 3)."""
-        pattern, place = self._pattern
-        blocks = stiffness.transpose(0, 1, 3, 2, 4).reshape(-1, 9)
-        summed = np.stack([np.bincount(place, column, minlength=pattern.nnz) for column in blocks.T], axis=1)
+    def _matrix(self, summed: FloatArray) -> sparse.csr_matrix:
+        """(3 n, 3 n) of the sums (9, pairs)."""
+        pattern, _ = self._pattern
         size = 3 * len(self.nodes)
-        whole = sparse.bsr_matrix((summed.reshape(-1, 3, 3), pattern.indices, pattern.indptr), shape=(size, size))
-        return whole.tocsr()
+        blocks = np.ascontiguousarray(summed.T).reshape(-1, 3, 3)
+        return sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape=(size, size)).tocsr()
 
 
 def equilibrium(

@@ -34,6 +34,7 @@ class Organ:
     growth: FloatArray
     fibre: FloatArray
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    constant = False
 
     def eased(self, way: float) -> Organ:
         """With so much of its growth, 0 to 1."""
@@ -67,6 +68,17 @@ class Tissue:
     def eased(self, way: float) -> Tissue:
         """With so much of its growth, 0 to 1."""
         return replace(self, growth=self.growth**way)
+
+    @property
+    def constant(self) -> bool:
+        """Whether A is the same at any F, and whatever has grown."""
+        return not self.stiffening and not self.fibre.any()
+
+    def stress(self, F: FloatArray) -> FloatArray:
+        """P of a law whose A is constant."""
+        e = 0.5 * (F + np.swapaxes(F, 1, 2)) - self.growth[:, None, None] * _ONE
+        trace = np.einsum("pii->p", e)
+        return (2.0 * self.G)[:, None, None] * e + ((self.K - 2.0 / 3.0 * self.G) * trace)[:, None, None] * _ONE
 
     def response(self, F: FloatArray) -> tuple[FloatArray, FloatArray]:
         """P and A."""

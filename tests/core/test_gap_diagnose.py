@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,11 +15,13 @@ from palpate.core.gap.averaged import averaged_stiffness
 from palpate.core.gap.better import GOOD
 from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
+from palpate.core.gap.confirm import _weighed
 from palpate.core.gap.diagnose import diagnose
 from palpate.core.gap.effects import library
 from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.noise_model import NoiseParts
 from palpate.core.gap.record import maps, record
+from palpate.core.gap.shrinkage import contours_mm2
 from palpate.core.gap.stage import Stage
 from palpate.core.problem import Surface, SurfacePair
 
@@ -211,6 +214,34 @@ def test_a_gap_that_no_effect_comes_near_is_still_written_down(wide: Diagnosis) 
     written = record(found, "a case")
     assert np.isfinite(written["shrinkage"]["ci95"]).all()
     assert written["stiffness"]["with_effect"] is None
+
+
+def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Diagnosis) -> None:
+    """Two contours of 0.08 mm; walls and the model's own error, which no better contour would take away, are not in it."""
+    floors, likely = contours_mm2(wide, wide.refits[0])
+    assert likely.sum() == pytest.approx(1.0)
+    of = {(s.contour, s.own, s.length): floor for s, floor in zip(wide.fit.noise.sizes, floors, strict=True)}
+    stated, wider = of[1.0, 0.1, 7.0], of[1.2, 0.1, 7.0]
+    assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
+    k, n = wide.fit.bench.sight.n_modes, len(wide.split.points)
+    everything = (
+        np.trace(wide.split.reader[:n, :k] @ wide.fit.weighting.covariance[:k, :k] @ wide.split.reader[:n, :k].T) / n
+    )
+    assert floors @ likely < everything
+
+
+def test_a_stress_free_mesh_is_weighed_by_no_more_than_its_first_look(wide: Diagnosis) -> None:
+    """Another mesh has another error of the quick element, which would pass for evidence."""
+    best = wide.refits[0]
+    screened = next(s for s in wide.screened if s.effect is best.trial.effect)
+    less = [replace(score, log_evidence=score.log_evidence - 50.0) for score in screened.scores]
+    poor = replace(screened, log_evidence=screened.log_evidence - 50.0, scores=less)
+    shift = np.zeros_like(best.point.scene.space.mesh.points)
+    moved = copy(best.point.scene)
+    moved.composition = moved.composition.with_geometry(shift)
+    for scene, capped in ((best.point.scene, False), (moved, True)):
+        weighed = _weighed(wide.fit, poor, 0, best.trial, replace(best.point, scene=scene), best.in_phi)
+        assert (weighed.log_evidence == poor.log_evidence) is capped
 
 
 def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> None:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from palpate.core.fem.meshes import sphere_in_cube
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN
 from palpate.core.mesh import TetMesh
-from palpate.segmentation.gap_cases import widened
+from palpate.segmentation import gap_cases
+from palpate.segmentation.gap_cases import FLOOR, Recipe, TooWeak, make_case, widened
 from palpate.segmentation.gap_truth.anatomy import Rigid
 from palpate.segmentation.gap_truth.body import Body, equilibrium, slopes_in
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
 from palpate.segmentation.gap_truth.simulated import Simulated
-from palpate.segmentation.gap_truth.states import effect_mm, held_nodes, shown, true_surface
+from palpate.segmentation.gap_truth.states import effect_mm, held_nodes, shown, true_surfaces
 from palpate.segmentation.volume import Volume
 
 RADII = np.array([12.0, 9.0, 15.0])
@@ -105,9 +110,13 @@ def test_every_hidden_effect_moves_or_redraws_the_organ(
     done, left = effect_mm(hidden, plain, parts, rest, deformed)
     assert done > 1e-7  # gravity moves a body this small by next to nothing
     assert left <= done
-    points, faces = true_surface(hidden, deformed)
+    surfaces = true_surfaces(hidden, rest, deformed)
+    points, faces = surfaces["points"], surfaces["faces"]
     assert np.isfinite(points).all()
-    assert faces.max() < len(points)
+    assert faces.max() < len(points) == len(surfaces["at_rest"])
+    # At rest the scan shows the organ where no offset of the deformed contour and no motion between the scans is.
+    corners = body.points[np.unique(hidden.organ_faces)] + rest.u[np.unique(hidden.organ_faces)]
+    assert cKDTree(surfaces["at_rest"]).query(corners)[0].max() < 1e-12
 
 
 def test_a_stiffness_s_slope_is_the_difference_quotient(
@@ -177,3 +186,28 @@ def test_a_contour_widened_on_one_side_stays_on_the_other() -> None:
     beside = np.array([0.0, 0.6, 0.0])
     assert labels(CENTRE + [[RADII[0] + 1.4, 0.0, 0.0]] + beside)[0] == 1
     assert labels(CENTRE - [[RADII[0] + 0.6, 0.0, 0.0]] + beside)[0] == 3
+
+
+@dataclass
+class _Shows:
+    """A simulated patient who shows so much of an effect, mm."""
+
+    effect_mm: tuple[float, float]
+
+
+@pytest.mark.parametrize(("left", "noise"), [(2.0, 0.3), (0.9, 0.225), (0.05, 0.12)])
+def test_contours_are_drawn_better_where_an_effect_shows_less_than_it_shall(left: float, noise: float) -> None:
+    recipe = Recipe("x", 1, {"inclusion": 2.0}, noise_mm=0.3, shown_mm=1.2, least_noise_mm=0.12)
+    assert gap_cases._noise_mm(recipe, _Shows((9.0, left))) == pytest.approx(noise)  # type: ignore[arg-type]
+    plain = replace(recipe, effects={})
+    assert gap_cases._noise_mm(plain, _Shows((0.0, 0.0))) == 0.3  # type: ignore[arg-type]
+
+
+def test_an_effect_below_the_noise_floor_is_not_written_where_it_must_show(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recipe = Recipe("x", 1, {"inclusion": 2.0}, noise_mm=0.3)
+    monkeypatch.setattr(gap_cases, "simulated", lambda *_: (recipe, _Shows((0.5, 0.99 * FLOOR * 0.3))))
+    with pytest.raises(TooWeak, match=r"x: 0.42 mm are left"):
+        make_case(recipe, tmp_path / "case", tmp_path / "answers", must_show=True)
+    assert not list(tmp_path.iterdir())
