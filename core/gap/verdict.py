@@ -21,12 +21,15 @@ TIED, TIED_TWINS, TWINS = 5.0, 20.0, 0.95
 SURE = 0.9
 # At most so many are named: more would say nothing.
 MOST_CANDIDATES = 3
-# A remainder this improbable under the noise is no noise.
-REMAINDER_LEVEL = 0.01
+# A remainder this improbable under the noise is no noise; a verdict of one name leaves none that would be called a gap by itself.
+REMAINDER_LEVEL, LEFT_OVER = 0.01, 0.05
 
 _NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
 _TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
 _TWO = "no effect alone explains the gap, these two together do"
+_LEFT_OVER = (
+    "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it"
+)
 _UNSURE = "the effect explains the gap best, but less than nine times as probably as all others together"
 _UNCONFIRMED = "the effect fits best, but does not predict what was left out clearly better"
 
@@ -112,6 +115,8 @@ def decide(
         return Verdict(AMBIGUOUS, names, probability, _UNCONFIRMED)
     if top < SURE:
         return Verdict(AMBIGUOUS, _together(ranked, probability), probability, _UNSURE)
+    if best.remainder_p < LEFT_OVER:
+        return Verdict(AMBIGUOUS, names, probability, _LEFT_OVER)
     return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")
 
 

@@ -184,6 +184,8 @@ def test_refusals() -> None:
     assert decide(True, [unconfirmed], 5.0).verdict == "ambiguous"
     no_better_than_chance = judged("prestress", 20.0, placebo_p=0.2)
     assert decide(True, [no_better_than_chance], 5.0).verdict == "ambiguous"
+    something_like_it = decide(True, [judged("prestress", 20.0, remainder_p=0.03)], 5.0)
+    assert (something_like_it.verdict, something_like_it.candidates) == ("ambiguous", ("prestress",))
 
 
 def test_probabilities_add_up_and_follow_the_evidence() -> None:
