@@ -28,8 +28,8 @@ from palpate.segmentation.gap_scores import scores
 
 # A deformation that has no equilibrium is tried again so many times, easier each time.
 _EASIER = 4
-# Patients that are looked at for one whose organ shows an effect above the noise floor; the last one is taken as it is.
-_PATIENTS = 2
+# Patients that are looked at for one who can be made: the first must show an effect above the noise floor, the others are taken as they are.
+_PATIENTS = 4
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 
 
@@ -51,7 +51,7 @@ def run(folder: Path, options: StudyOptions | None = None, progress: Progress = 
 
 
 def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
-    """Cases that are not there; one that cannot be solved however easy is left out, and counted as missing by its absence."""
+    """Cases that are not there; one of which no patient can be solved however easy is left out, and counted as missing by its absence."""
     todo = [r for r in recipes if not (folder / "answers" / f"{r.name}.json").exists()]
     if workers < 2:
         for k, recipe in enumerate(todo):
@@ -67,22 +67,24 @@ def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: P
 
 def _made(recipe: Recipe, folder: Path) -> None:
     for k in range(_PATIENTS):
-        try:
-            _made_of(recipe, folder, must_show=k + 1 < _PATIENTS)
+        if _made_of(recipe, folder, must_show=k == 0):
             return
-        except TooWeak:
-            recipe = another(recipe)
+        recipe = another(recipe)
 
 
-def _made_of(recipe: Recipe, folder: Path, must_show: bool) -> None:
+def _made_of(recipe: Recipe, folder: Path, must_show: bool) -> bool:
+    """Whether this patient, its walls moved as little as need be, was made."""
     case = folder / "cases" / recipe.name
     for k in range(_EASIER + 1):
         shutil.rmtree(case, ignore_errors=True)  # of a run that was stopped while it made this one
         try:
             make_case(easier(recipe, k), case, folder / "answers", folder / "meshes", must_show)
-            return
+            return True
         except (ConvergenceError, InputError):  # no equilibrium; a bladder that cannot give off so much
             shutil.rmtree(case, ignore_errors=True)
+        except TooWeak:
+            return False
+    return False
 
 
 def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, progress: Progress) -> None:

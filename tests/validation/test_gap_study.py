@@ -198,3 +198,19 @@ def test_an_effect_that_cannot_show_gets_another_patient_who_is_taken(
     assert len({r.seed for r in tried}) == len(tried) == 2
     assert len({tuple(r.effects) for r in tried}) == 1
     assert (tmp_path / "cases" / "gap_001").is_dir()
+
+
+def test_a_patient_without_any_equilibrium_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[int] = []
+
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+        tried.append(recipe.seed)
+        if len(set(tried)) < 3:
+            raise ConvergenceError("folds")
+        case.mkdir()
+
+    monkeypatch.setattr(gap_study, "make_case", make)
+    (tmp_path / "cases").mkdir()
+    gap_study._made(recipes_of(StudyOptions(1, 5))[0], tmp_path)
+    assert len(set(tried)) == 3
+    assert (tmp_path / "cases" / "gap_000").is_dir()
