@@ -28,7 +28,7 @@ from palpate.segmentation.gap_scores import scores
 
 # A deformation that has no equilibrium is tried again so many times, easier each time.
 _EASIER = 4
-# Patients that are looked at for one who can be made: the first must show an effect above the noise floor, the others are taken as they are.
+# Patients that are looked at for one who can be made: the first must show an effect above the noise floor, the others need not.
 _PATIENTS = 4
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 
