@@ -187,7 +187,7 @@ def make_case(
     answers.mkdir(parents=True, exist_ok=True)
     surface = true_surfaces(made.hidden, made.rest, made.deformed)
     with atomic_path(answers / f"{recipe.name}_surface.npz") as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **surface)
+        np.savez_compressed(stream, points=surface["points"], at_rest=surface["at_rest"], faces=surface["faces"])
     with atomic_path(answers / f"{recipe.name}.json") as temporary:
         temporary.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
     return truth

@@ -1,11 +1,11 @@
-"""A body of quadratic tetrahedra in equilibrium, on scikit-fem: its space, quadrature and assembly; Newton with load steps.
+"""A body of quadratic tetrahedra on scikit-fem: its space, quadrature and assembly.
 
 Of the program that diagnoses only the direct linear solver is used, which either solves or does not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +15,6 @@ from scipy import sparse
 from skfem import Basis, ElementTetP2, MeshTet
 from skfem.assembly.form.coo_data import COOData
 
-from palpate.core.errors import ConvergenceError
 from palpate.core.fem.linear_solvers import make_solver
 from palpate.core.fem.pattern import Pattern
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
@@ -23,12 +22,6 @@ from palpate.segmentation.gap_truth.laws import Organ, Tissue
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Laws = Mapping[int, Organ | Tissue]
-
-_TOLERANCE, _ITERATIONS, _SMALLEST_STEP = 1e-7, 14, 1.0 / 64.0
-# A step of Newton's longer than this leads nowhere, mm.
-_ABSURD_MM = 60.0
-# Newton is given up when this many steps have not halved what is out of balance.
-_PATIENCE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,83 +139,6 @@ class Body:
         size = 3 * len(self.nodes)
         blocks = np.ascontiguousarray(summed.T).reshape(-1, 3, 3)
         return sparse.bsr_matrix((blocks, pattern.indices, pattern.indptr), shape=(size, size)).tocsr()
-
-
-def equilibrium(
-    body: Body, laws: Laws, held: FloatArray, load: FloatArray | None = None, start: FloatArray | None = None
-) -> FloatArray:
-    """Displacement (n, 3) mm in equilibrium; held : (n, 3) mm where prescribed, NaN where free. load : (n, 3) mN, dead.
-
-    From `start` or from rest, boundary, load and growth going as far at a time as Newton follows. Raises ConvergenceError when there
-    is none.
-    """
-    free = np.isnan(held).ravel()
-    force = np.zeros(held.size) if load is None else load.ravel()
-    u = np.zeros(held.size) if start is None else start.ravel().copy()
-    # Tissue that has grown all at once is under more pressure than it is stable under.
-    grown = any((law.growth != 1.0).any() for law in laws.values())
-    begin, reached, step = u.copy(), 0.0, 0.25 if grown and start is None else 1.0
-    while reached < 1.0:
-        way = min(reached + step, 1.0)
-        target = np.where(free, u, begin + way * (np.nan_to_num(held.ravel()) - begin))
-        here = {region: law.eased(way) for region, law in laws.items()} if start is None else laws
-        found = _newton(body, here, u, target - u, way * force if start is None else force, free)
-        if found is not None:
-            u, reached, step = found, way, 1.5 * step
-            continue
-        step *= 0.5
-        if step < _SMALLEST_STEP or start is not None:
-            raise ConvergenceError("the simulated body has no equilibrium; make its walls move less")
-    return u.reshape(-1, 3)
-
-
-def _newton(
-    body: Body, laws: Laws, u: FloatArray, jump: FloatArray, force: FloatArray, free: NDArray[np.bool_]
-) -> FloatArray | None:
-    """Newton's method with the held unknowns moved by `jump` in the first step; None when it does not converge."""
-    inner, K = body.assemble(u.reshape(-1, 3), laws)
-    if not np.isfinite(inner).all():
-        return None
-    first, lefts = None, [np.inf]
-    for k in range(_ITERATIONS):
-        rhs = force - inner - (K @ jump if k == 0 else 0.0)
-        move = jump.copy() if k == 0 else np.zeros_like(u)
-        move[free] = body.solver(K, free).solve(K, rhs[free])
-        u, inner, K = _as_far_as_allowed(body, laws, u, move, whole=k == 0)
-        left = float(np.linalg.norm((force - inner)[free]))
-        if not np.isfinite(left) or np.abs(move).max() > _ABSURD_MM:
-            return None
-        first = float(np.linalg.norm(inner[~free])) if first is None else first
-        if left < _TOLERANCE * max(first, 1e-9):
-            return u
-        lefts.append(left)
-        if k >= _PATIENCE and left > 0.5 * min(lefts[:-_PATIENCE]):
-            return None
-    return None
-
-
-def _as_far_as_allowed(
-    body: Body, laws: Laws, u: FloatArray, move: FloatArray, whole: bool
-) -> tuple[FloatArray, FloatArray, sparse.csr_matrix]:
-    """Go the whole way, or (but in the first step, which holds the boundary's motion) half of it while a cell turns inside out."""
-    share = 1.0
-    while True:
-        there = u + share * move
-        inner, K = body.assemble(there.reshape(-1, 3), laws)
-        if np.isfinite(inner).all() or whole or share < 0.1:
-            return there, inner, K
-        share *= 0.5
-
-
-def slopes_in(body: Body, laws: Laws, regions: Sequence[int], u: FloatArray, held: FloatArray) -> list[FloatArray]:
-    """For each region (n, 3) mm, derivative of the equilibrium u in the logarithm of all moduli of that region."""
-    free = np.isnan(held).ravel()
-    K = body.assemble(u, laws)[1]
-    # Stress is proportional to the moduli, so their logarithm's derivative is the region's own force.
-    own = np.stack([body.assemble(u, {region: laws[region]})[0] for region in regions], axis=1)
-    moved = np.zeros((u.size, len(regions)))
-    moved[free] = -body.solver(K, free).solve(K, own[free])
-    return [column.reshape(-1, 3) for column in moved.T]
 
 
 class _Solver:

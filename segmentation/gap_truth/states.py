@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.core.errors import ConvergenceError
-from palpate.segmentation.gap_truth.body import Body, Laws, equilibrium, slopes_in
+from palpate.segmentation.gap_truth.body import Body, Laws
+from palpate.segmentation.gap_truth.newton import equilibrium, slopes_in
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.labels import ORGAN_LABELS
 from palpate.segmentation.simulate_motion import WallMotion

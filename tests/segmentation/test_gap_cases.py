@@ -15,9 +15,10 @@ from palpate.core.mesh import TetMesh
 from palpate.segmentation import gap_cases
 from palpate.segmentation.gap_cases import FLOOR, Recipe, TooWeak, make_case, widened
 from palpate.segmentation.gap_truth.anatomy import Rigid
-from palpate.segmentation.gap_truth.body import Body, equilibrium, slopes_in
+from palpate.segmentation.gap_truth.body import Body
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
+from palpate.segmentation.gap_truth.newton import equilibrium, slopes_in
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import effect_mm, held_nodes, shown, true_surfaces
 from palpate.segmentation.volume import Volume
@@ -97,6 +98,21 @@ class Bulge:
 
 # Each way in which an effect acts, once.
 ALL_WAYS = sorted({*LIBRARY, "tissue_tear", "shrunken_tissue"} - {"inclusion", "unmodelled_load"})
+
+
+def test_a_tangent_that_is_kept_is_that_of_the_law_at_hand(body: Body, plain: Simulated) -> None:
+    """Linear tissue's is assembled once; other moduli, and the derivative of the force, must not see the old one."""
+    u = 0.3 * np.sin(body.nodes / 9.0)
+    stiffer = Simulated.plain(body, plain.organ_faces, {1: 20.0, 2: 50.0})
+    stiffer.G = 1.5 * stiffer.G
+    body.assemble(u, plain.laws())
+    force, K = body.assemble(u, stiffer.laws())
+    fresh = Body(body.points, body.cells, body.regions).assemble(u, stiffer.laws())
+    np.testing.assert_array_equal(force, fresh[0])
+    np.testing.assert_array_equal(K.data, fresh[1].data)
+    way = np.random.default_rng(0).standard_normal(u.shape)
+    ahead, behind = (body.assemble(u + h * way, stiffer.laws())[0] for h in (1e-5, -1e-5))
+    np.testing.assert_allclose(K @ way.ravel(), (ahead - behind) / 2e-5, atol=1e-6 * np.abs(K @ way.ravel()).max())
 
 
 @pytest.mark.parametrize("name", ALL_WAYS)
