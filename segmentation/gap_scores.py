@@ -8,6 +8,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from palpate.segmentation.gap_cases import FLOOR
+
 Truth: TypeAlias = Mapping[str, Any]
 Found: TypeAlias = Mapping[str, Any] | None
 _MOST = 3
@@ -86,12 +88,17 @@ def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
 
 
 def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
-    """Top-1 and set accuracy of effects that move the surface by more than twice the contours' noise, and of those of which the two
-    stiffnesses leave as much as the two sets of shared cases call identifiable.
+    """Top-1 and set accuracy of effects that move the surface by more than twice one contour's noise, of those that do by more than
+    twice the noise floor of two, and of those of which the two stiffnesses leave what the shared cases call identifiable.
     """
+    least: dict[str, tuple[str, Callable[[float], float]]] = {
+        "twice_noise": ("effect_mm", lambda noise: 2.0 * noise),
+        "twice_floor": ("effect_mm", lambda noise: 2.0 * FLOOR * noise),
+        "identifiable": ("effect_left_mm", lambda noise: IDENTIFIABLE_MM),
+    }
     out: dict[str, Any] = {}
-    for name, key, least in (("twice_noise", "effect_mm", None), ("identifiable", "effect_left_mm", IDENTIFIABLE_MM)):
-        few = [p for p in pairs if p[0].get(key, 0.0) > (2.0 * p[0].get("noise_mm", 0.0) if least is None else least)]
+    for name, (key, more_than) in least.items():
+        few = [p for p in pairs if p[0].get(key, 0.0) > more_than(p[0].get("noise_mm", 0.0))]
         out[name] = {
             "cases": len(few),
             "top1": _rate(few, lambda t, d: d["verdict"] == t["effects"][0]),

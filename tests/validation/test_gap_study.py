@@ -82,6 +82,7 @@ def test_accuracy_of_effects_that_can_be_seen_is_counted_apart() -> None:
     pairs = [(truth("inclusion") | seen, found("inclusion", "inclusion")), (truth("prestress") | hidden, found("none"))]
     large = scores(pairs)["large"]
     assert large["twice_noise"] == {"cases": 1, "top1": 1.0, "in_candidates": 1.0}
+    assert large["twice_floor"]["cases"] == 0  # 0.9 mm is less than twice what two contours of 0.35 mm add up to
     assert large["identifiable"]["cases"] == 1
 
 
