@@ -34,8 +34,9 @@ class Composition:
     """One model.
 
     law, kinematics : changes of the materials, in that order. interface : tangential compliance between organ and tissue,
-    mm/kPa (0: tied). support : motions of bone. load : dead loads. geometry : (points, 3) mm from the scanned rest mesh to the
-    stress-free one, None for none. observation : mm by which the deformed scan shows the organ too wide.
+    mm/kPa (0: tied). support : motions of bone. edge_mm : how far from bone the region's edge goes along with it, 0 where it does
+    not. load : dead loads. geometry : (points, 3) mm from the scanned rest mesh to the stress-free one, None for none. observation :
+    mm by which the deformed scan shows the organ too wide.
     """
 
     problem: IdentificationProblem
@@ -43,6 +44,7 @@ class Composition:
     kinematics: tuple[MaterialChange, ...] = ()
     interface: float = 0.0
     support: tuple[Motion, ...] = ()
+    edge_mm: float = 0.0
     load: tuple[LoadPart, ...] = ()
     geometry: FloatArray | None = None
     observation: float = 0.0
@@ -59,9 +61,9 @@ class Composition:
         """With more tangential compliance (mm/kPa) between organ and tissue."""
         return replace(self, interface=self.interface + compliance)
 
-    def with_support(self, motion: Motion) -> Composition:
-        """With one more motion of the bones."""
-        return replace(self, support=(*self.support, motion))
+    def with_support(self, motion: Motion, edge_mm: float = 0.0) -> Composition:
+        """With one more motion of the bones, which draws the region's edge along over about edge_mm."""
+        return replace(self, support=(*self.support, motion), edge_mm=max(self.edge_mm, edge_mm))
 
     def with_load(self, load: LoadPart) -> Composition:
         """With one more dead load."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -120,12 +121,18 @@ class GapScene(CoupledScene):
         return u + self.shift
 
     def _prescribed(self, scanned_nodes: FloatArray) -> FloatArray:
-        """(3 n,) mm: bones move as the composition says, from where the scan at rest shows them."""
+        """(3 n,) mm: bones move as the composition says, from where the scan at rest shows them, and the region's edge near them."""
         out = -self.shift.copy()
-        faces = self.problem.boundary.get("bone")
+        faces, edge_mm = self.problem.boundary.get("bone"), self.composition.edge_mm
         if faces is not None and self.composition.support:
             bone = np.unique(self.space.face_nodes(faces))
             out[bone] += self.composition.bone_motion(scanned_nodes[bone])
+            outer = self.problem.boundary.get("outer")
+            if edge_mm > 0.0 and outer is not None:
+                edge = np.setdiff1d(self.space.face_nodes(outer), bone)
+                apart = cKDTree(scanned_nodes[bone]).query(scanned_nodes[edge])[0]
+                share = np.exp(-0.5 * (apart / edge_mm) ** 2)
+                out[edge] += share[:, None] * self.composition.bone_motion(scanned_nodes[edge])
         return out.ravel()
 
     def _assembler(self, free: NDArray[np.bool_]) -> Assembler:

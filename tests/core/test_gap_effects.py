@@ -226,3 +226,25 @@ def test_poisson_ratio_falls_from_the_plain_model_s() -> None:
     for phi in (0.0, 1.0, 2.5):
         nu = poisson_ratio(phi)
         assert 3.0 * (1.0 - 2.0 * nu) / (2.0 * (1.0 + nu)) == pytest.approx(3.0 * 0.01 / (2.0 * 1.495) + given_way(phi))
+
+
+def test_bones_take_the_held_edge_along_near_them_or_all_of_it_or_not_at_all() -> None:
+    posed = problem(depth=3.0)
+    faces, _ = posed.mesh.boundary
+    side = (posed.mesh.points[faces][:, :, 0] > 15.0 - 1e-6).all(axis=1)
+    posed = replace(posed, boundary=posed.boundary | {"outer": faces[side]})
+    stage = Stage.of(posed, "p1p1")
+    variants = library()["bone_motion"].variants(Surroundings(posed))
+    assert len(variants) == 3
+    bone, outer = (np.unique(posed.boundary[name]) for name in ("bone", "outer"))
+    edge = np.setdiff1d(outer, bone)
+    away = posed.mesh.points[edge, 1] + 15.0  # of the bone, which is the face y = -15 mm
+    for variant, share in zip(
+        variants, (np.zeros(len(edge)), np.exp(-0.5 * (away / 20.0) ** 2), np.ones(len(edge))), strict=True
+    ):
+        composition = variant.applied(Composition(posed), np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
+        moved = stage.scene(composition).prescribed.reshape(-1, 3)
+        np.testing.assert_allclose(moved[bone], [[0.0, 0.0, 2.0]] * len(bone))
+        np.testing.assert_allclose(moved[edge], share[:, None] * [0.0, 0.0, 2.0], atol=1e-12)
+    free = replace(posed, facts=replace(posed.facts, outer_fixed=False))
+    assert len(library()["bone_motion"].variants(Surroundings(free))) == 1
