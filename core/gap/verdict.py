@@ -21,8 +21,8 @@ TIED, TIED_TWINS, TWINS = 5.0, 20.0, 0.95
 SURE = 0.9
 # At most so many are named: more would say nothing.
 MOST_CANDIDATES = 3
-# A remainder this improbable under the noise is no noise. Under a verdict of one name there is none that is half as clear: what a refit
-# leaves of its own noise is less than noise (p from 0.16 to 0.94 for the true effect of twelve cases).
+# A remainder this improbable under the noise is no noise. A verdict of one name needs more: what a refit leaves of its own noise is less
+# than noise (p from 0.16 to 0.94 for the true effect of twelve cases), so that a smaller p says that something like it is the cause.
 REMAINDER_LEVEL, LEFT_OVER = 0.01, 0.1
 
 _NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
