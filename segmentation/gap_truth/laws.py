@@ -34,7 +34,6 @@ class Organ:
     growth: FloatArray
     fibre: FloatArray
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    constant = False
 
     def eased(self, way: float) -> Organ:
         """With so much of its growth, 0 to 1."""
@@ -75,7 +74,7 @@ class Tissue:
         return not self.stiffening and not self.fibre.any()
 
     def stress(self, F: FloatArray) -> FloatArray:
-        """P of a law whose A is constant."""
+        """P (p, 3, 3) kPa of a law whose A is constant, without A; F (p, 3, 3)."""
         e = 0.5 * (F + np.swapaxes(F, 1, 2)) - self.growth[:, None, None] * _ONE
         trace = np.einsum("pii->p", e)
         return (2.0 * self.G)[:, None, None] * e + ((self.K - 2.0 / 3.0 * self.G) * trace)[:, None, None] * _ONE
