@@ -34,7 +34,7 @@ class NoiseSizes:
     model itself, over a gap of typical size (`ForceFields`).
     """
 
-    along: float = 1.0
+    along: float = 1.4
     own: float = 0.2
     landmark: float = 0.45
     contour: float = 1.0

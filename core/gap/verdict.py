@@ -21,9 +21,10 @@ TIED, TIED_TWINS, TWINS = 5.0, 20.0, 0.95
 SURE = 0.9
 # At most so many are named: more would say nothing.
 MOST_CANDIDATES = 3
-# A remainder this improbable under the noise is no noise. A verdict of one name needs more: what a refit leaves of its own noise is less
-# than noise (p from 0.16 to 0.94 for the true effect of twelve cases), so that a smaller p says that something like it is the cause.
-REMAINDER_LEVEL, LEFT_OVER = 0.01, 0.1
+# A remainder this improbable under the noise is no noise. A verdict of one name needs more: what it leaves must not raise the alarm of the
+# gap test itself, or it must predict what was left out so nearly as well as a free field does, over what that gains: then what remains is
+# nothing that any missing force would foretell, but walls and mesh, which under good contours stand out of the noise where much moves.
+REMAINDER_LEVEL, LEFT_OVER, NEARLY_ALL = 0.01, 0.05, 0.9
 
 _NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
 _TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
@@ -61,6 +62,11 @@ class Judged:
     def confirmed(self) -> bool:
         """Whether it predicts what it has not seen, better than placebo effects of its size."""
         return self.gain.accepted and self.placebo_p <= 0.05
+
+    @property
+    def something_left(self) -> bool:
+        """Whether something like it may be the cause instead: it leaves more than noise, and a free field predicts better."""
+        return self.remainder_p < LEFT_OVER and self.share_of_ceiling < NEARLY_ALL
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,7 @@ def decide(
         return Verdict(AMBIGUOUS, names, probability, _UNCONFIRMED)
     if top < SURE:
         return Verdict(AMBIGUOUS, _together(ranked, probability), probability, _UNSURE)
-    if best.remainder_p < LEFT_OVER:
+    if best.something_left:
         return Verdict(AMBIGUOUS, names, probability, _LEFT_OVER)
     return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")
 

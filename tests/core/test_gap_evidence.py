@@ -184,8 +184,14 @@ def test_refusals() -> None:
     assert decide(True, [unconfirmed], 5.0).verdict == "ambiguous"
     no_better_than_chance = judged("prestress", 20.0, placebo_p=0.2)
     assert decide(True, [no_better_than_chance], 5.0).verdict == "ambiguous"
-    something_like_it = decide(True, [judged("prestress", 20.0, remainder_p=0.03)], 5.0)
+
+
+def test_a_name_alone_leaves_noise_or_predicts_as_well_as_a_free_field() -> None:
+    left = {"remainder_p": 0.03, "share_of_ceiling": 0.7}
+    something_like_it = decide(True, [judged("prestress", 20.0, **left)], 5.0)
     assert (something_like_it.verdict, something_like_it.candidates) == ("ambiguous", ("prestress",))
+    for better in ({"remainder_p": 0.06}, {"share_of_ceiling": 0.95}):
+        assert decide(True, [judged("prestress", 20.0, **(left | better))], 5.0).verdict == "prestress"
 
 
 def test_probabilities_add_up_and_follow_the_evidence() -> None:
