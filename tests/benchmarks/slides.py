@@ -1,0 +1,91 @@
+"""How far walls that slid along themselves put the organ off, over what the noise model says: ``python tests/benchmarks/slides.py``.
+
+On the effect-free cases among the blind check's first ones, whose walls' true motions are known: what reading them wrongly along
+themselves does to the predicted organ, to first order at the true stiffness, rms mm, and its standard deviation by `WallMotion`, not
+yet widened by `NoiseSizes.along`, whose square the mean squares of both should have for a ratio.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import ConvergenceError, InputError
+from palpate.core.fem.sensitivity import factorise_at
+from palpate.core.fem.state import State
+from palpate.core.gap.composition import Composition
+from palpate.core.gap.noise_model import slide_responses
+from palpate.core.gap.sight import Sight
+from palpate.core.gap.stage import Stage
+from palpate.core.worker.executors import one_thread
+from palpate.segmentation import mesh_step
+from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.diagnose_step import data_of
+from palpate.segmentation.gap_cases import Made, Recipe, make_case, simulated
+from palpate.segmentation.gap_recipes import StudyOptions, recipes_of
+
+FloatArray = NDArray[np.float64]
+
+
+def main() -> None:
+    """Prints one JSON object a case, then one of the mean squares' ratios."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", type=int, default=45)
+    parser.add_argument("--seed", type=int, default=4)
+    args = parser.parse_args()
+    one_thread()
+    squares: dict[str, list[tuple[float, float]]] = {}
+    for recipe in recipes_of(StudyOptions(args.cases, args.seed)):
+        if recipe.effects:
+            continue
+        try:
+            found = slides(recipe)
+        except (ConvergenceError, InputError) as error:  # a patient that the study replaces too
+            print(json.dumps({"case": recipe.name, "error": str(error)}), flush=True)
+            continue
+        print(json.dumps({"case": recipe.name} | {k: [round(x, 3) for x in v] for k, v in found.items()}), flush=True)
+        for name, (did, said) in found.items():
+            squares.setdefault(name, []).append((did**2, said**2))
+    ratios = {name: np.sum(pairs, axis=0) for name, pairs in squares.items()}
+    print(json.dumps({name: round(float(did / said), 2) for name, (did, said) in ratios.items()}))
+
+
+def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
+    """Of every wall: what its true slide does to the organ and what is said of that, rms mm. Raises what `make_case` raises."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / recipe.name
+        make_case(recipe, path, Path(folder) / "answers")
+        case = CaseFolder(path)
+        mesh_step.run(case)
+        problem = data_of(case).problem
+    stage = Stage.of(problem, "p1p1")
+    scene, theta = stage.scene(Composition(problem)), np.log(recipe.G)
+    found = scene.settle(theta).equilibrium
+    if not found.converged:
+        raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")
+    scene.assembler.set_materials(scene.materials(theta))
+    factorise_at(scene.assembler, State(found.u, found.p))
+    sight, made = Sight.of(stage.observation, None), simulated(recipe)[1]
+    moved = dict(zip(stage.fields, scene.walls, strict=True))
+    out = {}
+    for (name, wall), motion in zip(moved.items(), stage.motions.values(), strict=True):
+        missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))
+        # The last field is what truly happened; both go through the same model.
+        response = slide_responses(scene, sight, found.u, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
+        size = np.sqrt((response[: sight.n_modes] ** 2).sum(axis=0) / len(sight.modes))
+        out[name] = (float(size[-1]), float(np.linalg.norm(size[:-1])))
+    return out
+
+
+def _missed(made: Made, name: str, rest: FloatArray, found: FloatArray) -> FloatArray:
+    """(1, w, 3) mm, true motion of a wall's points less that of the model."""
+    return np.asarray(made.walls[name].displacement(rest) - found)[None]
+
+
+if __name__ == "__main__":
+    main()
