@@ -40,6 +40,7 @@ def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
         "baseline_commonest": commonest[0][1] / len(single) if single else None,
         "baseline_best_evidence": _rate(single, lambda t, d: d["ranking"][0]["effect"] == t["effects"][0]),
         "large": _large(single),
+        "large_outside": _large_outside(outside),
         "location_error_mm": _location(single),
         "shrinkage": _shrinkage(single),
         "stiffness_bias_ratio": _bias_ratio(single),
@@ -105,6 +106,14 @@ def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
             "in_candidates": _rate(few, lambda t, d: t["effects"][0] in d["candidates"][:_MOST]),
         }
     return out
+
+
+def _large_outside(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+    """Refusals of effects outside the library that move the surface by more than twice one contour's noise: of what no scan shows,
+    `none` is the right answer.
+    """
+    few = [p for p in pairs if p[0].get("effect_mm", 0.0) > 2.0 * p[0].get("noise_mm", 0.0)]
+    return {"cases": len(few), "refused": _rate(few, lambda t, d: d["verdict"] in ("unknown", "ambiguous"))}
 
 
 def _shrinkage(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:

@@ -86,6 +86,13 @@ def test_accuracy_of_effects_that_can_be_seen_is_counted_apart() -> None:
     assert large["identifiable"]["cases"] == 1
 
 
+def test_refusals_of_effects_that_can_be_seen_are_counted_apart() -> None:
+    seen, hidden = ({**truth("tissue_tear", library=False), "noise_mm": 0.3, "effect_mm": mm} for mm in (0.9, 0.2))
+    found_large = scores([(seen, found("ambiguous", "inclusion")), (hidden, found("none"))])
+    assert found_large["large_outside"] == {"cases": 1, "refused": 1.0}
+    assert found_large["refused_outside"] == 0.5
+
+
 def test_what_an_effect_achieves_is_measured_to_the_surface_without_noise() -> None:
     """A flat organ that moved up by 1 mm, drawn 0.4 mm too far out at rest: predicted 2 mm off, 0.5 mm with the effect."""
     x, y = (c.ravel() for c in np.meshgrid(np.linspace(-20.0, 20.0, 21), np.linspace(-20.0, 20.0, 21)))
