@@ -71,9 +71,8 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
     scene.assembler.set_materials(scene.materials(theta))
     factorise_at(scene.assembler, State(found.u, found.p))
     sight, made = Sight.of(stage.observation, None), simulated(recipe)[1]
-    moved = dict(zip(stage.fields, scene.walls, strict=True))
     out = {}
-    for (name, wall), motion in zip(moved.items(), stage.motions.values(), strict=True):
+    for (name, motion), wall in zip(stage.motions.items(), scene.walls, strict=True):
         missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))
         # The last field is what truly happened; both go through the same model.
         response = slide_responses(scene, sight, found.u, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
