@@ -17,10 +17,12 @@ from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation import mesh_step
 from palpate.segmentation.body_case import body_inputs, body_problem, is_body
 from palpate.segmentation.case import CaseFolder, file_sha256
-from palpate.segmentation.identify_step import problem_of
+from palpate.segmentation.identify_step import further_files, problem_of, state_problems
+from palpate.segmentation.labels import BONE
 from palpate.segmentation.mesh_step import load_surfaces
 from palpate.segmentation.meshing import MeshOptions, mesh_labels
-from palpate.segmentation.surfaces import TriSurface
+from palpate.segmentation.more_states import further_states, state_labels
+from palpate.segmentation.surfaces import TriSurface, wall_surface
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 DIAGNOSIS = "diagnosis.json"
@@ -54,7 +56,7 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
         mesh_step.run(case, progress=part(progress, 0.0, 0.2))
     own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
     chosen = {"seed": options.seed, "effects": own, "meshes": options.meshes}
-    inputs = case.inputs_sha256(body_inputs(case) if body else INPUTS, chosen)
+    inputs = case.inputs_sha256(body_inputs(case) if body else (*INPUTS, *further_files(case)), chosen)
     if case.step_is_done("diagnose", inputs):
         done: dict[str, Any] = case.read_json(DIAGNOSIS)
         return done
@@ -81,7 +83,17 @@ def data_of(case: CaseFolder) -> CaseData:
     bones = (
         SurfacePair(_plain(rest["bone"]), _plain(deformed["bone"])) if "bone" in rest and "bone" in deformed else None
     )
-    return CaseData(problem_of(case), bones, (case.facts.gravity_rest, case.facts.gravity_deformed))
+    first = problem_of(case)
+    more = zip(state_problems(case, first), _further_bones(case, rest.get("bone")), strict=True)
+    return CaseData(first, bones, (case.facts.gravity_rest, case.facts.gravity_deformed), more=tuple(more))
+
+
+def _further_bones(case: CaseFolder, at_rest: TriSurface | None) -> list[SurfacePair | None]:
+    """Of every further deformed state; None where either shows none."""
+    seen = [wall_surface(state_labels(case, state), BONE) for state in further_states(case)]
+    return [
+        SurfacePair(_plain(at_rest), _plain(bone)) if at_rest is not None and len(bone.faces) else None for bone in seen
+    ]
 
 
 def remeshed(case: CaseFolder, count: int, progress: Progress = silent) -> tuple[Remeshed, ...]:

@@ -67,7 +67,7 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
     if not case.has("mesh.json"):
         mesh_step.run(case, progress=lambda f, m: progress(0.1 * f, m))
     chosen = {k: v for k, v in asdict(options.identify).items() if k != "workers"}
-    inputs = case.inputs_sha256((*INPUTS, *_further_files(case)), chosen)
+    inputs = case.inputs_sha256((*INPUTS, *further_files(case)), chosen)
     if case.step_is_done("identify", inputs):
         done: dict[str, Any] = case.read_json("result.json")
         return done
@@ -157,7 +157,7 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
     return out
 
 
-def _further_files(case: CaseFolder) -> list[str]:
+def further_files(case: CaseFolder) -> list[str]:
     """What only some cases have: further deformed states, and how well contours repeat."""
     noise = [NOISE_FILE] if case.has(NOISE_FILE) else []
     return [*(name for state in further_states(case) for name in state.files), *noise]
@@ -205,5 +205,5 @@ def _tell(message: Message, progress: Progress, on_message: Callable[[Message], 
 
 
 def _input_hashes(case: CaseFolder) -> dict[str, str]:
-    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS, *_further_files(case))
+    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS, *further_files(case))
     return {name: case.inputs_sha256([name]) for name in names if case.has(name)}

@@ -57,5 +57,5 @@ def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     J = fit.weighting.whiten(model.J)
     covariance = np.asarray(np.linalg.inv(J.T @ J + np.diag(model.precision)), dtype=np.float64)
     step = -covariance[:t] @ (J.T @ fit.weighting.whiten(model.r))
-    low, high = fit.point.scene.parameters.bounds.T
+    low, high = fit.point.first.scene.parameters.bounds.T
     return np.clip(fit.point.theta + step, low, high), covariance[:t, :t]

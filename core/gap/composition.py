@@ -36,7 +36,7 @@ class Composition:
     law, kinematics : changes of the materials, in that order. interface : tangential compliance between organ and tissue,
     mm/kPa (0: tied). support : motions of bone. edge_mm : how far from bone the region's edge goes along with it, 0 where it does
     not. load : dead loads. geometry : (points, 3) mm from the scanned rest mesh to the stress-free one, None for none. observation :
-    mm by which the deformed scan shows the organ too wide.
+    mm by which the deformed scan shows the organ too wide. state : which of the case's deformed states this is, from 0.
     """
 
     problem: IdentificationProblem
@@ -48,6 +48,7 @@ class Composition:
     load: tuple[LoadPart, ...] = ()
     geometry: FloatArray | None = None
     observation: float = 0.0
+    state: int = 0
 
     def with_law(self, change: MaterialChange) -> Composition:
         """With one more change of the materials' laws."""

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.gap.evidence import allowed
-from palpate.core.gap.fit import Point, Trial
+from palpate.core.gap.fit import Trial
 from palpate.core.gap.plain import FLAT, PlainFit
 from palpate.core.gap.screen import Screened
+from palpate.core.gap.states import Points
 from palpate.core.identify.gauss_newton import gauss_newton
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +31,7 @@ class Refit:
     """
 
     trial: Trial
-    point: Point
+    point: Points
     in_phi: FloatArray
     covariance: FloatArray
     log_evidence: float
@@ -52,7 +53,7 @@ def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
     effect = screened.effect
     trial = Trial(effect, screened.variants[which])
     t, scales = len(fit.point.theta), effect.scales
-    best: tuple[float, Point, FloatArray] | None = None
+    best: tuple[float, Points, FloatArray] | None = None
     here = fit.point
 
     def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -73,7 +74,7 @@ def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
             best = float(r @ r), point, S
         return r, J
 
-    bounds = np.vstack([fit.point.scene.parameters.bounds, effect.bounds / scales[:, None]])
+    bounds = np.vstack([fit.point.first.scene.parameters.bounds, effect.bounds / scales[:, None]])
     start = np.concatenate([fit.point.theta, _start(screened, which)])
     gauss_newton(linearise, start, bounds, _TOLERANCE, _EVALUATIONS)
     if best is None:
@@ -90,7 +91,7 @@ def _start(screened: Screened, which: int) -> FloatArray:
     return guess if np.abs(guess).max() > 0.02 else np.clip(guess + 0.05, low, high)
 
 
-def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point: Point, S: FloatArray) -> Refit:
+def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point: Points, S: FloatArray) -> Refit:
     scales = screened.effect.scales
     J = np.hstack([fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S)])
     t = len(point.theta)
@@ -99,14 +100,14 @@ def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point:
     spread = screened.log_evidence - screened.scores[which].log_evidence
     spread += allowed(point.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
     evidence = _whatever_noise(fit, point, S, scales) + spread
-    if point.scene.composition.geometry is not None:
+    if point.first.scene.composition.geometry is not None:
         # Another stress-free mesh has another error of the quick element, which the correction, made for the plain model, does not
         # follow: on effect-free cases such refits gained up to 5 over the first look, which has the plain model's mesh.
         evidence = min(evidence, screened.log_evidence)
     return Refit(trial, point, S, covariance, evidence)
 
 
-def _whatever_noise(fit: PlainFit, point: Point, S: FloatArray, scales: FloatArray) -> float:
+def _whatever_noise(fit: PlainFit, point: Points, S: FloatArray, scales: FloatArray) -> float:
     """Log evidence against the plain model, the noise of neither given."""
     J = np.hstack([point.in_theta, S])
     precision = np.concatenate([np.full(len(point.theta), FLAT), 1.0 / scales**2])

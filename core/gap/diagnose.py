@@ -8,19 +8,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
-from palpate.core.fem.sensitivity import factorise_at
-from palpate.core.fem.state import State
 from palpate.core.gap.case_data import CaseData
 from palpate.core.gap.confirm import Refit, refit
 from palpate.core.gap.detect import Named, gap_test
 from palpate.core.gap.effects import Effect, Surroundings
 from palpate.core.gap.evidence import mean_of_exponentials
-from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.forces import FreeField
 from palpate.core.gap.judge import Diagnosis, judge
 from palpate.core.gap.noise_fit import GAPS
 from palpate.core.gap.plain import PlainFit, fit_plain
 from palpate.core.gap.pressure_fields import pressure_fields
 from palpate.core.gap.screen import Screened, screen
+from palpate.core.gap.states import factorised
 from palpate.core.gap.where import look
 from palpate.core.worker.progress import Progress, part, silent
 
@@ -34,12 +33,12 @@ _VARIANTS, _CLOSE = 3, 3.0
 
 def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress = silent, seed: int = 1) -> Diagnosis:
     """Diagnose a case. Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved."""
-    fit = fit_plain(data.problem, data.bones, data.remeshed, part(progress, 0.0, 0.45))
-    _factorise(fit)
-    forces = ForceFields.around(fit.point, fit.bench.sight)
+    fit = fit_plain(data.pairs, data.remeshed, part(progress, 0.0, 0.45))
+    factorised(fit.point)
+    forces = FreeField.around(fit.point, fit.bench.sights)
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     progress(0.46, "score test of every effect")
-    stage, point = fit.bench.stage, fit.point
+    stage, point = fit.bench.first.stage, fit.point.first
     around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
     named = {s.effect.id: Named(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
@@ -53,19 +52,13 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     return judge(fit, test, screened, refits if test.detected else [], where, forces, _unnamed(fit, forces), seed)
 
 
-def _unnamed(fit: PlainFit, forces: ForceFields) -> float:
+def _unnamed(fit: PlainFit, forces: FreeField) -> float:
     """Log evidence, against the plain model, of a free smooth field of any size, whatever the noise."""
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     none = np.zeros((len(r), len(r)))
     plain = fit.noise.log_likelihood(r, J, none)
     logs = [logsumexp(fit.noise.log_likelihood(r, J, size**2 * R @ R.T) + fit.noise.log_prior) for size in GAPS if size]
     return mean_of_exponentials(np.array(logs)) - float(logsumexp(plain + fit.noise.log_prior))
-
-
-def _factorise(fit: PlainFit) -> None:
-    scene, found = fit.point.scene, fit.point.equilibrium
-    scene.assembler.set_materials(scene.materials(fit.point.theta))
-    factorise_at(scene.assembler, State(found.u, found.p))
 
 
 def _refits(fit: PlainFit, screened: Sequence[Screened], progress: Progress) -> list[Refit]:

@@ -51,7 +51,7 @@ NOTHING = np.zeros(0)
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A solved model. residual (n,), with what the better element adds; in_theta (n, t) its derivative.
+    """A model solved in one deformed state. residual (n,), with what the better element adds; in_theta (n, t) its derivative.
 
     out_of_balance : what Newton left.
     """
@@ -67,7 +67,7 @@ class Point:
 
 @dataclass(eq=False)
 class Bench:
-    """Where models are tried: what all trials share.
+    """Where models are tried in one deformed state: what all trials share.
 
     plain : the composition without an effect. correction : (n,) what a better element adds to every residual.
     """
@@ -106,8 +106,9 @@ class Bench:
         """
         assert trial.effect is not None
         columns = []
+        here = np.array([p.state in (None, self.plain.state) for p in trial.effect.parameters])
         for j, parameter in enumerate(trial.effect.parameters):
-            if parameter.secondary and not at.phi.any():
+            if not here[j] or (parameter.secondary and not at.phi[here].any()):
                 columns.append(np.zeros(self.sight.n))
                 continue
             step = np.zeros(trial.n)

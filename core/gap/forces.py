@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.gap.fit import Point
 from palpate.core.gap.sight import Sight
+from palpate.core.gap.states import Points, apart
 from palpate.core.observe.noise import noise_modes
 
 FloatArray = NDArray[np.float64]
@@ -25,7 +28,7 @@ SHAPE_MM = 20.0
 
 @dataclass(frozen=True, eq=False)
 class ForceFields:
-    """fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by TYPICAL_MM (rms).
+    """In one deformed state. fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by TYPICAL_MM (rms).
 
     response : (n, k) of the residual. shapes : (n, m) of the residual, contours drawn wrongly by as much, which no force explains.
     share : (nodes,) mm3 each node stands for.
@@ -57,15 +60,32 @@ class ForceFields:
         scale = TYPICAL_MM / max(size, 1e-30)
         return cls(fields * scale, response * scale, contour_shapes(organ, sight), share)
 
-    @property
-    def free(self) -> FloatArray:
-        """(n, k + m): forces and shapes."""
-        return np.hstack([self.response, self.shapes])
-
     def force_density(self, amplitudes: FloatArray) -> FloatArray:
         """(nodes, 3) kPa/mm of the amplitudes (k,)."""
         total = np.einsum("k,kni->ni", amplitudes, self.fields)
         return total / np.maximum(self.share, 1e-30)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeField:
+    """What has no name, in every deformed state by itself: each state's forces and shapes."""
+
+    each: tuple[ForceFields, ...]
+
+    @classmethod
+    def around(cls, points: Points, sights: Sequence[Sight]) -> FreeField:
+        """At points whose tangents are factorised."""
+        return cls(tuple(ForceFields.around(p, s) for p, s in zip(points.each, sights, strict=True)))
+
+    @cached_property
+    def response(self) -> FloatArray:
+        """(n, k) of the residual to forces."""
+        return apart([f.response for f in self.each])
+
+    @cached_property
+    def free(self) -> FloatArray:
+        """(n, k + m): forces and shapes."""
+        return np.hstack([self.response, apart([f.shapes for f in self.each])])
 
 
 def contour_shapes(organ: FloatArray, sight: Sight) -> FloatArray:

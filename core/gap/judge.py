@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.detect import GapTest, gap_test
 from palpate.core.gap.evidence import projected
-from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.forces import FreeField
 from palpate.core.gap.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.gap.pairs import JOINED, refit_pairs
 from palpate.core.gap.placebo import moved_gains, placebo_gains
@@ -46,7 +46,7 @@ class Diagnosis:
     gains: Mapping[str, Gain]
     ceiling: Gain
     placebo: float
-    forces: ForceFields
+    forces: FreeField
 
 
 def judge(
@@ -55,7 +55,7 @@ def judge(
     screened: Sequence[Screened],
     refits: Sequence[Refit],
     where: Where,
-    forces: ForceFields,
+    forces: FreeField,
     unknown: float,
     seed: int,
 ) -> Diagnosis:
@@ -89,15 +89,17 @@ def judge(
 
 def _gains_on_bone(fit: PlainFit, plain: Linear, effects: Mapping[str, Linear]) -> dict[str, Gain]:
     """Of effects that move bone: what each gains on patches of it that were left out."""
-    moving = {name: m for name, m in effects.items() if m.J[-6:].any()} if fit.bench.sight.bone is not None else {}
-    split = bone_split(fit) if moving else None
-    if split is None:
-        return {}
-    before, *after = split.left_out([plain, *moving.values()])
-    return {
-        name: gain(split, before, a, gain_error(split, plain, m))
-        for (name, m), a in zip(moving.items(), after, strict=True)
-    }
+    out: dict[str, Gain] = {}
+    for state, at in enumerate(fit.bench.bones):
+        moving = {} if at is None else {name: m for name, m in effects.items() if m.J[at].any()}
+        split = bone_split(fit, state) if moving else None
+        if split is None:
+            continue
+        before, *after = split.left_out([plain, *moving.values()])
+        for (name, m), a in zip(moving.items(), after, strict=True):
+            found = gain(split, before, a, gain_error(split, plain, m))
+            out[name] = out[name] + found if name in out else found
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +109,7 @@ class _Placebos:
     split: Split
     plain: Linear
     before: FloatArray
-    forces: ForceFields
+    forces: FreeField
     seed: int
 
     def against(self, fit: PlainFit, found: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
@@ -121,7 +123,7 @@ class _Placebos:
 
 
 def _judged(
-    fit: PlainFit, f: Refit, best: Refit, g: Gain, ceiling: Gain, placebo_p: float, forces: ForceFields, seed: int
+    fit: PlainFit, f: Refit, best: Refit, g: Gain, ceiling: Gain, placebo_p: float, forces: FreeField, seed: int
 ) -> Judged:
     share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
     J = np.hstack([f.point.in_theta, f.in_phi])
@@ -150,8 +152,7 @@ def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
 
 def _size(fit: PlainFit, found: Refit) -> float:
     """rms change of the data vector, mm, that the effect makes where it fits best."""
-    k = fit.bench.sight.n_modes
-    change = (found.point.residual - fit.point.residual)[:k]
+    change = (found.point.residual - fit.point.residual)[fit.bench.surface]
     return float(np.sqrt((change**2).sum() / len(found.point.residual)))
 
 
@@ -161,7 +162,7 @@ def plain_model(fit: PlainFit) -> Linear:
     return Linear(fit.point.residual, fit.point.in_theta, np.zeros(t), np.full(t, FLAT))
 
 
-def saturated_model(fit: PlainFit, forces: ForceFields) -> Linear:
+def saturated_model(fit: PlainFit, forces: FreeField) -> Linear:
     """The plain model around its fit with a free smooth field."""
     plain, k = plain_model(fit), forces.free.shape[1]
     return replace(

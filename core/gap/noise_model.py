@@ -9,6 +9,7 @@ rectum, 1.6 for the bladder; `tests/benchmarks/slides.py`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +17,12 @@ from numpy.typing import NDArray
 
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
+from palpate.core.gap.fit import Point
 from palpate.core.gap.scene import GapScene
 from palpate.core.gap.sight import Sight
+from palpate.core.gap.states import apart, rows_of
 from palpate.core.gap.wall_motion import DRAG
-from palpate.core.observe.noise import noise_modes, smooth_covariance
+from palpate.core.observe.noise import covariance_between, noise_modes, smooth_covariance
 
 FloatArray = NDArray[np.float64]
 
@@ -49,10 +52,11 @@ class NoiseSizes:
 
 @dataclass(frozen=True, eq=False)
 class NoiseParts:
-    """What the covariance (n, n) mm2 is put together from.
+    """What the covariance (n, n) mm2 is put together from, of all deformed states.
 
     contour : of all contours as wide as the case states, one for each of LENGTHS_MM; along : of walls' motion along themselves;
-    own, marks : unit variances; floor : of bone registration; offset : 1 mm of the whole contour.
+    own, marks : unit variances; floor : of bone registration; offset : 1 mm of the whole contour. The scan at rest was read once: half
+    of what two readings add up to is the same in every state.
     """
 
     contour: tuple[FloatArray, ...]
@@ -63,18 +67,20 @@ class NoiseParts:
     offset: FloatArray
 
     @classmethod
-    def of(cls, scene: GapScene, sight: Sight, u: FloatArray) -> NoiseParts:
-        """At the equilibrium u, whose tangent must be factorised."""
-        n, k = sight.n, sight.n_modes
-        own, marks, floor = (np.zeros((n, n)) for _ in range(3))
-        own[np.arange(k), np.arange(k)] = 1.0
-        at = np.arange(sight.marks.start, sight.marks.stop)
-        marks[at, at] = 1.0
-        if sight.bone is not None:
-            floor[-6:, -6:] = sight.bone.covariance(0.0, 1.0)
-        walls = _WallNoise.of(scene, sight, u)
-        contour = tuple(_contour(scene, sight, walls, length) for length in LENGTHS_MM)
-        return cls(contour, _along(scene, sight, u), own, marks, floor, np.outer(sight.wider, sight.wider))
+    def of(cls, points: Sequence[Point], sights: Sequence[Sight]) -> NoiseParts:
+        """At points, one for each state, whose tangents must be factorised."""
+        rows, sd = rows_of(sights), points[0].scene.problem.facts.noise_sd_mm
+        read = [_read(point.scene, sight, point.equilibrium.u) for point, sight in zip(points, sights, strict=True)]
+        return cls(
+            tuple(_contours(read, rows, sd, length) for length in LENGTHS_MM),
+            apart(
+                [_along(point.scene, sight, point.equilibrium.u) for point, sight in zip(points, sights, strict=True)]
+            ),
+            _read_twice([np.eye(s.n)[:, : s.n_modes] for s in sights]),
+            _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in points], sights)),
+            apart([_floor(s) for s in sights]),
+            _read_twice([s.wider[:, None] for s in sights]),
+        )
 
     def covariance(self, sizes: NoiseSizes, left: FloatArray) -> FloatArray:
         """(n, n); left : (n, m) columns whose outer products are what meshes and elements leave uncertain (`remeshed`).
@@ -88,34 +94,72 @@ class NoiseParts:
 
 
 @dataclass(frozen=True, eq=False)
-class _WallNoise:
-    """Per wall: points (w, 3), orthonormal modes (w, m) and what each moves (n, m) when the wall is read 1 mm too far out."""
+class _Contour:
+    """One contour of a state: its points at rest (q, 3) and what each changes in the state's data (n, q) when it lies 1 mm too far out."""
 
-    walls: list[tuple[FloatArray, FloatArray, FloatArray]]
-
-    @classmethod
-    def of(cls, scene: GapScene, sight: Sight, u: FloatArray) -> _WallNoise:
-        out = []
-        for wall in scene.walls:
-            modes = noise_modes(wall.rest, 1.0, LENGTHS_MM[1], 0.97)
-            modes = modes / np.linalg.norm(modes, axis=0)
-            weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
-            forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], weight * m[:, None]) for m in modes.T])
-            response = sight.response(scene, u, response_to_forces(scene.assembler, forces))
-            out.append((wall.rest, modes, response))
-        return cls(out)
+    points: FloatArray
+    response: FloatArray
 
 
-def _contour(scene: GapScene, sight: Sight, walls: _WallNoise, length: float) -> FloatArray:
-    """(n, n) for both scans' contours of everything, correlated over `length` mm."""
-    sd = scene.problem.facts.noise_sd_mm
-    n, k = sight.n, sight.n_modes
-    out = np.zeros((n, n))
-    out[:k, :k] = organ_contours(sight, scene.observation.points, sd, length)
-    for rest, modes, response in walls.walls:
-        out += 2.0 * response @ (modes.T @ smooth_covariance(rest, sd, length) @ modes) @ response.T
+def _read(scene: GapScene, sight: Sight, u: FloatArray) -> dict[str, _Contour]:
+    """The contours of organ, walls and bones at the equilibrium u, whose tangent must be factorised."""
+    organ = np.zeros((sight.n, len(sight.modes)))
+    organ[: sight.n_modes] = sight.modes.T
+    out = {"organ": _Contour(scene.observation.points, organ)}
+    for name, wall in zip(scene.stage.fields, scene.walls, strict=True):
+        modes = noise_modes(wall.rest, 1.0, LENGTHS_MM[1], 0.97)
+        modes = modes / np.linalg.norm(modes, axis=0)
+        weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
+        forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], weight * m[:, None]) for m in modes.T])
+        response = sight.response(scene, u, response_to_forces(scene.assembler, forces))
+        out[name] = _Contour(wall.rest, response @ modes.T)
     if sight.bone is not None:
-        out[-6:, -6:] += sight.bone.covariance(sd, length) - sight.bone.covariance(0.0, length)
+        bone = np.zeros((sight.n, len(sight.bone.points)))
+        bone[-6:] = sight.bone.reader
+        out["bone"] = _Contour(sight.bone.points, bone)
+    return out
+
+
+def _contours(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], sd: float, length: float) -> FloatArray:
+    """(n, n) for all scans' contours of everything, correlated over `length` mm."""
+    out = np.zeros((rows[-1].stop, rows[-1].stop))
+    for s, ours in enumerate(read):
+        for t, theirs in enumerate(read[: s + 1]):
+            for name in ours.keys() & theirs.keys():
+                a, b = ours[name], theirs[name]
+                block = a.response @ covariance_between(a.points, b.points, sd, length) @ b.response.T
+                out[rows[s], rows[t]] += 2.0 * block if s == t else block
+            out[rows[t], rows[s]] = out[rows[s], rows[t]].T
+    return out
+
+
+def _read_twice(responses: Sequence[FloatArray]) -> FloatArray:
+    """(n, n) of errors that two readings make, each half of their unit variances: at rest, the same in all states, and deformed.
+
+    responses : of each state's data (n, m) to the same m errors.
+    """
+    common = np.vstack(responses)
+    return np.asarray(0.5 * common @ common.T + 0.5 * apart([a @ a.T for a in responses]))
+
+
+def _of_marks(at_rest: Sequence[FloatArray], sights: Sequence[Sight]) -> list[FloatArray]:
+    """For each state (n, 3 m): which of all m landmarks, told by where they are at rest (k, 3) mm, are which of its data."""
+    _, number = np.unique(np.vstack(at_rest).round(6), axis=0, return_inverse=True)
+    names, out, first = number.ravel(), [], 0
+    for sight in sights:
+        one = np.zeros((sight.n, 3 * (len(np.unique(names)))))
+        for k, name in enumerate(names[first : first + sight.n_marks]):
+            for axis in range(3):
+                one[sight.marks.start + 3 * k + axis, 3 * name + axis] = 1.0
+        first += sight.n_marks
+        out.append(one)
+    return out
+
+
+def _floor(sight: Sight) -> FloatArray:
+    out = np.zeros((sight.n, sight.n))
+    if sight.bone is not None:
+        out[-6:, -6:] = sight.bone.floor
     return out
 
 

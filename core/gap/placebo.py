@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.forces import FreeField
 from palpate.core.gap.heldout import Gain, Linear, Split, gain
 from palpate.core.gap.screen import Screened
 
@@ -17,7 +17,7 @@ APART_MM = 15.0
 
 
 def placebo_gains(
-    split: Split, plain: Linear, before: FloatArray, forces: ForceFields, size: float, seed: int = 1
+    split: Split, plain: Linear, before: FloatArray, forces: FreeField, size: float, seed: int = 1
 ) -> list[Gain]:
     """Gain on data left out of each placebo: a random smooth load whose amplitude is fitted, of the given prior size.
 

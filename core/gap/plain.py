@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.gap.better import QUICK, UNKNOWN_MM, better_differences, scatter_mm
 from palpate.core.gap.bone_sight import BoneSight
+from palpate.core.gap.case_data import Pair
 from palpate.core.gap.composition import Composition
-from palpate.core.gap.fit import NOTHING, PLAIN, Bench, Point
-from palpate.core.gap.forces import TYPICAL_MM, ForceFields
+from palpate.core.gap.fit import NOTHING, PLAIN, Bench
+from palpate.core.gap.forces import TYPICAL_MM, FreeField
 from palpate.core.gap.noise_fit import NoiseGrid, fit_noise
 from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
-from palpate.core.gap.remeshed import Remeshed, what_is_left
+from palpate.core.gap.remeshed import Remeshed, left_by_all
 from palpate.core.gap.sight import Sight
 from palpate.core.gap.stage import Stage
+from palpate.core.gap.states import Points, States, apart
 from palpate.core.identify.gauss_newton import gauss_newton
+from palpate.core.identify.parameters import StiffnessParameters
 from palpate.core.identify.reference import middle
 from palpate.core.observe.noise import Weighting
 from palpate.core.problem import IdentificationProblem, SurfacePair
@@ -38,14 +41,14 @@ _OFFSET_MM, _BONES = 1.0, 5.0
 class PlainFit:
     """The plain model where it fits best.
 
-    point : at the quick element, residuals corrected; its tangent is the one factorised. mesh : (n,) what the better element
-    changed, the mean over all `meshes` on which it was solved, 0 for none. scatter_mm : rms along the surface of
-    what one mesh differs from that mean, NaN for one mesh. noise : all that it may be; sizes : of this case's. weighting : of the data
-    vector.
+    bench : of all deformed states. point : at the quick element, residuals corrected; its tangents are those factorised. mesh : (n,) what
+    the better element changed, the mean over all `meshes` on which it was solved (the fewest of any state), 0 for none. scatter_mm : rms
+    along the surface of what one mesh differs from that mean in the first state, NaN for one mesh. noise : all that it may be; sizes : of
+    this case's. weighting : of the data vector.
     """
 
-    bench: Bench
-    point: Point
+    bench: States
+    point: Points
     mesh: FloatArray
     meshes: int
     scatter_mm: float
@@ -61,48 +64,65 @@ class PlainFit:
 
 
 def fit_plain(
-    problem: IdentificationProblem,
-    bones: SurfacePair | None,
+    pairs: Sequence[Pair],
     remeshed: Sequence[Remeshed] = (),
     progress: Progress = silent,
 ) -> PlainFit:
     """Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
 
-    remeshed : other meshes of the same labels; the better element's prediction is the mean over all of them.
+    pairs : for each deformed state the problem and the bones. remeshed : other meshes of the same labels; the better element's prediction
+    is the mean over all of them.
     """
     sizes = NoiseSizes()
     progress(0.0, "plain model: surfaces and distances")
-    stage = Stage.of(problem, QUICK)
-    composition = Composition(problem)
-    centre = problem.organ.rest.points.mean(axis=0)
-    bone = None if bones is None else BoneSight.of(bones, centre)
-    sight = Sight.of(stage.observation, bone)
-    bench = Bench(stage, sight, composition, np.zeros(sight.n))
+    bench = States(tuple(_bench(problem, bones, k) for k, (problem, bones) in enumerate(pairs)))
     progress(0.2, "plain model: stiffness with the quick element")
-    bounds = stage.scene(composition).parameters.bounds
+    bounds = StiffnessParameters(pairs[0][0].regions, pairs[0][0].facts).bounds
     first = _solved(bench, middle(bounds), None)
-    noise = NoiseParts.of(first.scene, sight, first.equilibrium.u)
-    weighting = Weighting(noise.covariance(sizes, np.zeros((sight.n, 1))))
+    noise = NoiseParts.of(first.each, bench.sights)
+    weighting = Weighting(noise.covariance(sizes, np.zeros((bench.n, 1))))
     point = _best(bench, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
     progress(0.4, "plain model: the better element")
-    differences = better_differences(bench, point, remeshed, part(progress, 0.4, 0.8))
-    bench.correction = mesh = differences.mean(axis=0) if len(differences) else np.zeros(sight.n)
+    differences = [
+        better_differences(b, p, remeshed, part(progress, 0.4, 0.8))
+        for b, p in zip(bench.each, point.each, strict=True)
+    ]
+    mesh = np.concatenate([d.mean(axis=0) if len(d) else np.zeros(d.shape[1]) for d in differences])
+    bench, point = bench.corrected(mesh), point.corrected(mesh)
     progress(0.8, "plain model: noise of this case's contours")
-    point = replace(point, residual=point.residual + mesh)
-    noise = NoiseParts.of(point.scene, sight, point.equilibrium.u)
-    gap = ForceFields.around(point, sight)
-    # Where no better element could be solved, the model's own smooth error is larger by what it would have changed.
-    model = sizes.model if len(differences) else float(np.hypot(sizes.model, UNKNOWN_MM / TYPICAL_MM))
-    left = np.hstack([what_is_left(differences, sizes.mesh), model * gap.response])
-    grid = NoiseGrid.of(noise, sizes, left)
-    fitted = fit_noise(grid, point.residual, point.in_theta, gap.free, _free(sight))
+    noise = NoiseParts.of(point.each, bench.sights)
+    gap = FreeField.around(point, bench.sights)
+    grid = NoiseGrid.of(
+        noise, sizes, np.hstack([left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, sizes)])
+    )
+    fitted = fit_noise(
+        grid, point.residual, point.in_theta, gap.free, [apart(f) for f in zip(*map(_free, bench.sights), strict=True)]
+    )
     weighting = Weighting(fitted.covariance)
     point = _best(bench, weighting, [point.theta], point)
-    return PlainFit(bench, point, mesh, len(differences), scatter_mm(differences, sight), grid, fitted.sizes, weighting)
+    scatter = scatter_mm(differences[0], bench.first.sight)
+    return PlainFit(bench, point, mesh, min(map(len, differences)), scatter, grid, fitted.sizes, weighting)
+
+
+def _bench(problem: IdentificationProblem, bones: SurfacePair | None, state: int) -> Bench:
+    stage = Stage.of(problem, QUICK)
+    bone = None if bones is None else BoneSight.of(bones, problem.organ.rest.points.mean(axis=0))
+    sight = Sight.of(stage.observation, bone)
+    return Bench(stage, sight, Composition(problem, state=state), np.zeros(sight.n))
+
+
+def _of_the_model(gap: FreeField, differences: Sequence[FloatArray], sizes: NoiseSizes) -> FloatArray:
+    """(n, m) columns of the model's own smooth error: half of its variance the same forces in every state, half each state's own.
+
+    Where no better element could be solved, it is larger by what that would have changed.
+    """
+    unsolved = float(np.hypot(sizes.model, UNKNOWN_MM / TYPICAL_MM))
+    each = [(sizes.model if len(d) else unsolved) * f.response for f, d in zip(gap.each, differences, strict=True)]
+    return np.sqrt(0.5) * np.hstack([np.vstack(each), apart(each)])
 
 
 def _free(sight: Sight) -> list[FloatArray]:
-    """What may have moved the data besides noise and a gap: an offset of the contour, the bones. (n, k) each."""
+    """What may have moved a state's data besides noise and a gap: an offset of the contour, the bones. (n, k) each."""
     offset = _OFFSET_MM * sight.wider[:, None]
     bones = np.zeros((sight.n, 6))
     if sight.bone is not None:
@@ -110,20 +130,20 @@ def _free(sight: Sight) -> list[FloatArray]:
     return [offset, bones]
 
 
-def _solved(bench: Bench, theta: FloatArray, near: Point | None) -> Point:
+def _solved(bench: States, theta: FloatArray, near: Points | None) -> Points:
     point = bench.solve(PLAIN, theta, NOTHING, near)
     if point is None:
         raise ConvergenceError(
-            "the rest anatomy cannot be deformed into what the second scan shows; look at the contours of bladder and "
+            "the rest anatomy cannot be deformed into what the other scans show; look at the contours of bladder and "
             "rectum, or mesh more finely"
         )
     return point
 
 
-def _best(bench: Bench, weighting: Weighting, starts: list[FloatArray], near: Point) -> Point:
+def _best(bench: States, weighting: Weighting, starts: list[FloatArray], near: Points) -> Points:
     """Gauss-Newton from every start; the best point of all."""
-    best: tuple[float, Point] | None = None
-    bounds = near.scene.parameters.bounds
+    best: tuple[float, Points] | None = None
+    bounds = near.first.scene.parameters.bounds
     for start in starts:
         here = near
 

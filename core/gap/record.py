@@ -11,9 +11,10 @@ from palpate.core.gap.averaged import averaged_stiffness
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.fit import Point
 from palpate.core.gap.judge import Diagnosis
+from palpate.core.gap.plain import PlainFit
 from palpate.core.gap.shrinkage import shrinkage
 from palpate.core.gap.verdict import AMBIGUOUS, NONE, UNKNOWN
-from palpate.core.gap.where import regions
+from palpate.core.gap.where import Where, look, regions, residuals
 from palpate.core.gap.words import next_measurement, sentence
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +30,7 @@ def record(found: Diagnosis, case: str) -> dict[str, Any]:
     """The JSON object of diagnosis.json for a case of this name."""
     best = found.refits[0] if found.refits else None
     shown = best if found.verdict.verdict not in (NONE, UNKNOWN) else None
-    names = dict(found.fit.bench.plain.problem.region_names)
+    names = dict(found.fit.bench.first.plain.problem.region_names)
     return {
         "case": case,
         "gap": _gap(found),
@@ -72,28 +73,38 @@ def maps(found: Diagnosis) -> dict[str, FloatArray]:
 
     predicted/ID (q, 3) mm : where the surface's points go by the plain model ("plain") and by each refitted effect; correction_mm (q,)
     is what better element and other meshes add along the normal, offset/ID (1,) by how much the effect has the contour too wide.
+    Further deformed states have the same under state_2/ and so on.
     """
-    where, sight = found.where, found.fit.bench.sight
+    out: dict[str, FloatArray] = {}
+    for state in range(len(found.fit.bench.each)):
+        where = found.where if state == 0 else look(found.fit, found.forces, state)
+        out |= {f"{_prefix(state)}{key}": values for key, values in _maps(found, state, where).items()}
+    return out
+
+
+def _prefix(state: int) -> str:
+    return f"state_{state + 1}/" if state else ""
+
+
+def _maps(found: Diagnosis, state: int, where: Where) -> dict[str, FloatArray]:
+    """Of one deformed state."""
+    bench = found.fit.bench.each[state]
     models = {"plain": found.fit.point} | {
         f.trial.effect.id: f.point for f in found.refits if f.trial.effect is not None
     }
-    predicted = {f"predicted/{name}": _predicted(point) for name, point in models.items()}
-    offsets = {f"offset/{name}": np.array([p.scene.composition.observation]) for name, p in models.items()}
-    correction = sight.modes @ found.fit.bench.correction[: sight.n_modes]
-    return (
-        predicted
-        | offsets
-        | {
-            "correction_mm": correction,
-            "points": where.points,
-            "normals": where.normals,
-            "region": where.region.astype(float),
-            "residual_mm": where.residual,
-            "standardised": where.standardised,
-            "nodes": where.nodes,
-            "force_kpa_per_mm": where.force,
-        }
-    )
+    points = {name: p.each[state] for name, p in models.items()}
+    predicted = {f"predicted/{name}": _predicted(point) for name, point in points.items()}
+    offsets = {f"offset/{name}": np.array([p.scene.composition.observation]) for name, p in points.items()}
+    return predicted | offsets | {
+        "correction_mm": bench.sight.modes @ bench.correction[: bench.sight.n_modes],
+        "points": where.points,
+        "normals": where.normals,
+        "region": where.region.astype(float),
+        "residual_mm": where.residual,
+        "standardised": where.standardised,
+        "nodes": where.nodes,
+        "force_kpa_per_mm": where.force,
+    }  # fmt: skip
 
 
 def _predicted(point: Point) -> FloatArray:
@@ -103,21 +114,31 @@ def _predicted(point: Point) -> FloatArray:
 
 def _gap(found: Diagnosis) -> dict[str, Any]:
     fit = found.fit
-    k = fit.bench.sight.n_modes
-    residual = np.abs(found.where.residual)
-    variance = np.trace(fit.weighting.covariance[:k, :k]) / len(residual)
+    left, variances = residuals(fit), _variances(fit)
+    residual = np.abs(np.concatenate(left))
     return {
         "rms_mm": float(np.sqrt((residual**2).mean())),
         "p95_mm": float(np.quantile(residual, 0.95)),
-        "noise_floor_mm": float(np.sqrt(variance)),
+        "noise_floor_mm": float(np.sqrt(np.mean(variances))),
         "detected": found.test.detected,
         "p_value": found.test.p_value,
         "statistic": found.test.statistic,
         "degrees_of_freedom": found.test.freedom,
         "p_values": {"whole": found.test.p_whole, "smooth": found.test.p_smooth, "named": found.test.p_named},
-        "contour_noise_sd_mm": found.fit.sizes.contour * fit.point.scene.problem.facts.noise_sd_mm,
+        "contour_noise_sd_mm": found.fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm,
         "contour_noise_correlation_mm": found.fit.sizes.length,
+        "states": [
+            {"rms_mm": float(np.sqrt((r**2).mean())), "noise_floor_mm": float(np.sqrt(variance))}
+            for r, variance in zip(left, variances, strict=True)
+        ],
     }
+
+
+def _variances(fit: PlainFit) -> list[float]:
+    """What noise leaves on each state's surface, mm2 on the average."""
+    variance = np.diag(fit.weighting.covariance)
+    each = zip(fit.bench.rows, fit.bench.sights, strict=True)
+    return [float(variance[rows.start : rows.start + sight.n_modes].sum()) / len(sight.modes) for rows, sight in each]
 
 
 def _ranking(found: Diagnosis) -> list[dict[str, Any]]:
@@ -165,7 +186,7 @@ def _plain_covariance(found: Diagnosis) -> FloatArray:
 
 
 def _stiffness(found: Diagnosis, theta: FloatArray, covariance: FloatArray) -> dict[str, dict[str, float]]:
-    names = found.fit.bench.plain.problem.region_names
+    names = found.fit.bench.first.plain.problem.region_names
     sd = np.sqrt(np.diag(covariance))[: len(theta)]
     return {
         names[r]: {"G_kpa": float(np.exp(t)), "sd_kpa": float(np.exp(t) * np.sinh(s)), "sd_ln_G": float(s)}
@@ -174,19 +195,18 @@ def _stiffness(found: Diagnosis, theta: FloatArray, covariance: FloatArray) -> d
 
 
 def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
-    bounds = found.fit.point.scene.parameters.bounds
+    bounds = found.fit.point.first.scene.parameters.bounds
+    names = found.fit.bench.first.plain.problem.region_names
     out = []
     for what, theta in (("without", found.fit.point.theta), ("with", None if shown is None else shown.point.theta)):
         if theta is None:
             continue
-        for region, t, (low, high) in zip(
-            sorted(found.fit.bench.plain.problem.region_names), theta, bounds, strict=True
-        ):
+        for region, t, (low, high) in zip(sorted(names), theta, bounds, strict=True):
             if t < low + AT_BOUND or t > high - AT_BOUND:
-                name = found.fit.bench.plain.problem.region_names[region].replace("_", " ")
+                name = names[region].replace("_", " ")
                 out.append(f"{name}: stiffness at its bound {what} the effect; it may be absorbing an effect")
-    k = found.fit.bench.sight.n_modes
-    changed = float(np.sqrt((found.fit.mesh[:k] ** 2).sum() / len(found.where.points)))
+    at = found.fit.bench.surface
+    changed = float(np.sqrt((found.fit.mesh[at] ** 2).sum() / (len(found.where.points) * len(found.fit.bench.each))))
     if changed > COARSE_MM:
         out.append(
             f"a better element moves the organ's surface by {changed:.2f} mm: the mesh is too coarse for this deformation, "

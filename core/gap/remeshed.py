@@ -7,10 +7,12 @@ and their scatter says by how much it may still be off.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem
@@ -61,3 +63,10 @@ def what_is_left(differences: FloatArray, share: float) -> FloatArray:
         return share * mean[:, None]
     scatter = (differences - mean).T / np.sqrt(M * (M - 1.0))
     return np.column_stack([share * mean, scatter])
+
+
+def left_by_all(differences: Sequence[FloatArray], share: float) -> FloatArray:
+    """(n, m) the same for all deformed states. What an element does wrong to one state it does to the next, by the same share."""
+    each = [what_is_left(d, share) for d in differences]
+    common = np.concatenate([e[:, 0] if e.shape[1] else np.zeros(len(e)) for e in each])
+    return np.column_stack([common, block_diag(*(e[:, 1:] for e in each))])

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.gap.effects.base import Effect, Surroundings, Variant
 from palpate.core.gap.evidence import Score, mean_of_exponentials, score
-from palpate.core.gap.fit import Point, Trial
+from palpate.core.gap.fit import Trial
 from palpate.core.gap.plain import PlainFit
+from palpate.core.gap.states import Points
 
 FloatArray = NDArray[np.float64]
 
@@ -36,11 +37,12 @@ class Screened:
 
 
 def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -> list[Screened]:
-    """Every effect that the case does not exclude. The plain point's tangent must be the last one factorised."""
+    """Every effect that the case does not exclude. The plain point's tangents must be the last ones factorised."""
     r = fit.weighting.whiten(fit.point.residual)
     J = fit.weighting.whiten(fit.point.in_theta)
     out = []
-    for effect in effects.values():
+    for one in effects.values():
+        effect = one.over(len(fit.bench.each))
         variants = effect.variants(around)
         if not variants:
             continue
@@ -57,6 +59,6 @@ def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -
     return out
 
 
-def _at_zero(fit: PlainFit, effect: Effect) -> Point:
+def _at_zero(fit: PlainFit, effect: Effect) -> Points:
     """The plain point as a point of the effect's model."""
-    return replace(fit.point, phi=np.zeros(len(effect.parameters)))
+    return fit.point.with_phi(np.zeros(len(effect.parameters)))

@@ -65,10 +65,10 @@ def contours_mm2(found: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]
 
     Walls read wrongly and the model's own errors stay with the model: no better scan of the organ would take them away.
     """
-    fit, n = found.fit, len(found.split.points)
-    sight, scene = fit.bench.sight, fit.point.scene
-    k, sd = sight.n_modes, scene.problem.facts.noise_sd_mm
-    reader = found.split.reader[:n, :k]
+    fit = found.fit
+    sight, scene = fit.bench.first.sight, fit.point.first.scene
+    n, sd = len(found.split.points) // len(fit.bench.each), scene.problem.facts.noise_sd_mm  # as much in every state
+    reader = found.split.reader[:n, : sight.n_modes]
     of_length = {
         length: np.einsum("ij,jk,ik->", reader, organ_contours(sight, scene.observation.points, sd, length), reader) / n
         for length in LENGTHS_MM
@@ -76,7 +76,7 @@ def contours_mm2(found: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]
     own = float((reader**2).sum()) / n
     floors = np.array([s.contour**2 * of_length[s.length] + s.own**2 * own for s in fit.noise.sizes])
     J = np.hstack([best.point.in_theta, best.in_phi])
-    none = np.zeros((sight.n, sight.n))
+    none = np.zeros((fit.bench.n, fit.bench.n))
     return floors, softmax(fit.noise.log_likelihood(best.point.residual, J, none) + fit.noise.log_prior)
 
 

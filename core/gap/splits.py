@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from palpate.core.gap.heldout import Split
 from palpate.core.gap.plain import PlainFit
+from palpate.core.gap.sight import Sight
+from palpate.core.gap.states import apart
 from palpate.core.observe.noise import EXTRACTION_MM, smooth_covariance
 
 FloatArray = NDArray[np.float64]
@@ -20,44 +22,58 @@ _NUGGET_MM = 0.1
 
 
 def organ_split(fit: PlainFit) -> Split:
-    """Patches of the organ, then one of all landmarks; the bones' motion is never left out."""
-    sight, scene = fit.bench.sight, fit.point.scene
-    chosen = _thinned(scene.observation.points, _SPACING_MM)
-    points = scene.observation.points[chosen]
-    k, n = sight.n_modes, sight.n
-    reader = np.zeros((len(chosen) + n - k, n))
-    reader[: len(chosen), :k] = sight.modes[chosen]
-    reader[len(chosen) :, k:] = np.eye(n - k)
+    """Patches of the organ, then one of all landmarks; the bones' motion is never left out.
+
+    A patch is left out of all deformed states at once: the contour at rest, which they share, would give it away. Rows of the organ's
+    surfaces come first, state by state.
+    """
+    sights, at_rest = fit.bench.sights, fit.point.first.scene.observation.points
+    chosen = _thinned(at_rest, _SPACING_MM)
+    surface = apart([_rows_of_surface(sight, chosen) for sight in sights])
+    rest = np.delete(np.eye(fit.bench.n), fit.bench.surface, axis=0)
+    reader = np.vstack([surface, rest])
+    points = np.tile(at_rest[chosen], (len(sights), 1))
     patch = np.full(len(reader), -1)
-    patch[: len(chosen)] = _patches(points, PATCH_MM)
-    if sight.n_marks:
-        patch[len(chosen) : len(chosen) + 3 * sight.n_marks] = patch.max() + 1
+    patch[: len(points)] = np.tile(_patches(at_rest[chosen], PATCH_MM), len(sights))
+    marks = np.concatenate([np.arange(s.n - s.n_modes) < 3 * s.n_marks for s in sights])
+    if marks.any():
+        patch[len(points) + np.flatnonzero(marks)] = patch.max() + 1
     covariance = reader @ fit.weighting.covariance @ reader.T
-    covariance[np.arange(len(chosen)), np.arange(len(chosen))] += _NUGGET_MM**2
+    covariance[np.arange(len(points)), np.arange(len(points))] += _NUGGET_MM**2
     return Split(reader, np.zeros(len(reader)), patch, covariance, points)
 
 
-def bone_split(fit: PlainFit) -> Split | None:
-    """Patches of the bones' surfaces, whose rigid motion the others must tell, and the organ, which is not left out."""
-    organ, bone = organ_split(fit), fit.bench.sight.bone
-    if bone is None:
+def _rows_of_surface(sight: Sight, chosen: IntArray) -> FloatArray:
+    """(c, n) that takes a state's data to the organ's surface at the chosen points (c,)."""
+    out = np.zeros((len(chosen), sight.n))
+    out[:, : sight.n_modes] = sight.modes[chosen]
+    return out
+
+
+def bone_split(fit: PlainFit, state: int) -> Split | None:
+    """Patches of a state's bones, whose rigid motion the others must tell, and all else, which is not left out.
+
+    None where the state shows no bones.
+    """
+    organ, bone, at = organ_split(fit), fit.bench.each[state].sight.bone, fit.bench.bones[state]
+    if bone is None or at is None:
         return None
     chosen = _thinned(bone.points, _BONE_SPACING_MM)
-    points, n = bone.points[chosen], fit.bench.sight.n
-    reader = np.zeros((len(chosen), n))
-    reader[:, -6:] = bone.design[chosen]
-    sd, length = fit.sizes.contour * fit.point.scene.problem.facts.noise_sd_mm, fit.sizes.length
+    points = bone.points[chosen]
+    reader = np.zeros((len(chosen), fit.bench.n))
+    reader[:, at] = bone.design[chosen]
+    sd, length = fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
     noise = 2.0 * smooth_covariance(points, sd, length) + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
     noise[np.diag_indices_from(noise)] += EXTRACTION_MM**2
-    seen = len(organ.reader) - 6
-    m = len(chosen) + seen
+    seen = ~organ.reader[:, at].any(axis=1)
+    m = len(chosen) + int(seen.sum())
     covariance = np.zeros((m, m))
     covariance[: len(chosen), : len(chosen)] = noise
-    covariance[len(chosen) :, len(chosen) :] = organ.covariance[:seen, :seen]
+    covariance[len(chosen) :, len(chosen) :] = organ.covariance[np.ix_(seen, seen)]
     patch = np.full(m, -1)
     patch[: len(chosen)] = _patches(points, BONE_PATCH_MM)
-    constant = np.concatenate([bone.misfit[chosen], np.zeros(seen)])
-    return Split(np.vstack([reader, organ.reader[:seen]]), constant, patch, covariance, points)
+    constant = np.concatenate([bone.misfit[chosen], np.zeros(int(seen.sum()))])
+    return Split(np.vstack([reader, organ.reader[seen]]), constant, patch, covariance, points)
 
 
 def _thinned(points: FloatArray, spacing: float) -> IntArray:

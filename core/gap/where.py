@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from palpate.core.gap.evidence import projected
-from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.forces import ForceFields, FreeField
 from palpate.core.gap.plain import PlainFit
+from palpate.core.observe.noise import Weighting
 
 FloatArray = NDArray[np.float64]
 
@@ -35,15 +36,21 @@ class Where:
     blur_mm: float
 
 
-def look(fit: PlainFit, forces: ForceFields) -> Where:
-    """Maps at the plain fit."""
-    sight, point = fit.bench.sight, fit.point
+def look(fit: PlainFit, free: FreeField, state: int = 0) -> Where:
+    """Maps of a deformed state at the plain fit, from that state's data."""
+    sight, point, forces, rows = (
+        fit.bench.each[state].sight,
+        fit.point.each[state],
+        free.each[state],
+        fit.bench.rows[state],
+    )
+    weighting = Weighting(fit.weighting.covariance[rows, rows])
     observation = point.scene.observation
     k = sight.n_modes
     smooth = sight.modes @ point.residual[:k]
-    sd = np.sqrt(np.einsum("qi,ij,qj->q", sight.modes, fit.weighting.covariance[:k, :k], sight.modes))
-    r, J = fit.weighting.whiten(point.residual), fit.weighting.whiten(point.in_theta)
-    R = projected(J, fit.weighting.whiten(forces.response))
+    sd = np.sqrt(np.einsum("qi,ij,qj->q", sight.modes, weighting.covariance[:k, :k], sight.modes))
+    r, J = weighting.whiten(point.residual), weighting.whiten(point.in_theta)
+    R = projected(J, weighting.whiten(forces.response))
     inverse = np.linalg.solve(R.T @ R + np.eye(R.shape[1]), R.T)
     density = forces.force_density(-inverse @ projected(J, r))
     size = np.linalg.norm(density, axis=1)
@@ -62,6 +69,12 @@ def look(fit: PlainFit, forces: ForceFields) -> Where:
         peak,
         blur,
     )
+
+
+def residuals(fit: PlainFit) -> list[FloatArray]:
+    """For each deformed state (q,) mm, what the plain model leaves on the organ's surface, as smooth as contour noise."""
+    each = zip(fit.bench.each, fit.point.each, strict=True)
+    return [bench.sight.modes @ point.residual[: bench.sight.n_modes] for bench, point in each]
 
 
 def regions(where: Where, names: dict[int, str]) -> list[dict[str, object]]:

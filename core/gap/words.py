@@ -6,13 +6,14 @@ import numpy as np
 
 from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.verdict import AMBIGUOUS, NONE, UNKNOWN
+from palpate.core.gap.where import residuals
 
 _GENERAL = "a second deformed scan with another bladder and rectum filling, and matched points inside the organ"
 
 
 def sentence(found: Diagnosis) -> str:
     """What was found, for somebody who reads stiffness and not statistics."""
-    rms = float(np.sqrt((found.where.residual**2).mean()))
+    rms = float(np.sqrt((np.concatenate(residuals(found.fit)) ** 2).mean()))
     verdict = found.verdict.verdict
     if verdict == NONE:
         return (

@@ -31,7 +31,12 @@ NUGGET_MM = 0.15
 
 def smooth_covariance(points: FloatArray, sd_mm: float, correlation_mm: float) -> FloatArray:
     """(q, q) mm2, one contour's correlated part at points (q, 3) mm."""
-    return sd_mm**2 * np.exp(-0.5 * (cdist(points, points) / correlation_mm) ** 2)
+    return covariance_between(points, points, sd_mm, correlation_mm)
+
+
+def covariance_between(a: FloatArray, b: FloatArray, sd_mm: float, correlation_mm: float) -> FloatArray:
+    """(p, q) mm2, the same between points a (p, 3) and b (q, 3) mm of one contour."""
+    return np.asarray(sd_mm**2 * np.exp(-0.5 * (cdist(a, b) / correlation_mm) ** 2))
 
 
 def matern_3_2(distance: FloatArray, length: float) -> FloatArray:

@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from palpate.core.fem.sensitivity import factorise_at
-from palpate.core.fem.state import State
 from palpate.core.gap import wall_motion
-from palpate.core.gap.forces import ForceFields
+from palpate.core.gap.forces import FreeField
 from palpate.core.gap.noise_fit import NoiseGrid
 from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
 from palpate.core.gap.plain import PlainFit, fit_plain
+from palpate.core.gap.states import factorised
 from palpate.core.worker.executors import one_thread
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
@@ -62,16 +61,14 @@ def plain_of(path: Path) -> PlainFit:
         if not case.has("mesh.json"):
             mesh_step.run(case)
         data = data_of(case)
-    fit = fit_plain(data.problem, data.bones)
-    scene, found = fit.point.scene, fit.point.equilibrium
-    scene.assembler.set_materials(scene.materials(fit.point.theta))
-    factorise_at(scene.assembler, State(found.u, found.p))
+    fit = fit_plain(data.pairs)
+    factorised(fit.point)
     return fit
 
 
 def likelihoods(fit: PlainFit) -> dict[str, NDArray[np.float64]]:
     """For each size, log likelihoods as it changes, less that of the sizes in use."""
-    forces = ForceFields.around(fit.point, fit.bench.sight).response
+    forces = FreeField.around(fit.point, fit.bench.sights).response
     used = NoiseSizes()
     parts = _parts(fit)
     base = _log_likelihood(fit, parts, used, forces)
@@ -92,13 +89,13 @@ def _slides(fit: PlainFit, used: NoiseSizes, forces: NDArray[np.float64]) -> NDA
 
 
 def _parts(fit: PlainFit) -> NoiseParts:
-    return NoiseParts.of(fit.point.scene, fit.bench.sight, fit.point.equilibrium.u)
+    return NoiseParts.of(fit.point.each, fit.bench.sights)
 
 
 def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: NDArray[np.float64]) -> float:
     """Of the residual, whatever the contours' noise."""
     grid = NoiseGrid.of(parts, sizes, np.hstack([sizes.mesh * fit.mesh[:, None], sizes.model * forces]))
-    none = np.zeros((fit.bench.sight.n,) * 2)
+    none = np.zeros((fit.bench.n,) * 2)
     return float(logsumexp(grid.log_likelihood(fit.point.residual, fit.point.in_theta, none) + grid.log_prior))
 
 

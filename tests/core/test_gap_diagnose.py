@@ -23,6 +23,7 @@ from palpate.core.gap.noise_model import NoiseParts
 from palpate.core.gap.record import maps, record
 from palpate.core.gap.shrinkage import contours_mm2
 from palpate.core.gap.stage import Stage
+from palpate.core.gap.states import Points
 from palpate.core.problem import Surface, SurfacePair
 
 KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}
@@ -99,7 +100,7 @@ def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(
     assert found.fit.meshes == 0
     assert not found.fit.mesh.any()
     assert any("no better element" in flag for flag in record(found, "hard")["flags"])
-    k = found.fit.bench.sight.n_modes
+    k = found.fit.bench.first.sight.n_modes
     assert np.trace(found.fit.weighting.covariance[:k, :k]) > np.trace(none.fit.weighting.covariance[:k, :k])
 
 
@@ -186,14 +187,14 @@ def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.F
 
 def test_a_small_offset_of_the_whole_contour_is_noise(none: Diagnosis) -> None:
     fit = none.fit
-    parts = NoiseParts.of(fit.point.scene, fit.bench.sight, fit.point.equilibrium.u)
-    left = np.zeros((fit.bench.sight.n, 1))
+    parts = NoiseParts.of(fit.point.each, fit.bench.sights)
+    left = np.zeros((fit.bench.first.sight.n, 1))
     with_it, without = (parts.covariance(replace(fit.sizes, offset=size), left) for size in (0.1, 0.0))
-    k = fit.bench.sight.n_modes
+    k = fit.bench.first.sight.n_modes
     seen = (
-        fit.bench.sight.modes @ (with_it - without)[:k, :k] @ fit.bench.sight.modes.T
+        fit.bench.first.sight.modes @ (with_it - without)[:k, :k] @ fit.bench.first.sight.modes.T
     )  # what the modes show of 0.01 mm2
-    wide = fit.bench.sight.modes @ fit.bench.sight.modes.sum(axis=0)
+    wide = fit.bench.first.sight.modes @ fit.bench.first.sight.modes.sum(axis=0)
     np.testing.assert_allclose(seen, 0.01 * np.outer(wide, wide), atol=1e-9)
     assert wide.mean() > 0.8
 
@@ -223,7 +224,7 @@ def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Dia
     of = {(s.contour, s.own, s.length): floor for s, floor in zip(wide.fit.noise.sizes, floors, strict=True)}
     stated, wider = of[1.0, 0.1, 7.0], of[1.2, 0.1, 7.0]
     assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
-    k, n = wide.fit.bench.sight.n_modes, len(wide.split.points)
+    k, n = wide.fit.bench.first.sight.n_modes, len(wide.split.points)
     everything = (
         np.trace(wide.split.reader[:n, :k] @ wide.fit.weighting.covariance[:k, :k] @ wide.split.reader[:n, :k].T) / n
     )
@@ -236,17 +237,19 @@ def test_a_stress_free_mesh_is_weighed_by_no_more_than_its_first_look(wide: Diag
     screened = next(s for s in wide.screened if s.effect is best.trial.effect)
     less = [replace(score, log_evidence=score.log_evidence - 50.0) for score in screened.scores]
     poor = replace(screened, log_evidence=screened.log_evidence - 50.0, scores=less)
-    shift = np.zeros_like(best.point.scene.space.mesh.points)
-    moved = copy(best.point.scene)
+    shift = np.zeros_like(best.point.first.scene.space.mesh.points)
+    moved = copy(best.point.first.scene)
     moved.composition = moved.composition.with_geometry(shift)
-    for scene, capped in ((best.point.scene, False), (moved, True)):
-        weighed = _weighed(wide.fit, poor, 0, best.trial, replace(best.point, scene=scene), best.in_phi)
+    for scene, capped in ((best.point.first.scene, False), (moved, True)):
+        weighed = _weighed(
+            wide.fit, poor, 0, best.trial, Points((replace(best.point.first, scene=scene),)), best.in_phi
+        )
         assert (weighed.log_evidence == poor.log_evidence) is capped
 
 
 def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> None:
     assert not any("too coarse" in flag for flag in record(none, "a case")["flags"])
-    much = np.zeros(none.fit.bench.sight.n)
+    much = np.zeros(none.fit.bench.first.sight.n)
     much[0] = 0.5 * np.sqrt(len(none.where.points))
     coarse = replace(none, fit=replace(none.fit, mesh=much))
     assert any("by 0.50 mm" in flag and "too coarse" in flag for flag in record(coarse, "a case")["flags"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,8 @@ class Parameter:
     """name, unit; scale : standard deviation of phi's prior around 0; low, high : bounds of phi.
 
     physical : phi -> the value in `unit`, where phi itself is only a convenient coordinate of it. secondary : it refines another
-    parameter (a place, an edge) and changes nothing while that one is 0.
+    parameter (a place, an edge) and changes nothing while that one is 0. own : every deformed state has its own value (what happened
+    between two scans, or in one of them); state : whose it is, None for what is the same in all.
     """
 
     name: str
@@ -31,6 +32,8 @@ class Parameter:
     high: float = np.inf
     physical: Callable[[float], float] = float
     secondary: bool = False
+    own: bool = False
+    state: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,3 +112,28 @@ class Effect:
     def bounds(self) -> FloatArray:
         """(k, 2)."""
         return np.array([[p.low, p.high] for p in self.parameters])
+
+    def over(self, states: int) -> Effect:
+        """The same effect in a case with so many deformed states: parameters that are `own` once for each of them."""
+        if states < 2 or not any(p.own for p in self.parameters):
+            return self
+        parameters = [replace(p, state=0 if p.own else None) for p in self.parameters]
+        places = [list(range(len(parameters)))]  # of the parameters that each state sees, in their own order
+        for state in range(1, states):
+            places.append(list(places[0]))
+            for k, p in enumerate(self.parameters):
+                if p.own:
+                    places[-1][k] = len(parameters)
+                    parameters.append(replace(p, name=f"{p.name}_{state + 1}", state=state))
+        return replace(
+            self,
+            parameters=tuple(parameters),
+            variants=lambda around: [_in_its_state(v, places) for v in self.variants(around)],
+        )
+
+
+def _in_its_state(variant: Variant, places: Sequence[Sequence[int]]) -> Variant:
+    def change(composition: Composition, phi: FloatArray) -> Composition:
+        return variant.applied(composition, phi[list(places[composition.state])])
+
+    return replace(variant, change=change)

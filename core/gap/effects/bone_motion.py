@@ -33,8 +33,8 @@ EFFECT = Effect(
     "bone_motion",
     "the bones moved between the scans, or the scans are not aligned on them",
     (
-        *(Parameter(f"translation_{axis}", "mm", 2.0, -15.0, 15.0) for axis in "xyz"),
-        *(Parameter(f"rotation_{axis}", "deg", 2.5, -20.0, 20.0) for axis in "xyz"),
+        *(Parameter(f"translation_{axis}", "mm", 2.0, -15.0, 15.0, own=True) for axis in "xyz"),
+        *(Parameter(f"rotation_{axis}", "deg", 2.5, -20.0, 20.0, own=True) for axis in "xyz"),
     ),
     _variants,
     "an alignment of the two scans on bone that is checked by eye, or a scan in the first one's posture",

@@ -17,7 +17,7 @@ def _offset(composition: Composition, phi: FloatArray) -> Composition:
 EFFECT = Effect(
     "contour_bias",
     "one scan's contour of the organ is too wide or too tight everywhere",
-    (Parameter("offset", "mm", 0.8, -5.0, 5.0),),
+    (Parameter("offset", "mm", 0.8, -5.0, 5.0, own=True),),
     _variants,
     "the organ drawn again in both scans by one person with one window setting",
 )

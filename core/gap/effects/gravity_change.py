@@ -39,7 +39,7 @@ def _variant(around: Surroundings, direction: FloatArray, name: str) -> Variant:
 EFFECT = Effect(
     "gravity_change",
     "gravity acts in another direction than in the scan at rest",
-    (Parameter("change", "m/s2", 10.0, -20.0, 20.0),),
+    (Parameter("change", "m/s2", 10.0, -20.0, 20.0, own=True),),
     _variants,
     "a scan in the first one's posture, or the posture of both scans from their DICOM headers",
 )

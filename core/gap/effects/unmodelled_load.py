@@ -64,9 +64,9 @@ EFFECT = Effect(
     "unmodelled_load",
     "something that the scans do not show pushes on the organ",
     (
-        Parameter("pressure", "kPa", 25.0, -120.0, 120.0),
-        Parameter("shear_1", "kPa", 8.0, -60.0, 60.0),
-        Parameter("shear_2", "kPa", 8.0, -60.0, 60.0),
+        Parameter("pressure", "kPa", 25.0, -120.0, 120.0, own=True),
+        Parameter("shear_1", "kPa", 8.0, -60.0, 60.0, own=True),
+        Parameter("shear_2", "kPa", 8.0, -60.0, 60.0, own=True),
         Parameter("shift_x", "mm", 3.5, -9.0, 9.0, secondary=True),
         Parameter("shift_y", "mm", 3.5, -9.0, 9.0, secondary=True),
         Parameter("shift_z", "mm", 3.5, -9.0, 9.0, secondary=True),

@@ -32,7 +32,7 @@ def _grow(composition: Composition, phi: FloatArray) -> Composition:
 EFFECT = Effect(
     "volume_change",
     "the organ swelled or shrank between the scans",
-    (Parameter("log_volume_ratio", "1", 0.10, -0.5, 0.5),),
+    (Parameter("log_volume_ratio", "1", 0.10, -0.5, 0.5, own=True),),
     _variants,
     "the organ's volume measured apart from these contours (ultrasound or MR on both days), or points inside it",
 )
