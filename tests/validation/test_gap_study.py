@@ -14,7 +14,8 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import FLOOR, Recipe, TooWeak
+from palpate.segmentation.gap_cases import FLOOR, TooWeak
+from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, recipes_of
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
