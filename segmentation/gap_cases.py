@@ -81,7 +81,7 @@ def make_case(
     truth = _truth(recipe, made)
     answers.mkdir(parents=True, exist_ok=True)
     with atomic_path(answers / f"{recipe.name}_surface.npz") as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **_surfaces(made))
+        np.savez_compressed(stream, **_surfaces(made))  # type: ignore[arg-type]
     with atomic_path(answers / f"{recipe.name}.json") as temporary:
         temporary.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
     return truth
