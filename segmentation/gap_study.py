@@ -126,8 +126,7 @@ def _begun(folder: Path, states: int) -> None:
         return
     if held != states:
         raise InputError(
-            f"{folder} holds a study of patients with {held} deformed states, and {states} are asked for; "
-            f"give --states {held}, or an empty folder for a new study"
+            f"the study in {folder} was made with --states {held}; give that, or an empty folder for one with --states {states}"
         )
 
 
