@@ -22,21 +22,40 @@ def achieved(
 ) -> tuple[float, float, float] | None:
     """Share of the plain model's true error that `effect` takes away, and both errors, rms mm; None when it was not refitted.
 
-    maps : of a diagnosis. true : points (k, 3) mm and faces (f, 3) of the organ as the deformed scan would show it without noise, and
-    at_rest (k, 3) mm, the same at rest. Every prediction starts from the contour at rest and carries its noise, which is no error of
-    the model's: how far that contour lies outside the true organ is taken off.
+    maps : of a diagnosis, further deformed states under `state_2/` and so on. true : points (k, 3) mm and faces (f, 3) of the organ as
+    the deformed scan would show it without noise, at_rest (k, 3) mm, the same at rest, and points_2 (k, 3) mm and so on of further
+    states. Errors are over all states that both hold. Every prediction starts from the contour at rest and carries its noise, which is no
+    error of the model's: how far that contour lies outside the true organ is taken off.
     """
     if f"predicted/{effect}" not in maps:
         return None
-    after, before = (TriangleTree.of(np.asarray(true[key]), np.asarray(true["faces"])) for key in ("points", "at_rest"))
     smooth = _modes(maps["points"])
-    drawn = closest_points(before, maps["points"]).signed
-    errors = []
-    for name in ("plain", effect):
-        off = closest_points(after, maps[f"predicted/{name}"]).signed - drawn
-        off = off + maps["correction_mm"] + maps[f"offset/{name}"][0]
-        errors.append(float(np.linalg.norm(smooth.T @ off) / np.sqrt(len(off))))
-    return 1.0 - errors[1] / max(errors[0], 1e-12), errors[0], errors[1]
+    drawn = closest_points(_tree(true, "at_rest"), maps["points"]).signed
+    states = []
+    for prefix, points in _states(maps, true, effect).items():
+        after = _tree(true, points)
+        errors = []
+        for name in ("plain", effect):
+            off = closest_points(after, maps[f"{prefix}predicted/{name}"]).signed - drawn
+            off = off + maps[f"{prefix}correction_mm"] + maps[f"{prefix}offset/{name}"][0]
+            errors.append(float(np.linalg.norm(smooth.T @ off) / np.sqrt(len(off))))
+        states.append(errors)
+    before, left = (float(np.linalg.norm(errors) / np.sqrt(len(states))) for errors in zip(*states, strict=True))
+    return 1.0 - left / max(before, 1e-12), before, left
+
+
+def _states(maps: Mapping[str, NDArray[Any]], true: Mapping[str, NDArray[Any]], effect: str) -> dict[str, str]:
+    """Prefix in maps -> name in true of every deformed state's surface."""
+    found = {"": "points"}
+    for name in true:
+        prefix = f"state_{name.removeprefix('points_')}/"
+        if name.startswith("points_") and {f"{prefix}predicted/plain", f"{prefix}predicted/{effect}"} <= set(maps):
+            found[prefix] = name
+    return found
+
+
+def _tree(true: Mapping[str, NDArray[Any]], points: str) -> TriangleTree:
+    return TriangleTree.of(np.asarray(true[points]), np.asarray(true["faces"]))
 
 
 def _modes(points: FloatArray) -> FloatArray:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.segmentation.gap_cases import FLOOR, Recipe
+from palpate.segmentation.gap_cases import FLOOR
+from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 
@@ -21,12 +22,16 @@ NOISE_MM = (0.12, 0.4)
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """cases : how many. seed : of everything random. workers : processes at a time. timeout_s : for one diagnosis."""
+    """cases : how many. seed : of everything random. workers : processes at a time. timeout_s : for one diagnosis.
+
+    states : deformed states of every patient.
+    """
 
     cases: int = 60
     seed: int = 1
     workers: int = 1
     timeout_s: float = 900.0
+    states: int = 1
 
 
 def recipes_of(options: StudyOptions) -> list[Recipe]:
@@ -42,17 +47,20 @@ def recipes_of(options: StudyOptions) -> list[Recipe]:
             chosen = tuple(rng.choice(sorted(LIBRARY), 2, replace=False).tolist())
         elif k % 10 not in (0, 5):
             chosen = (next(inside),)
-        out.append(_recipe(f"gap_{k:03d}", chosen, rng))
+        out.append(_recipe(f"gap_{k:03d}", chosen, rng, options.states - 1))
     return out
 
 
-def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recipe:
-    """Effects that leave one to ten times the noise floor, where a pelvis can show it; in one of four the rectum empties."""
+def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator, more: int) -> Recipe:
+    """Effects that leave one to ten times the noise floor, where a pelvis can show it; in one of four the rectum empties.
+
+    more : deformed states beside the first.
+    """
     low, high = (float(np.log(G)) for G in SHEAR_MODULI_KPA)
     G = np.exp(rng.uniform(low, high, 2)).round(2).tolist()
     empties = rng.random() < 0.25
     noise = round(float(np.exp(rng.uniform(*np.log(NOISE_MM)))), 3)
-    return Recipe(
+    recipe = Recipe(
         name,
         int(rng.integers(2**31)),
         dict.fromkeys(chosen, 0.0),
@@ -65,6 +73,14 @@ def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator) -> Recip
         _bladder(empties, rng),
         marks=bool(rng.random() < 0.5),
     )
+    own = recipe.random(7)  # so that patients are the same however many states they have
+    return replace(recipe, more=tuple(_filling(own) for _ in range(more)))
+
+
+def _filling(rng: np.random.Generator) -> tuple[RectumSpec, BladderSpec]:
+    """Of a further state, in which the rectum empties as often as it fills: so that states differ."""
+    empties = bool(rng.random() < 0.5)
+    return _rectum(empties, rng), _bladder(empties, rng)
 
 
 def _rectum(empties: bool, rng: np.random.Generator) -> RectumSpec:
@@ -85,17 +101,21 @@ def _bladder(empties: bool, rng: np.random.Generator) -> BladderSpec:
 
 def another(recipe: Recipe) -> Recipe:
     """The same effects in another patient."""
-    return _recipe(recipe.name, tuple(recipe.effects), np.random.default_rng(recipe.seed))
+    return _recipe(recipe.name, tuple(recipe.effects), np.random.default_rng(recipe.seed), len(recipe.more))
 
 
 def easier(recipe: Recipe, k: int) -> Recipe:
-    """The recipe with walls that move less, k times over."""
+    """The recipe with walls that move less in every state, k times over."""
     share = 0.85**k
-    rectum, bladder = recipe.rectum, recipe.bladder
-    return replace(
-        recipe,
-        rectum=replace(rectum, inflate_mm=share * rectum.inflate_mm, push_mm=_scaled(rectum.push_mm, share)),
-        bladder=replace(bladder, push_mm=_scaled(bladder.push_mm, share)),
+    rectum, bladder = _less((recipe.rectum, recipe.bladder), share)
+    return replace(recipe, rectum=rectum, bladder=bladder, more=tuple(_less(filling, share) for filling in recipe.more))
+
+
+def _less(filling: tuple[RectumSpec, BladderSpec], share: float) -> tuple[RectumSpec, BladderSpec]:
+    rectum, bladder = filling
+    return (
+        replace(rectum, inflate_mm=share * rectum.inflate_mm, push_mm=_scaled(rectum.push_mm, share)),
+        replace(bladder, push_mm=_scaled(bladder.push_mm, share)),
     )
 
 

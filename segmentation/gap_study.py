@@ -22,7 +22,8 @@ from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import Recipe, TooWeak, make_case
+from palpate.segmentation.gap_cases import TooWeak, make_case
+from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_recipes import StudyOptions, another, easier, recipes_of
 from palpate.segmentation.gap_scores import scores
 
@@ -41,13 +42,14 @@ def run(folder: Path, options: StudyOptions | None = None, progress: Progress = 
     options = options or StudyOptions()
     cases, answers = folder / "cases", folder / "answers"
     cases.mkdir(parents=True, exist_ok=True)
+    _begun(folder, options.states)
     recipes = recipes_of(options)
     _make_all(folder, recipes, options.workers, part(progress, 0.0, 0.4))
-    ledger = _sealed(folder, [r.name for r in recipes if (answers / f"{r.name}.json").exists()])
+    ledger = _sealed(folder, [r.name for r in recipes if (answers / f"{r.name}.json").exists()], options.states)
     _diagnose_all(folder, ledger, options, part(progress, 0.4, 0.98))
     _unchanged(answers, ledger["answers"])
     pairs = [_pair(cases / name, answers / f"{name}.json") for name in ledger["answers"]]
-    return scores(pairs) | {"seed": options.seed, "ledger": str(folder / "ledger.json")}
+    return scores(pairs) | {"seed": options.seed, "states": options.states, "ledger": str(folder / "ledger.json")}
 
 
 def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
@@ -110,16 +112,34 @@ def _note(folder: Path, ledger: dict[str, Any], name: str) -> None:
     _write(folder / "ledger.json", ledger)
 
 
-def _sealed(folder: Path, names: Sequence[str]) -> dict[str, Any]:
+def _begun(folder: Path, states: int) -> None:
+    """Start the ledger, with how many deformed states patients have. Raises InputError where the folder's have another number."""
+    path = folder / "ledger.json"
+    if path.exists():
+        held = json.loads(path.read_text(encoding="utf-8")).get("states", 1)
+    elif any(
+        (folder / "answers").glob("*.json")
+    ):  # from before there were further states, and ledgers began with the answers
+        held = 1
+    else:
+        _write(path, {"states": states})
+        return
+    if held != states:
+        raise InputError(
+            f"the study in {folder} was made with --states {held}; give that, or an empty folder for one with --states {states}"
+        )
+
+
+def _sealed(folder: Path, names: Sequence[str], states: int) -> dict[str, Any]:
     """The ledger with the answers' hashes, written once. Raises InputError when one there is of other answers."""
     hashes = {name: file_sha256(folder / "answers" / f"{name}.json") for name in names}
     path = folder / "ledger.json"
-    if path.exists():
-        ledger: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    ledger: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    if "answers" in ledger:
         if ledger["answers"] != hashes:
             raise InputError(f"{path} seals other answers than those beside it; give an empty folder for a new study")
         return ledger
-    ledger = {"answers": hashes, "diagnoses": {}}
+    ledger = {"states": states, "answers": hashes, "diagnoses": {}}
     _write(path, ledger)
     return ledger
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from palpate.segmentation.gap_truth.hidden_library import LIBRARY
 from palpate.segmentation.gap_truth.hidden_outside import OUTSIDE
 
-__all__ = ["LIBRARY", "OUTSIDE", "SIZES"]
+__all__ = ["LIBRARY", "OUTSIDE", "OWN_SHARE", "SIZES"]
 
 # Strength of each, the weakest and the strongest that a pelvis may have. Between them the study looks for one that the surface shows
 # as far as it wants; where even the strongest shows less, that is what the case has.
@@ -16,3 +16,12 @@ SIZES: dict[str, tuple[float, float]] = {
     "contour_bias": (0.35, 3.0), "uneven_growth": (0.03, 0.4), "two_foci": (3.0, 40.0), "tissue_tear": (3.0, 60.0),
     "shrunken_tissue": (0.03, 0.3), "tissue_fibres": (0.5, 10.0), "one_sided_contour": (0.8, 5.0),
 }  # fmt: skip
+
+# What happens between two scans, or in one alone: a further deformed state has its own share of the size, from none to all of it. What
+# belongs to the body is in every state in full; prestress too, which is in the scan at rest that they share.
+OWN_SHARE = frozenset(
+    {
+        "volume_change", "bone_motion", "gravity_change", "unmodelled_load", "contour_bias", "uneven_growth", "one_sided_contour",
+        "shrunken_tissue",
+    }
+)  # fmt: skip

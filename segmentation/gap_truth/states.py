@@ -1,4 +1,4 @@
-"""The states that the two scans show of a simulated body, and how much of an effect is there to be seen."""
+"""The states that the scans show of a simulated body: one at rest and one deformed, or several."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from scipy.spatial import cKDTree
 
 from palpate.core.errors import ConvergenceError
 from palpate.segmentation.gap_truth.body import Body, Laws
-from palpate.segmentation.gap_truth.newton import equilibrium, slopes_in
+from palpate.segmentation.gap_truth.newton import equilibrium
 from palpate.segmentation.gap_truth.simulated import Simulated
-from palpate.segmentation.labels import ORGAN_LABELS
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_warp import BackwardMap
 from palpate.segmentation.smooth_field import FloatArray, IntArray
@@ -43,6 +42,18 @@ class Part:
         return self.share * self.motion.displacement(points)
 
 
+@dataclass(frozen=True, eq=False)
+class Sum:
+    """Two motions of one wall from the stress-free body, together."""
+
+    one: WallMotion
+    other: WallMotion
+
+    def displacement(self, points: FloatArray) -> FloatArray:
+        """See `WallMotion.displacement`."""
+        return self.one.displacement(points) + self.other.displacement(points)
+
+
 def shown(
     s: Simulated, boundary: Mapping[str, IntArray], walls: Mapping[str, WallMotion], near: FloatArray | None = None
 ) -> tuple[Shown, Shown]:
@@ -63,6 +74,24 @@ def shown(
     return rest, _state(s, boundary, motions, s.load, near)
 
 
+def shown_further(
+    s: Simulated,
+    boundary: Mapping[str, IntArray],
+    rest: Shown,
+    walls: Mapping[str, WallMotion],
+    near: FloatArray | None = None,
+) -> Shown:
+    """Another deformed state of a body of which the scan at rest shows `rest`, its walls moved in their own way since then.
+
+    near : (n, 3) mm, a deformed state like this one, if known. Raises ConvergenceError when it has no equilibrium.
+    """
+    before = rest.motions
+    motions = {name: Sum(before[name], wall) if name in before else wall for name, wall in walls.items()}
+    if s.bone is not None:
+        motions["bone"] = s.bone
+    return _state(s, boundary, motions, s.load, near)
+
+
 def _state(
     s: Simulated,
     boundary: Mapping[str, IntArray],
@@ -71,14 +100,14 @@ def _state(
     near: FloatArray | None,
 ) -> Shown:
     held = held_nodes(s.body, boundary, motions)
-    u = _from(near, s.body, s.laws(), held, load)
+    u = equilibrium_near(near, s.body, s.laws(), held, load)
     ratio = np.linalg.det(s.body.gradients(u))
     if ratio.min() < _FLAT:
         raise ConvergenceError(f"the simulated tissue folds (volume ratio {ratio.min():.2f}); make the walls move less")
     return Shown(motions, u)
 
 
-def _from(
+def equilibrium_near(
     near: FloatArray | None, body: Body, laws: Laws, held: FloatArray, load: FloatArray | None = None
 ) -> FloatArray:
     """Equilibrium from a state like it, or, where that leads nowhere, from rest."""
@@ -108,71 +137,3 @@ def backward(s: Simulated, boundary: Mapping[str, IntArray], state: Shown) -> Ba
     """Where each point of a state was in the stress-free body."""
     nodes = {name: np.unique(s.body.face_nodes(faces)) for name, faces in boundary.items()}
     return BackwardMap(s.body, state.u, nodes, dict(state.motions))
-
-
-def effect_mm(
-    s: Simulated,
-    plain: Simulated,
-    boundary: Mapping[str, IntArray],
-    rest: Shown,
-    deformed: Shown,
-    near: FloatArray | None = None,
-) -> tuple[float, float]:
-    """rms along the organ's normal of what the effect does, all of it and what no change of the two stiffnesses can do, mm.
-
-    The plain body starts from the shape that the scan at rest shows. near : (n, 3) mm, its deformed state or one like it, if known.
-    """
-    body = s.body
-    if rest.u.any():
-        body, near = Body(body.points + rest.u[: len(body.points)], body.cells, body.regions), deformed.u - rest.u
-    model = Simulated(body, plain.organ_faces, plain.G, plain.K, plain.growth, plain.fibre)
-    known = {name: motion for name, motion in deformed.motions.items() if name != "bone"}
-    driven = held_nodes(s.body, boundary, known) - np.nan_to_num(held_nodes(s.body, boundary, rest.motions))
-    laws = model.laws()
-    u = _from(deformed.u if near is None else near, body, laws, driven)
-    nodes, normals, area = _surface(body.nodes + u, body.face_nodes(s.organ_faces))
-    done = ((s.body.nodes + deformed.u - body.nodes - u)[nodes] * normals).sum(axis=1)
-    if s.offset is not None:
-        done = done + s.offset(normals)
-    moved = slopes_in(body, laws, ORGAN_LABELS, u, driven)
-    w = np.sqrt(area / area.sum())
-    D = np.stack([(m[nodes] * normals).sum(axis=1) for m in moved], axis=1) * w[:, None]
-    left = w * done - D @ np.linalg.lstsq(D, w * done, rcond=None)[0]
-    return float(np.linalg.norm(w * done)), float(np.linalg.norm(left))
-
-
-def true_surfaces(s: Simulated, rest: Shown, deformed: Shown) -> dict[str, FloatArray | IntArray]:
-    """The organ as scans would show it without noise: points (k, 3) mm deformed, at_rest (k, 3) the same at rest, faces (f, 3) of both."""
-    faces = s.body.face_nodes(s.organ_faces)
-    nodes, normals, _ = _surface(s.body.nodes + deformed.u, faces)
-    points = (s.body.nodes + deformed.u)[nodes]
-    if s.offset is not None:
-        points = points + s.offset(normals)[:, None] * normals
-    number = np.full(len(s.body.nodes), -1)
-    number[nodes] = np.arange(len(nodes))
-    four = faces[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
-    return {"points": points, "at_rest": (s.body.nodes + rest.u)[nodes], "faces": number[four]}
-
-
-def _surface(at: FloatArray, faces: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Nodes of quadratic faces (f, 6), their mean unit normals (k, 3) and areas (k,) mm2, for nodes lying at (n, 3)."""
-    X = at[faces[:, :3]]
-    cross = 0.5 * np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    total, area = np.zeros_like(at), np.zeros(len(at))
-    for column in faces.T:
-        np.add.at(total, column, cross)
-        np.add.at(area, column, np.linalg.norm(cross, axis=1) / 6.0)
-    nodes = np.unique(faces)
-    return nodes, total[nodes] / np.linalg.norm(total[nodes], axis=1)[:, None], area[nodes]
-
-
-def landmarks(s: Simulated, rest: Shown, deformed: Shown, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Four points at rest and deformed, each (4, 3) mm, inside the organ; seen with 0.3 mm of error an axis in either scan."""
-    corners = np.unique(s.body.cells[s.in_organ])
-    inside = np.setdiff1d(corners, np.unique(s.organ_faces))
-    chosen = rng.permutation(inside if len(inside) >= 4 else corners)[:4]
-    at = s.body.points[chosen]
-    return (
-        at + rest.u[chosen] + rng.normal(0.0, 0.3, at.shape),
-        at + deformed.u[chosen] + rng.normal(0.0, 0.3, at.shape),
-    )

@@ -26,7 +26,9 @@ from palpate.core.worker.executors import one_thread
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.diagnose_step import data_of
-from palpate.segmentation.gap_cases import Made, Recipe, make_case, simulated
+from palpate.segmentation.gap_cases import make_case, simulated
+from palpate.segmentation.gap_patient import Made
+from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_recipes import StudyOptions, recipes_of
 
 FloatArray = NDArray[np.float64]

@@ -13,14 +13,17 @@ from palpate.core.fem.meshes import sphere_in_cube
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN
 from palpate.core.mesh import TetMesh
 from palpate.segmentation import gap_cases
-from palpate.segmentation.gap_cases import FLOOR, Recipe, TooWeak, make_case, widened
+from palpate.segmentation.gap_cases import FLOOR, TooWeak, make_case
+from palpate.segmentation.gap_drawn import widened
+from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.anatomy import Rigid
 from palpate.segmentation.gap_truth.body import Body
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
 from palpate.segmentation.gap_truth.newton import equilibrium, slopes_in
+from palpate.segmentation.gap_truth.seen import effect_mm, true_surfaces
 from palpate.segmentation.gap_truth.simulated import Simulated
-from palpate.segmentation.gap_truth.states import effect_mm, held_nodes, shown, true_surfaces
+from palpate.segmentation.gap_truth.states import held_nodes, shown
 from palpate.segmentation.volume import Volume
 
 RADII = np.array([12.0, 9.0, 15.0])

@@ -14,11 +14,13 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import FLOOR, Recipe, TooWeak
+from palpate.segmentation.gap_cases import FLOOR, TooWeak
+from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, recipes_of
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
+from palpate.ui.cli import main as cli
 
 STIFFNESS = {"prostate_left": {"G_kpa": 21.0, "sd_ln_G": 0.2}, "prostate_right": {"G_kpa": 90.0, "sd_ln_G": 0.1}}
 
@@ -111,6 +113,29 @@ def test_what_an_effect_achieves_is_measured_to_the_surface_without_noise() -> N
     assert achieved(maps, true, "prestress") is None
 
 
+def test_what_an_effect_achieves_is_over_all_states_that_were_diagnosed() -> None:
+    """A flat organ that moved up by 1 mm, and by 3 mm in the second state; predicted 2 and 1 mm off, 0.5 and 0.1 mm with the effect."""
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-20.0, 20.0, 21), np.linspace(-20.0, 20.0, 21)))
+    corners, faces = np.array([[-90.0, -90.0, 0.0], [90.0, -90.0, 0.0], [0.0, 120.0, 0.0]]), np.array([[0, 1, 2]])
+    up, at = np.array([0.0, 0.0, 1.0]), np.stack([x, y, np.zeros(len(x))], axis=1)
+    true = {"points": corners + up, "at_rest": corners, "faces": faces, "points_2": corners + 3.0 * up}
+    maps = {
+        "points": at, "predicted/plain": at + 3.0 * up, "predicted/inclusion": at + 1.5 * up,
+        "correction_mm": np.zeros(len(x)), "offset/plain": np.zeros(1), "offset/inclusion": np.zeros(1),
+    }  # fmt: skip
+    first = achieved(maps, true, "inclusion")
+    assert first == achieved(maps, {name: true[name] for name in ("points", "at_rest", "faces")}, "inclusion")
+    assert first == pytest.approx((0.75, 2.0, 0.5), rel=0.03)
+    maps |= {f"state_2/{name}": value for name, value in maps.items()}
+    maps |= {"state_2/predicted/plain": at + 3.6 * up, "state_2/predicted/inclusion": at + 2.9 * up}
+    maps |= {"state_2/correction_mm": np.full(len(x), 0.4)}
+    maps |= {"state_2/offset/inclusion": np.full(1, -0.2)}
+    rms = [np.sqrt((2.0**2 + 1.0**2) / 2.0), np.sqrt((0.5**2 + 0.1**2) / 2.0)]
+    assert achieved(maps, true, "inclusion") == pytest.approx((1.0 - rms[1] / rms[0], *rms), rel=0.03)
+    del maps["state_2/predicted/inclusion"]
+    assert achieved(maps, true, "inclusion") == first
+
+
 def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> None:
     recipes = recipes_of(StudyOptions(60, 3))
     assert recipes == recipes_of(StudyOptions(60, 3))
@@ -161,6 +186,38 @@ def test_an_answer_that_was_touched_ends_the_study(study: Path) -> None:
     (study / "answers" / "gap_001.json").write_text(json.dumps(truth("prestress")))
     with pytest.raises(InputError, match="seals other answers"):
         gap_study.run(study, StudyOptions(2, 1))
+
+
+def test_a_study_keeps_its_number_of_states(study: Path) -> None:
+    assert gap_study.run(study, StudyOptions(2, 1, states=2))["states"] == 2
+    assert json.loads((study / "ledger.json").read_text())["states"] == 2
+    assert gap_study.run(study, StudyOptions(2, 1, states=2))["cases"] == 2
+    with pytest.raises(InputError, match=r"was made with --states 2; give that, .* with --states 1"):
+        gap_study.run(study, StudyOptions(2, 1))
+
+
+def test_a_study_from_before_there_were_states_has_one(study: Path) -> None:
+    gap_study.run(study, StudyOptions(2, 1))
+    ledger = json.loads((study / "ledger.json").read_text())
+    del ledger["states"]
+    for left in (json.dumps(ledger), None):  # all diagnosed; stopped before the answers were sealed
+        (study / "ledger.json").unlink() if left is None else (study / "ledger.json").write_text(left)
+        with pytest.raises(InputError, match="was made with --states 1"):
+            gap_study.run(study, StudyOptions(2, 1, states=2))
+        assert gap_study.run(study, StudyOptions(2, 1))["cases"] == 2
+
+
+def test_the_command_asks_for_states(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[StudyOptions] = []
+    monkeypatch.setattr(gap_study, "run", lambda folder, options, progress: asked.append(options) or {})
+    given = ["validate", "gap", "--folder", str(tmp_path), "--quiet"]
+    assert cli.main([*given, "--states", "2"]) == cli.main(given) == 0
+    assert [options.states for options in asked] == [2, 1]
+    capfd.readouterr()
+    assert cli.main([*given, "--states", "0"]) == 2
+    assert "--states: 0 is out of range; give 1 to 9" in capfd.readouterr().err
 
 
 def test_a_case_folder_never_holds_its_answer(study: Path) -> None:
