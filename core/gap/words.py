@@ -8,7 +8,7 @@ from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.gap.where import residuals
 
-_GENERAL = "a second deformed scan with another bladder and rectum filling, and matched points inside the organ"
+_GENERAL = "another deformed scan with another bladder and rectum filling, and matched points inside the organ"
 
 
 def sentence(found: Diagnosis) -> str:

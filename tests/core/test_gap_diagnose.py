@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from synthetic_case import problem
+from triangle_shapes import ball
 
 from palpate.core.gap import better
 from palpate.core.gap.averaged import averaged_stiffness
@@ -119,22 +120,6 @@ def test_a_pair_of_scans_moved_rigidly_has_no_gap_and_the_same_stiffness(posed, 
     found = diagnose(CaseData(replace(posed, mesh=mesh, walls=pairs, organ=organ)), EFFECTS)
     assert found.verdict.verdict == "none"
     np.testing.assert_allclose(found.fit.point.theta, none.fit.point.theta, atol=0.15)
-
-
-def ball(radius: float, centre: tuple[float, float, float]) -> Surface:
-    """A bone beside the body."""
-    u, v = np.linspace(0.0, np.pi, 20), np.linspace(0.0, 2.0 * np.pi, 41)[:-1]
-    a, b = np.meshgrid(u, v, indexing="ij")
-    X = np.stack([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)], axis=-1) * [
-        radius,
-        0.7 * radius,
-        1.2 * radius,
-    ]
-    index = np.arange(a.size).reshape(a.shape)
-    right = np.roll(index, -1, axis=1)
-    quads = np.stack([index[:-1], index[1:], right[1:], right[:-1]], axis=-1).reshape(-1, 4)
-    faces = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return Surface(X.reshape(-1, 3) + centre, faces, np.full(len(faces), 4))
 
 
 def test_a_deformed_scan_that_is_not_aligned_on_bone_is_said_to_be_so(posed) -> None:  # type: ignore[no-untyped-def]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from synthetic_case import problem
+from triangle_shapes import ball
 
 from palpate.core.gap.better import GOOD
 from palpate.core.gap.case_data import CaseData, arrays, load
@@ -18,7 +19,7 @@ from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.noise_model import NoiseParts
 from palpate.core.gap.record import maps, record
 from palpate.core.gap.stage import Stage
-from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 
 EFFECTS = {k: v for k, v in library().items() if k in ("contour_bias", "compressible_organ")}
 WIDER_MM = 0.6
@@ -172,3 +173,28 @@ def test_an_effect_over_one_state_is_itself() -> None:
         "shear_1_3",
         "shear_2_3",
     ]
+
+
+def test_a_state_that_is_not_aligned_on_bone_is_said_to_be_so_and_the_other_is_not(
+    pair: tuple[IdentificationProblem, IdentificationProblem],
+) -> None:
+    """All of the second deformed scan lies elsewhere, bones too; the first is aligned."""
+    shift = np.array([1.0, -1.5, 0.8])
+
+    def moved(surface: Surface) -> Surface:
+        return replace(surface, points=surface.points + shift)
+
+    bone = ball(24.0, (0.0, -40.0, 0.0))
+    walls = {name: SurfacePair(p.rest, moved(p.deformed)) for name, p in pair[1].walls.items()}
+    apart = replace(pair[1], walls=walls, organ=SurfacePair(pair[1].organ.rest, moved(pair[1].organ.deformed)))
+    effects = {k: v for k, v in library().items() if k in ("bone_motion", "contour_bias")}
+    found = diagnose(
+        CaseData(pair[0], SurfacePair(bone, bone), more=((apart, SurfacePair(bone, moved(bone))),)), effects
+    )
+    assert found.verdict.verdict == "bone_motion"
+    best = found.refits[0]
+    np.testing.assert_allclose(best.phi[:3], 0.0, atol=0.3)
+    np.testing.assert_allclose(best.phi[6:9], shift, atol=0.3)
+    # Bones of both states were left out in patches too.
+    one = diagnose(CaseData(apart, SurfacePair(bone, moved(bone))), effects)
+    assert found.gains["bone_motion"].patches > one.gains["bone_motion"].patches

@@ -85,7 +85,7 @@ def test_the_likeliest_length_is_about_the_true_one(length: float) -> None:
     distance = np.linalg.norm(X[:, None] - X, axis=2)
     K = 9.0 * np.exp(-0.5 * (distance / length) ** 2) + 1e-6 * np.eye(len(X))
     v = np.linalg.cholesky(K) @ np.random.default_rng(2).standard_normal(len(X))
-    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)), Whole(np.eye(3), np.zeros(3), np.inf))
+    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)), Whole(np.eye(3), np.zeros(3), 20.0, np.zeros(3)))
     assert found.length == pytest.approx(length, rel=0.45)
     assert np.hypot(found.size, SIDEWAYS_MM) == pytest.approx(3.0, rel=0.6)
 
@@ -110,6 +110,29 @@ def test_a_tube_that_bulges_does_not_slide_along_its_axis() -> None:
     found = WallMotion.of(wall, lambda x: tube(x, 0.0), 0.2).at(X)
     assert np.abs(found[:, 2]).mean() < 0.5
     assert np.abs(wall.linearised_at(found).shift - (wall.linearised_at(found).normal * found).sum(axis=1)).mean() < 0.3
+
+
+def test_sections_of_a_tube_that_are_pushed_aside_go_along_together() -> None:
+    """Across the wall a section's shift looks like a swelling on one side; its other sides slid along themselves."""
+    z, phi = (a.ravel() for a in np.meshgrid(np.linspace(-55.0, 55.0, 38), np.linspace(0.0, 2.0 * np.pi, 23)[:-1]))
+    X = np.column_stack([14.0 * np.cos(phi), 14.0 * np.sin(phi), z])
+
+    def pushed_aside(x: np.ndarray) -> np.ndarray:
+        return np.column_stack([5.0 * np.exp(-0.5 * (x[:, 2] / 18.0) ** 2), np.zeros((len(x), 2))])
+
+    at = PointSet(np.arange(len(X))[:, None], np.ones((len(X), 1)), np.full(len(X), 9.0))
+    wall = SlidingWall.between(
+        at, X, lambda x: tube(x, 0.0), lambda x: tube(x - pushed_aside(x), 0.0), 8000.0
+    )  # to first order in the push's slope
+    found = WallMotion.of(wall, lambda x: tube(x, 0.0), 0.2)
+    normal, moved = tube(X, 0.0)[1], pushed_aside(X)
+    straight = (moved * normal).sum(axis=1)[:, None] * normal
+    aside = np.abs(z) < 18.0
+    off = np.linalg.norm((found.at(X) - moved)[aside], axis=1)
+    assert off.mean() < 0.4 * np.linalg.norm((straight - moved)[aside], axis=1).mean()
+    # What is not known of it is about as large as what is wrong.
+    sd = np.sqrt((found.unknown_at(X[aside]) ** 2).sum(axis=(0, 2)))
+    assert (off < 3.0 * sd + 0.2).mean() > 0.9
 
 
 def test_a_ball_may_be_pushed_anywhere_and_a_tube_not_along_its_axis() -> None:

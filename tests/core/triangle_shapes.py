@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.core.problem import Surface
+
 
 def icosphere(levels: int, radii=(1.0, 1.0, 1.0), centre=(0.0, 0.0, 0.0)):
     """A subdivided icosahedron, its points on the unit sphere, then stretched: points (n, 3), outward faces (f, 3)."""
@@ -44,3 +46,19 @@ def tube(radius: float, length: float, around: int, along: int):
     a, b = i * around + j, i * around + (j + 1) % around
     c, d = a + around, b + around
     return p.reshape(-1, 3), np.vstack([np.stack([a, b, d], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3)])
+
+
+def ball(radius: float, centre: tuple[float, float, float]) -> Surface:
+    """A bone beside the body."""
+    u, v = np.linspace(0.0, np.pi, 20), np.linspace(0.0, 2.0 * np.pi, 41)[:-1]
+    a, b = np.meshgrid(u, v, indexing="ij")
+    X = np.stack([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)], axis=-1) * [
+        radius,
+        0.7 * radius,
+        1.2 * radius,
+    ]
+    index = np.arange(a.size).reshape(a.shape)
+    right = np.roll(index, -1, axis=1)
+    quads = np.stack([index[:-1], index[1:], right[1:], right[:-1]], axis=-1).reshape(-1, 4)
+    faces = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return Surface(X.reshape(-1, 3) + centre, faces, np.full(len(faces), 4))

@@ -88,6 +88,10 @@ def _figures(found: Mapping[str, Any]) -> Table:
         ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{floor:.2f} mm rms"),
         ("chance of such a gap without any effect", chance(gap["p_value"])),
     ]  # fmt: skip
+    states = gap.get("states", [])
+    if len(states) > 1:
+        left = ", ".join(f"{state['rms_mm']:.2f} (noise {state['noise_floor_mm']:.2f})" for state in states)
+        rows.append(("of that, in each deformed state", f"{left} mm rms; maps and slices show the first"))
     return Table(("", ""), rows, numbers=False)
 
 
