@@ -48,11 +48,13 @@ SLIDE_SHARE, SLIDE_LENGTH_MM = 0.2, 45.0
 # The contours' noise tilts normals, and a wall that slides along tilted normals fits noise: they are smoothed over so much, mm, as far as
 # the noise is correlated.
 _SMOOTH_MM = 6.0
+# Points off the likeliest motion by so many standard deviations count for half: the usual constant of Cauchy's weights.
+_OFF = 2.385
 # Points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; kernel's share of variance that is kept.
 POINTS, _FEWER, _SHARE = 400, 200, 0.98
 # Normals turn as the wall moves: how often they are taken anew. Each time they fit a little more of the noise, so that more rounds read
 # some walls better and others worse.
-_ROUNDS = 3
+_ROUNDS = 4
 # Stiffness along the wall over the tissue's shear modulus, 1/mm: tissue moves a wall by some hundredths of a millimetre.
 DRAG = 20.0
 
@@ -130,15 +132,17 @@ class WallMotion:
         whole = Whole.of(wall.rest, _normals(at_rest, wall.rest))
         few = slice(None, None, -(-len(X) // _FEWER))
         near = np.exp(-0.5 * (cdist(X, X) / _SMOOTH_MM) ** 2)
-        v = np.zeros_like(wall.rest)
+        v, off = np.zeros_like(wall.rest), np.zeros(len(X))
         for k in range(_ROUNDS):
             seen = wall.linearised_at(v)
             normal, shift = seen.normal[chosen], seen.shift[chosen]
             if k > 0:  # at rest a point may lie far from where the wall went, and its neighbours see other parts of it
                 normal, shift = _smoothed(near, v[chosen], normal, shift)
-            kernel = likeliest(X[few], out[few], normal[few], shift[few], noise[few, few], whole)
-            found = _posterior(X, at_rest, normal, shift, noise, kernel, whole)
+            trusted = _trusted(noise, off)
+            kernel = likeliest(X[few], out[few], normal[few], shift[few], trusted[few, few], whole)
+            found = _posterior(X, at_rest, normal, shift, trusted, kernel, whole)
             v = found.at(wall.rest)
+            off = shift - (normal * v[chosen]).sum(axis=1)
         return found
 
     def at(self, x: FloatArray) -> FloatArray:
@@ -227,6 +231,16 @@ def _posterior(
     return WallMotion(
         X, at_rest, kernel, whole, basis, sections, slides, mean, np.linalg.inv(np.linalg.cholesky(precision)).T
     )
+
+
+def _trusted(noise: FloatArray, off: FloatArray) -> FloatArray:
+    """Noise (q, q) mm2, larger at points that are off (q,) mm the likeliest motion by more than it, as a Cauchy density's weights have it.
+
+    Where a wall leaves the scan its two surfaces may end differently, by centimetres.
+    """
+    usual = max(1.4826 * float(np.median(np.abs(off))), float(np.sqrt(np.diag(noise).mean())))
+    wider = np.sqrt(1.0 + (off / (_OFF * usual)) ** 2)
+    return np.asarray(noise * np.outer(wider, wider))
 
 
 def _basis(X: FloatArray, length: float) -> FloatArray:
