@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from palpate.core.gap.composition import Motion, rigid_motion
 from palpate.core.observe.distance_field import SignedDistanceField
-from palpate.core.observe.noise import smooth_covariance
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import SurfacePair
 
@@ -68,11 +67,6 @@ class BoneSight:
     def floor(self) -> FloatArray:
         """(6, 6) of the motion, what no registration of contours is better than."""
         return np.diag(_FLOOR**2)
-
-    def covariance(self, sd_mm: float, correlation_mm: float) -> FloatArray:
-        """(6, 6) of the residual, for contour noise in both scans."""
-        C = 2.0 * smooth_covariance(self.points, sd_mm, correlation_mm)
-        return np.asarray(self.reader @ C @ self.reader.T + self.floor)
 
 
 def _misfit(points: FloatArray, field: SignedDistanceField, reader: FloatArray, pivot: FloatArray) -> FloatArray:

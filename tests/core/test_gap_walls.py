@@ -129,10 +129,31 @@ def test_sections_of_a_tube_that_are_pushed_aside_go_along_together() -> None:
     straight = (moved * normal).sum(axis=1)[:, None] * normal
     aside = np.abs(z) < 18.0
     off = np.linalg.norm((found.at(X) - moved)[aside], axis=1)
-    assert off.mean() < 0.4 * np.linalg.norm((straight - moved)[aside], axis=1).mean()
+    assert off.mean() < 0.1 * np.linalg.norm((straight - moved)[aside], axis=1).mean()
     # What is not known of it is about as large as what is wrong.
     sd = np.sqrt((found.unknown_at(X[aside]) ** 2).sum(axis=(0, 2)))
     assert (off < 3.0 * sd + 0.2).mean() > 0.9
+
+
+def test_points_at_an_end_where_the_two_surfaces_differ_move_little_else() -> None:
+    """Six of 836 points, where the wall leaves the scan, are 8 mm off: without weights they move its middle by 2.5 mm, with them by 1."""
+    z, phi = (a.ravel() for a in np.meshgrid(np.linspace(-55.0, 55.0, 38), np.linspace(0.0, 2.0 * np.pi, 23)[:-1]))
+    X = np.column_stack([14.0 * np.cos(phi), 14.0 * np.sin(phi), z])
+    at = PointSet(np.arange(len(X))[:, None], np.ones((len(X), 1)), np.full(len(X), 9.0))
+
+    def ending(x: np.ndarray, off: float) -> tuple[np.ndarray, np.ndarray]:
+        distance, normal = tube(x, 6.0)
+        return distance + off * ((x[:, 2] < -50.0) & (x[:, 0] > 13.0)), normal
+
+    read = [
+        WallMotion.of(
+            SlidingWall.between(at, X, lambda x: tube(x, 0.0), lambda x, off=off: ending(x, off), 8000.0),  # type: ignore[misc]
+            lambda x: tube(x, 0.0),
+            0.2,
+        ).at(X[np.abs(z) < 15.0])
+        for off in (0.0, 8.0)
+    ]
+    assert np.linalg.norm(read[1] - read[0], axis=1).mean() < 1.5
 
 
 def test_a_ball_may_be_pushed_anywhere_and_a_tube_not_along_its_axis() -> None:
