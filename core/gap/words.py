@@ -17,7 +17,7 @@ def sentence(found: Diagnosis) -> str:
     verdict = found.verdict.verdict
     if verdict == NONE:
         return (
-            f"The model predicts the deformed organ as well as the contours allow ({rms:.1f} mm): nothing in these two scans "
+            f"The model predicts the deformed organ as well as the contours allow ({rms:.1f} mm): nothing in these scans "
             "says that it leaves anything out."
         )
     said = {s.effect.id: s.effect.words for s in found.screened}
