@@ -18,18 +18,6 @@ from palpate.segmentation.smooth_field import FloatArray, IntArray
 Rows = tuple[FloatArray, FloatArray]
 
 
-def effect_mm(
-    s: Simulated,
-    plain: Simulated,
-    boundary: Mapping[str, IntArray],
-    rest: Shown,
-    deformed: Shown,
-    near: FloatArray | None = None,
-) -> tuple[float, float]:
-    """`joint_mm` of one deformed state, see `effect_rows`."""
-    return joint_mm([effect_rows(s, plain, boundary, rest, deformed, near)])
-
-
 def joint_mm(states: Sequence[Rows]) -> tuple[float, float]:
     """rms over the surfaces of all states of what the effect does, and of what one change of the two stiffnesses leaves of it, mm."""
     share = 1.0 / np.sqrt(len(states))

@@ -21,7 +21,7 @@ from palpate.segmentation.gap_truth.body import Body
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
 from palpate.segmentation.gap_truth.newton import equilibrium, slopes_in
-from palpate.segmentation.gap_truth.seen import effect_mm, true_surfaces
+from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm, true_surfaces
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import held_nodes, shown
 from palpate.segmentation.volume import Volume
@@ -126,7 +126,7 @@ def test_every_hidden_effect_moves_or_redraws_the_organ(
     (LIBRARY | OUTSIDE)[name](hidden, 0.1, np.random.default_rng(3))
     parts = boundary if name != "bone_motion" else {"bone": boundary["outer"], "rectum": boundary["rectum"]}
     rest, deformed = shown(hidden, parts, {"rectum": Bulge()})
-    done, left = effect_mm(hidden, plain, parts, rest, deformed)
+    done, left = joint_mm([effect_rows(hidden, plain, parts, rest, deformed)])
     assert done > 1e-7  # gravity moves a body this small by next to nothing
     assert left <= done
     surfaces = true_surfaces(hidden, rest, deformed)
