@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.gap_drawn import write_case
+from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_patient import Made, Pose, carried_walls
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.anatomy import Patient
@@ -27,8 +28,6 @@ from palpate.segmentation.gap_truth.seen import true_surfaces
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS
 from palpate.segmentation.meshing import MeshOptions, mesh_labels
 
-# The noise floor, over the noise of one contour: an organ's motion is the difference of two.
-FLOOR = float(np.sqrt(2.0))
 # Of the mesher's random numbers: no mesh of a diagnosis has it.
 _SEED = 77
 
@@ -75,7 +74,7 @@ def make_case(
     Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much.
     """
     recipe, made = simulated(recipe, mesh_cache)
-    if must_show and recipe.effects and made.effect_mm[1] < FLOOR * recipe.noise_mm:
+    if must_show and recipe.effects and made.effect_mm[1] < noise_floor_mm(recipe.noise_mm):
         raise TooWeak(f"{recipe.name}: {made.effect_mm[1]:.2f} mm are left")
     write_case(recipe, made, case_path)
     truth = _truth(recipe, made)

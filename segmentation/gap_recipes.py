@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.segmentation.gap_cases import FLOOR
+from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
@@ -66,7 +66,7 @@ def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator, more: in
         dict.fromkeys(chosen, 0.0),
         (G[0], G[1]),
         noise,
-        FLOOR * noise * float(10.0 ** rng.uniform()),
+        noise_floor_mm(noise) * float(10.0 ** rng.uniform()),
         NOISE_MM[0],
         int(rng.integers(BUILDS)),
         _rectum(empties, rng),

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from palpate.segmentation.gap_cases import FLOOR
+from palpate.segmentation.gap_floor import noise_floor_mm
 
 Truth: TypeAlias = Mapping[str, Any]
 Found: TypeAlias = Mapping[str, Any] | None
@@ -94,7 +94,7 @@ def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
     """
     least: dict[str, tuple[str, Callable[[float], float]]] = {
         "twice_noise": ("effect_mm", lambda noise: 2.0 * noise),
-        "twice_floor": ("effect_mm", lambda noise: 2.0 * FLOOR * noise),
+        "twice_floor": ("effect_mm", lambda noise: 2.0 * noise_floor_mm(noise)),
         "identifiable": ("effect_left_mm", lambda noise: IDENTIFIABLE_MM),
     }
     out: dict[str, Any] = {}

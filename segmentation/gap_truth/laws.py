@@ -1,6 +1,8 @@
 """Strain-energy laws of the blind check's simulator, written out anew from the paper: stress and tangent at many points at once.
 
 Everything is an array over points p: F (p, 3, 3), first Piola-Kirchhoff stress P (p, 3, 3) kPa, tangent A = dP/dF (p, 3, 3, 3, 3).
+Of a law's energy the part 1/2 k d^2 of the dilation d can be taken out (`Dilation`) and put back as a pressure that is the same all over a
+cell: with a pressure of its own at every point a nearly incompressible quadratic cell is too stiff.
 """
 
 from __future__ import annotations
@@ -23,6 +25,15 @@ _DEVIATORIC = _SYMMETRIC - np.einsum("iJ,kL->iJkL", _ONE, _ONE) / 3.0
 
 
 @dataclass(frozen=True, eq=False)
+class Dilation:
+    """d (p,), its derivative (p, 3, 3) in F, and modulus (p,) kPa: k of the energy 1/2 k d^2 per volume at rest."""
+
+    value: FloatArray
+    slope: FloatArray
+    modulus: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Organ:
     """Mooney-Rivlin (paper Eq 8), mu1 = mu2 = G / 4, volumetric term v1 (J - 1)^2 with 2 v1 = K; all (p,) kPa.
 
@@ -39,10 +50,16 @@ class Organ:
         """With so much of its growth, 0 to 1."""
         return replace(self, growth=self.growth**way)
 
-    def response(self, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """P and A; not finite where the elastic volume ratio is not positive."""
+    def dilation(self, F: FloatArray) -> Dilation:
+        """J - 1 of the elastic part."""
+        g3 = self.growth**3
+        return Dilation(np.linalg.det(F) / g3 - 1.0, _by(1.0 / g3, _cofactor(F)), g3 * self.K)
+
+    def response(self, F: FloatArray, pressure: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """P and A; not finite where the elastic volume ratio is not positive. pressure : (p,) kPa, constant, for what the law itself says."""
         g = self.growth[:, None, None]
-        P, A = _mooney_rivlin(F / g, self.G / 4.0, self.G / 4.0, self.K / 2.0)
+        v1 = self.K / 2.0 if pressure is None else np.zeros_like(self.K)
+        P, A = _mooney_rivlin(F / g, self.G / 4.0, self.G / 4.0, v1, 0.0 if pressure is None else pressure)
         if self.fibre.any():
             Pf, Af = _fibre(F / g, self.fibre, np.array(self.direction))
             P, A = P + Pf, A + Af
@@ -73,21 +90,28 @@ class Tissue:
         """Whether A is the same at any F, and whatever has grown."""
         return not self.stiffening and not self.fibre.any()
 
-    def stress(self, F: FloatArray) -> FloatArray:
-        """P (p, 3, 3) kPa of a law whose A is constant, without A; F (p, 3, 3)."""
+    def dilation(self, F: FloatArray) -> Dilation:
+        """tr e."""
+        trace = np.einsum("pii->p", F) - 3.0 * self.growth
+        return Dilation(trace, np.broadcast_to(_ONE, F.shape), self.K)
+
+    def stress(self, F: FloatArray, pressure: FloatArray) -> FloatArray:
+        """P (p, 3, 3) kPa of a law whose A is constant, without A; F (p, 3, 3), pressure (p,) kPa."""
         e = 0.5 * (F + np.swapaxes(F, 1, 2)) - self.growth[:, None, None] * _ONE
         trace = np.einsum("pii->p", e)
-        return (2.0 * self.G)[:, None, None] * e + ((self.K - 2.0 / 3.0 * self.G) * trace)[:, None, None] * _ONE
+        return (2.0 * self.G)[:, None, None] * e + (pressure - 2.0 / 3.0 * self.G * trace)[:, None, None] * _ONE
 
-    def response(self, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """P and A."""
+    def response(self, F: FloatArray, pressure: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """P and A. pressure : (p,) kPa, constant, for what the law itself says."""
         e = 0.5 * (F + np.swapaxes(F, 1, 2)) - self.growth[:, None, None] * _ONE
         trace = np.einsum("pii->p", e)
         dev = e - trace[:, None, None] / 3.0 * _ONE
         stiffer = 1.0 + self.stiffening * np.einsum("pij,pij->p", dev, dev)
-        P = (2.0 * self.G * stiffer)[:, None, None] * dev + (self.K * trace)[:, None, None] * _ONE
+        all_round = self.K * trace if pressure is None else pressure
+        P = (2.0 * self.G * stiffer)[:, None, None] * dev + all_round[:, None, None] * _ONE
         A = (2.0 * self.G * stiffer)[:, None, None, None, None] * _DEVIATORIC
-        A = A + self.K[:, None, None, None, None] * np.einsum("iJ,kL->iJkL", _ONE, _ONE)
+        if pressure is None:
+            A = A + self.K[:, None, None, None, None] * np.einsum("iJ,kL->iJkL", _ONE, _ONE)
         if self.stiffening:
             A = A + 4.0 * self.stiffening * np.einsum("p,pij,pkl->pijkl", self.G, dev, dev)
         if self.fibre.any():
@@ -98,8 +122,15 @@ class Tissue:
         return P, A
 
 
-def _mooney_rivlin(F: FloatArray, mu1: FloatArray, mu2: FloatArray, v1: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """psi = mu1 (I2 J^-4/3 - 3) + mu2 (I1 J^-2/3 - 3) + v1 (J - 1)^2, I2 = (I1^2 - tr C^2) / 2."""
+def _cofactor(F: FloatArray) -> FloatArray:
+    """(p, 3, 3) of F, also of one that has no inverse."""
+    return np.asarray(0.5 * np.einsum("ikm,jln,pkl,pmn->pij", _LEVI_CIVITA, _LEVI_CIVITA, F, F, optimize=True))
+
+
+def _mooney_rivlin(
+    F: FloatArray, mu1: FloatArray, mu2: FloatArray, v1: FloatArray, pressure: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """psi = mu1 (I2 J^-4/3 - 3) + mu2 (I1 J^-2/3 - 3) + v1 (J - 1)^2 + pressure J, I2 = (I1^2 - tr C^2) / 2."""
     J = np.linalg.det(F)
     J = np.where(J > 0.0, J, np.nan)
     C, B = np.einsum("pki,pkj->pij", F, F), np.einsum("pik,pjk->pij", F, F)
@@ -108,7 +139,7 @@ def _mooney_rivlin(F: FloatArray, mu1: FloatArray, mu2: FloatArray, v1: FloatArr
     cof = J[:, None, None] * np.swapaxes(np.linalg.inv(F), 1, 2)
     d1, d2 = 2.0 * F, 2.0 * (I1[:, None, None] * F - np.einsum("pik,pkj->pij", F, C))
     W1, W2 = mu2 * J ** (-2 / 3), mu1 * J ** (-4 / 3)
-    WJ = -2 / 3 * W1 * I1 / J - 4 / 3 * W2 * I2 / J + 2.0 * v1 * (J - 1.0)
+    WJ = -2 / 3 * W1 * I1 / J - 4 / 3 * W2 * I2 / J + 2.0 * v1 * (J - 1.0) + pressure
     W1J, W2J = -2 / 3 * W1 / J, -4 / 3 * W2 / J
     WJJ = 10 / 9 * W1 * I1 / J**2 + 28 / 9 * W2 * I2 / J**2 + 2.0 * v1
     P = _by(W1, d1) + _by(W2, d2) + _by(WJ, cof)

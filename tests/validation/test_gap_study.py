@@ -14,7 +14,8 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import FLOOR, TooWeak
+from palpate.segmentation.gap_cases import TooWeak
+from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, recipes_of
 from palpate.segmentation.gap_scores import scores
@@ -143,7 +144,7 @@ def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> Non
     assert sum(any(e in OUTSIDE for e in r.effects) for r in recipes) == 12
     assert sum(len(r.effects) == 2 for r in recipes) == 6
     assert {e for r in recipes for e in r.effects} == {*LIBRARY, *OUTSIDE}
-    wanted = [r.shown_mm / (FLOOR * r.noise_mm) for r in recipes if r.shown_mm is not None]
+    wanted = [r.shown_mm / noise_floor_mm(r.noise_mm) for r in recipes if r.shown_mm is not None]
     assert len(wanted) == 60
     assert 1.0 <= min(wanted) < 1.3
     assert 8.0 < max(wanted) <= 10.0
