@@ -90,7 +90,7 @@ def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
 
 def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
     """Top-1 and set accuracy of effects that move the surface by more than twice one contour's noise, of those that do by more than
-    twice the noise floor of two, and of those of which the two stiffnesses leave what the shared cases call identifiable.
+    twice the noise floor, and of those of which the two stiffnesses leave what the shared cases call identifiable.
     """
     least: dict[str, tuple[str, Callable[[float], float]]] = {
         "twice_noise": ("effect_mm", lambda noise: 2.0 * noise),
@@ -109,11 +109,15 @@ def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
 
 
 def _large_outside(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
-    """Refusals of effects outside the library that move the surface by more than twice one contour's noise: of what no scan shows,
-    `none` is the right answer.
+    """Refusals of effects outside the library that move the surface by more than twice one contour's noise, and by more than the noise
+    floor: of what no scan shows, `none` is the right answer.
     """
-    few = [p for p in pairs if p[0].get("effect_mm", 0.0) > 2.0 * p[0].get("noise_mm", 0.0)]
-    return {"cases": len(few), "refused": _rate(few, lambda t, d: d["verdict"] in ("unknown", "ambiguous"))}
+    least: dict[str, Callable[[float], float]] = {"twice_noise": lambda noise: 2.0 * noise, "floor": noise_floor_mm}
+    out: dict[str, Any] = {}
+    for name, more_than in least.items():
+        few = [p for p in pairs if p[0].get("effect_mm", 0.0) > more_than(p[0].get("noise_mm", 0.0))]
+        out[name] = {"cases": len(few), "refused": _rate(few, lambda t, d: d["verdict"] in ("unknown", "ambiguous"))}
+    return out
 
 
 def _shrinkage(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
