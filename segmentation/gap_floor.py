@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# What voxels, walls that move unseen along themselves and the mesh leave beside the contours' noise, rms mm: about what `gap.noise_floor_mm`
-# of effect-free cases has over the noise of two contours.
+# What voxels, walls that move unseen along themselves and the mesh leave beside the contours' noise, rms mm: about what
+# `gap.noise_floor_mm` of effect-free cases has over the noise of two contours.
 LEFT_MM = 0.3
 
 

@@ -17,29 +17,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import DistanceFunction, SlidingWall
+from palpate.core.gap.wall_kernel import SIDEWAYS_MM, Kernel, likeliest
+from palpate.core.gap.wall_whole import SECTION_LENGTH_MM, Whole
 from palpate.core.observe.noise import noise_modes, smooth_covariance
 
 FloatArray = NDArray[np.float64]
 
-# Lengths and standard deviations along the normal among which the likeliest is taken, mm.
-LENGTHS_MM = (10.0, 12.0, 14.0, 17.0, 20.0, 24.0, 29.0, 35.0)
-SIZES_MM = (1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0)
-# Standard deviations, mm an axis, of a bag's translation and of how far sections of a tube shift, together with those this near along the
-# tube; of a bag's growth, rms. They are not asked of the data: across a wall they look like something else, the likeliest size was often 0,
-# and the wall then moved otherwise along itself. On five effect-free cases whose walls' motions are known, 2 to 4 mm and 12 to 30 mm along
-# a tube are much alike.
-MOVED_MM, SECTION_MM, SECTION_LENGTH_MM, GROWN_MM = 2.0, 3.0, 15.0, 2.0
-# A tube is cut where the scan ends: it has no size of its own. Of a bag, random pressures along any axis add up to at least this share of
-# their mean.
-BAG = 0.3
-# Of any other motion, an axis, mm. The data do not tell 0.3 from 1 (evidence of eight walls: 3448.1 and 3449.7 in all). Where up to 8 was
-# allowed, a bladder drifted 11 mm along itself as normals were taken anew; with 1 and all axes alike, a rectum 5 mm.
-SIDEWAYS_MM = 0.7
 # Correlation length of the contours' noise, and what voxels add to it point by point, mm.
 _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
 # Of a slide of large parts of a wall, an axis, over how far the wall moved (rms), and its length, mm. Simulated walls that are pushed, or
@@ -57,50 +45,6 @@ POINTS, _FEWER, _SHARE = 400, 200, 0.98
 _ROUNDS = 4
 # Stiffness along the wall over the tissue's shear modulus, 1/mm: tissue moves a wall by some hundredths of a millimetre.
 DRAG = 20.0
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """length, and size along the normal, mm."""
-
-    length: float
-    size: float
-
-
-@dataclass(frozen=True, eq=False)
-class Whole:
-    """How a wall may move as a whole. axes (3, 3) : takes unit normal amplitudes to a translation, in its size.
-
-    middle (3,) mm, radius mm : of the wall at rest, about which it grows; radius is rms, infinite for what is no bag. along (3,) : a tube's
-    axis, 0 for a bag, which has no sections.
-    """
-
-    axes: FloatArray
-    middle: FloatArray
-    radius: float
-    along: FloatArray
-
-    @classmethod
-    def of(cls, points: FloatArray, normals: FloatArray) -> Whole:
-        """Of a wall at rest with these points and normals, (q, 3) each."""
-        axes, middle = pushed(normals), points.mean(axis=0)
-        values, vectors = np.linalg.eigh(axes)
-        if values[0] <= BAG:
-            return cls(axes, middle, np.inf, vectors[:, 0])
-        return cls(axes, middle, float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean())), np.zeros(3))
-
-    @property
-    def moved_mm(self) -> float:
-        """Standard deviation of its translation or its sections', an axis."""
-        return MOVED_MM if np.isfinite(self.radius) else SECTION_MM
-
-    def together(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(n, k) correlation of the translations at x (n, 3) and y (k, 3)."""
-        return np.asarray(np.exp(-0.5 * (((x @ self.along)[:, None] - y @ self.along) / SECTION_LENGTH_MM) ** 2))
-
-    def growth(self, x: FloatArray) -> FloatArray:
-        """(n, 3) mm at x (n, 3), of a standard deviation; 0 for a tube."""
-        return GROWN_MM * (x - self.middle) / self.radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,33 +126,6 @@ class WallMotion:
         target = now + way * (self.at(wall.rest - shift) - shift - now)
         along = np.eye(3) - wall.normal[:, :, None] * wall.normal[:, None, :]
         return Springs(wall.points, DRAG * shear_kpa * along, target)
-
-
-def pushed(normals: FloatArray) -> FloatArray:
-    """(3, 3) covariance, over its mean an axis, of the force that random pressures on a wall with normals (q, 3) add up to."""
-    return np.asarray(3.0 * normals.T @ normals / len(normals))
-
-
-def likeliest(
-    X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray, whole: Whole
-) -> Kernel:
-    """The kernel under which motions shift (q,) along `normal` (q, 3) at X (q, 3) are likeliest; out (q, 3) : normals at rest."""
-    squared = cdist(X, X) ** 2
-    turned, larger = (normal * out).sum(axis=1), (normal * whole.growth(X)).sum(axis=1)
-    across = normal @ whole.axes
-    straight, other = np.outer(turned, turned), across @ across.T
-    known = noise + whole.moved_mm**2 * whole.together(X, X) * other + np.outer(larger, larger)
-    best = (-np.inf, Kernel(LENGTHS_MM[0], SIZES_MM[0]))
-    for length in LENGTHS_MM:
-        near = np.exp(-0.5 * squared / length**2)
-        rest = known + SIDEWAYS_MM**2 * near * other
-        for size in SIZES_MM:
-            L = np.linalg.cholesky(size**2 * near * straight + rest)
-            white = solve_triangular(L, shift, lower=True, check_finite=False)
-            likelihood = -0.5 * float(white @ white) - float(np.log(np.diag(L)).sum())
-            if likelihood > best[0]:
-                best = (likelihood, Kernel(length, size))
-    return best[1]
 
 
 def _posterior(

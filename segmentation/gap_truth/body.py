@@ -26,7 +26,7 @@ Laws = Mapping[int, Organ | Tissue]
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """points (v, 3) mm, cells (m, 4), regions (m,): quadratic displacement over straight-sided cells, four points and one pressure a cell."""
+    """points (v, 3) mm, cells (m, 4), regions (m,): quadratic displacement on straight-sided cells, four points and one pressure each."""
 
     points: FloatArray
     cells: IntArray
@@ -92,9 +92,9 @@ class Body:
         return total.ravel(), self._matrix(summed)
 
     def _mean_dilation(self, here: IntArray, d: Dilation) -> tuple[FloatArray, FloatArray]:
-        """Pressure (p,) kPa of the cells' mean dilation, and (m, 10, 3) whose outer products are what it adds to the cells' tangents.
+        """Pressure (p,) kPa of the cells' mean dilation, and (m, 10, 3) whose outer products it adds to the cells' tangents.
 
-        One pressure a cell (Nagtegaal, Parks & Rice 1974): with four, cells of nu = 0.49 and more kept an organ from bending, 0.12 mm of it.
+        One pressure a cell (Nagtegaal, Parks & Rice 1974): with four, cells of nu = 0.49 and more keep an organ from bending.
         """
         w = self.weights[here]
         volume, modulus = w.sum(axis=1), d.modulus.reshape(w.shape)[:, 0]

@@ -56,7 +56,10 @@ class Organ:
         return Dilation(np.linalg.det(F) / g3 - 1.0, _by(1.0 / g3, _cofactor(F)), g3 * self.K)
 
     def response(self, F: FloatArray, pressure: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """P and A; not finite where the elastic volume ratio is not positive. pressure : (p,) kPa, constant, for what the law itself says."""
+        """P and A; not finite where the elastic volume ratio is not positive.
+
+        pressure : (p,) kPa, constant, for what the law itself says.
+        """
         g = self.growth[:, None, None]
         v1 = self.K / 2.0 if pressure is None else np.zeros_like(self.K)
         P, A = _mooney_rivlin(F / g, self.G / 4.0, self.G / 4.0, v1, 0.0 if pressure is None else pressure)

@@ -85,7 +85,9 @@ def test_accuracy_of_effects_that_can_be_seen_is_counted_apart() -> None:
     pairs = [(truth("inclusion") | seen, found("inclusion", "inclusion")), (truth("prestress") | hidden, found("none"))]
     large = scores(pairs)["large"]
     assert large["twice_noise"] == {"cases": 1, "top1": 1.0, "in_candidates": 1.0}
-    assert large["twice_floor"]["cases"] == 0  # 0.9 mm is less than twice what two contours of 0.35 mm and the rest add up to
+    assert (
+        large["twice_floor"]["cases"] == 0
+    )  # 0.9 mm is less than twice what two contours of 0.35 mm and the rest add up to
     assert large["identifiable"]["cases"] == 1
 
 
@@ -96,7 +98,6 @@ def test_refusals_of_effects_that_can_be_seen_are_counted_apart() -> None:
     assert s["large_outside"]["twice_noise"] == {"cases": 1, "refused": 1.0}
     assert s["large_outside"]["floor"] == {"cases": 2, "refused": 0.5}
     assert s["refused_outside"] == pytest.approx(1.0 / 3.0)
-
 
 
 def test_what_an_effect_achieves_is_measured_to_the_surface_without_noise() -> None:
