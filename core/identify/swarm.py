@@ -98,11 +98,6 @@ class Swarm:
         return self._outside(self._best_x[np.argmin(self._best_value)])
 
     @property
-    def best_positions(self) -> tuple[FloatArray, FloatArray]:
-        """Personal bests (M, N) and their values (M,)."""
-        return self._outside(self._best_x), self._best_value.copy()
-
-    @property
     def history(self) -> tuple[FloatArray, FloatArray]:
         """After each iteration: best value (t,) and best position (t, N)."""
         return self._history_value.copy(), self._outside(self._history_x)

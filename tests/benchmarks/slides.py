@@ -26,7 +26,8 @@ from palpate.core.worker.executors import one_thread
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.diagnose_step import data_of
-from palpate.segmentation.gap_cases import make_case, simulated
+from palpate.segmentation.gap_cases import simulated
+from palpate.segmentation.gap_drawn import write_case
 from palpate.segmentation.gap_patient import Made
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_recipes import StudyOptions, recipes_of
@@ -58,10 +59,11 @@ def main() -> None:
 
 
 def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
-    """Of every wall: what its true slide does to the organ and what is said of that, rms mm. Raises what `make_case` raises."""
+    """Of every wall: what its true slide does to the organ and what is said of that, rms mm. Raises what `simulated` raises."""
+    recipe, made = simulated(recipe)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / recipe.name
-        make_case(recipe, path, Path(folder) / "answers")
+        write_case(recipe, made, path)
         case = CaseFolder(path)
         mesh_step.run(case)
         problem = data_of(case).problem
@@ -72,7 +74,7 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
         raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")
     scene.assembler.set_materials(scene.materials(theta))
     factorise_at(scene.assembler, State(found.u, found.p))
-    sight, made = Sight.of(stage.observation, None), simulated(recipe)[1]
+    sight = Sight.of(stage.observation, None)
     out = {}
     for (name, motion), wall in zip(stage.motions.items(), scene.walls, strict=True):
         missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))
