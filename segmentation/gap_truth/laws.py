@@ -62,7 +62,9 @@ class Organ:
         """
         g = self.growth[:, None, None]
         v1 = self.K / 2.0 if pressure is None else np.zeros_like(self.K)
-        P, A = _mooney_rivlin(F / g, self.G / 4.0, self.G / 4.0, v1, 0.0 if pressure is None else pressure)
+        # Of the grown volume, as all that `_mooney_rivlin` is given.
+        p = 0.0 if pressure is None else pressure / self.growth**3
+        P, A = _mooney_rivlin(F / g, self.G / 4.0, self.G / 4.0, v1, p)
         if self.fibre.any():
             Pf, Af = _fibre(F / g, self.fibre, np.array(self.direction))
             P, A = P + Pf, A + Af

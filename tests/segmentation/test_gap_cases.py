@@ -78,6 +78,17 @@ def test_the_tangent_is_the_stress_s_derivative(law: Organ | Tissue) -> None:
             np.testing.assert_allclose(A[..., k, m], slope, atol=1e-6 * np.abs(A).max())
 
 
+@pytest.mark.parametrize("law", LAWS, ids=["grown fibrous organ", "organ", "stiffening tissue"])
+def test_a_pressure_given_is_the_dilation_s_part_of_the_law(law: Organ | Tissue) -> None:
+    F = np.eye(3) + 0.2 * np.random.default_rng(2).standard_normal((4, 3, 3))
+    d = law.dilation(F)
+    P, A = law.response(F, d.modulus * d.value)
+    whole, tangent = law.response(F)
+    np.testing.assert_allclose(P, whole, atol=1e-9 * np.abs(whole).max())
+    A = A + np.einsum("p,pij,pkl->pijkl", d.modulus, d.slope, d.slope)
+    np.testing.assert_allclose(A, tangent, atol=1e-9 * np.abs(tangent).max())
+
+
 def test_the_organ_s_law_is_the_program_s_though_written_apart() -> None:
     F = np.eye(3) + 0.15 * np.random.default_rng(1).standard_normal((4, 3, 3))
     ours = Organ(20 * ONE, 400 * ONE, ONE, 0 * ONE).response(F)[0]
