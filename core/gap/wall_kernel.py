@@ -32,9 +32,10 @@ class Kernel:
 def likeliest(
     X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray, whole: Whole
 ) -> Kernel:
-    """The kernel under which motions shift (q,) mm along unit `normal` (q, 3) at X (q, 3) mm are likeliest (Rasmussen & Williams 2006, 5.4).
+    """The kernel under which motions shift (q,) mm along `normal` (q, 3) at X (q, 3) mm are likeliest (Rasmussen & Williams 2006, 5.4).
 
-    out (q, 3) : unit normals at rest. noise (q, q) mm2 : covariance of shift. Raises LinAlgError when that is not positive definite.
+    normal, out (q, 3) : unit normals, deformed and at rest. noise (q, q) mm2 : of shift.
+    Raises LinAlgError when noise is no covariance.
     """
     squared = cdist(X, X) ** 2
     turned, larger = (normal * out).sum(axis=1), (normal * whole.growth(X)).sum(axis=1)
