@@ -37,7 +37,7 @@ def achieved(
         errors = []
         for name in ("plain", effect):
             off = closest_points(after, maps[f"{prefix}predicted/{name}"]).signed - drawn
-            off = off + maps[f"{prefix}correction_mm"] + maps[f"{prefix}offset/{name}"][0]
+            off = off + maps[f"{prefix}correction/{name}"] + maps[f"{prefix}offset/{name}"][0]
             errors.append(float(np.linalg.norm(smooth.T @ off) / np.sqrt(len(off))))
         states.append(errors)
     before, left = (float(np.linalg.norm(errors) / np.sqrt(len(states))) for errors in zip(*states, strict=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,10 @@ from numpy.typing import NDArray
 from palpate.core.fem.newton import NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.gap.composition import Composition
-from palpate.core.gap.fit import NOTHING, PLAIN, Bench, Point, carried
+from palpate.core.gap.fit import NOTHING, PLAIN, Bench, Point, Trial, carried
 from palpate.core.gap.remeshed import Remeshed
 from palpate.core.gap.sight import Sight
 from palpate.core.gap.stage import Stage
-from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.progress import Progress
 
 FloatArray = NDArray[np.float64]
@@ -28,26 +28,33 @@ _OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
 UNKNOWN_MM = 0.25
 
 
-def better_differences(bench: Bench, point: Point, remeshed: Sequence[Remeshed], progress: Progress) -> FloatArray:
-    """(M, n) mm, the better element's residual on every mesh, the bench's own first, less the quick one's at `point`.
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """What the better element changes, mm. every (M, n) : on each mesh on which it finds an equilibrium, M may be 0; own (n,) : the first."""
 
-    A mesh on which it finds no equilibrium is left out; M may be 0.
-    """
+    every: FloatArray
+    own: FloatArray | None
+
+
+def better_differences(bench: Bench, point: Point, remeshed: Sequence[Remeshed], progress: Progress) -> Differences:
+    """The better element's residual on every mesh, the bench's own first, less the quick one's at `point`."""
     none = np.zeros(bench.sight.n)
-    found = [_better_residual(_better(bench, bench.plain.problem), point)]
+    found = [better_residual(better_bench(bench), PLAIN, point)]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")
         problem = other.problem(bench.plain.problem)
         quick = Bench(Stage.of(problem, QUICK, bench.stage), bench.sight, Composition(problem), none)
         there = quick.solve(PLAIN, point.theta, NOTHING, None)
         if there is not None:  # a mesh on which the model has no equilibrium tells nothing
-            found.append(_better_residual(_better(quick, problem), there))
+            found.append(better_residual(better_bench(quick), PLAIN, there))
     known = [r for r in found if r is not None]
-    return np.array(known) - point.residual if known else np.zeros((0, len(none)))
+    every = np.array(known) - point.residual if known else np.zeros((0, len(none)))
+    return Differences(every, None if found[0] is None else every[0])
 
 
-def _better(quick: Bench, problem: IdentificationProblem) -> Bench:
-    return Bench(Stage.of(problem, GOOD, quick.stage), quick.sight, quick.plain, quick.correction)
+def better_bench(quick: Bench) -> Bench:
+    """The same problem with the better element."""
+    return Bench(Stage.of(quick.plain.problem, GOOD, quick.stage), quick.sight, quick.plain, quick.correction)
 
 
 def scatter_mm(differences: FloatArray, sight: Sight) -> float:
@@ -58,9 +65,12 @@ def scatter_mm(differences: FloatArray, sight: Sight) -> float:
     return float(np.sqrt(square))
 
 
-def _better_residual(better: Bench, point: Point) -> FloatArray | None:
-    """(n,) residual of the plain model with the better element, from the quick one's equilibrium: their pressures share their nodes."""
-    scene = better.stage.scene(better.plain)
+def better_residual(better: Bench, trial: Trial, point: Point) -> FloatArray | None:
+    """(n,) residual with the better element, from the quick one's equilibrium of the trial: their pressures share their nodes.
+
+    None where it finds no equilibrium.
+    """
+    scene = better.stage.scene(trial.composition(better.plain, point.phi))
     state = State(carried(point, scene), point.equilibrium.p)
     for _ in range(_ROUNDS):
         scene.linearise(state.u)

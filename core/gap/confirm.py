@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,8 @@ class Refit:
     """An effect's variant where it fits best.
 
     point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi).
-    log_evidence : Laplace's, against the plain model, the variants averaged, each model with the noise that suits it. others : variants
-    that were refitted too.
+    log_evidence : Laplace's, against the plain model, the variants averaged, each model with the noise that suits it. correction (n,) :
+    what a better element adds to its residual. others : variants that were refitted too.
     """
 
     trial: Trial
@@ -35,6 +35,7 @@ class Refit:
     in_phi: FloatArray
     covariance: FloatArray
     log_evidence: float
+    correction: FloatArray
     others: tuple[Refit, ...] = ()
 
     @property
@@ -50,11 +51,36 @@ class Refit:
 
 def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
     """Gauss-Newton on (ln G, phi) from the plain fit; None when the model with the effect cannot be solved."""
+    found = _fitted(fit, screened, which, fit.point, _start(screened, which))
+    return None if found is None else capped(found, screened)
+
+
+def capped(found: Refit, screened: Screened) -> Refit:
+    """With no more evidence than the first look has, where the stress-free mesh is another.
+
+    Another mesh has another error of the quick element, which the correction, made for the plain model, does not follow: on effect-free
+    cases such refits gained up to 5 over the first look, which has the plain model's mesh.
+    """
+    if found.point.first.scene.composition.geometry is None:
+        return found
+    return replace(found, log_evidence=min(found.log_evidence, screened.log_evidence))
+
+
+def refit_again(fit: PlainFit, screened: Screened, found: Refit, correction: FloatArray) -> Refit | None:
+    """The same from where it was `found`, with another correction (n,) of the quick element; others : none."""
+    assert found.trial.variant is not None
+    corrected = replace(fit, bench=fit.bench.corrected(correction))
+    which, scales = screened.variants.index(found.trial.variant), screened.effect.scales
+    return _fitted(corrected, screened, which, found.point, found.phi / scales)
+
+
+def _fitted(fit: PlainFit, screened: Screened, which: int, near: Points, start: FloatArray) -> Refit | None:
+    """Gauss-Newton from the point `near` and phi / scale = start (k,)."""
     effect = screened.effect
     trial = Trial(effect, screened.variants[which])
     t, scales = len(fit.point.theta), effect.scales
     best: tuple[float, Points, FloatArray] | None = None
-    here = fit.point
+    here = near
 
     def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         nonlocal best, here
@@ -75,8 +101,7 @@ def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
         return r, J
 
     bounds = np.vstack([fit.point.first.scene.parameters.bounds, effect.bounds / scales[:, None]])
-    start = np.concatenate([fit.point.theta, _start(screened, which)])
-    gauss_newton(linearise, start, bounds, _TOLERANCE, _EVALUATIONS)
+    gauss_newton(linearise, np.concatenate([near.theta, start]), bounds, _TOLERANCE, _EVALUATIONS)
     if best is None:
         return None
     return _weighed(fit, screened, which, trial, best[1], best[2])
@@ -100,11 +125,7 @@ def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point:
     spread = screened.log_evidence - screened.scores[which].log_evidence
     spread += allowed(point.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
     evidence = _whatever_noise(fit, point, S, scales) + spread
-    if point.first.scene.composition.geometry is not None:
-        # Another stress-free mesh has another error of the quick element, which the correction, made for the plain model, does not
-        # follow: on effect-free cases such refits gained up to 5 over the first look, which has the plain model's mesh.
-        evidence = min(evidence, screened.log_evidence)
-    return Refit(trial, point, S, covariance, evidence)
+    return Refit(trial, point, S, covariance, evidence, fit.bench.correction)
 
 
 def _whatever_noise(fit: PlainFit, point: Points, S: FloatArray, scales: FloatArray) -> float:

@@ -16,6 +16,7 @@ from palpate.core.gap.evidence import mean_of_exponentials
 from palpate.core.gap.forces import FreeField
 from palpate.core.gap.judge import Diagnosis, judge
 from palpate.core.gap.noise_fit import GAPS
+from palpate.core.gap.own_error import with_own_error
 from palpate.core.gap.plain import PlainFit, fit_plain
 from palpate.core.gap.pressure_fields import pressure_fields
 from palpate.core.gap.screen import Screened, screen
@@ -43,13 +44,14 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
     named = {s.effect.id: Named(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
     test = gap_test(fit.noise, r, J, R, named, seed)
-    refits = [] if test.p_value > _CLEAR else _refits(fit, screened, part(progress, 0.6, 0.9))
+    refits = [] if test.p_value > _CLEAR else _refits(fit, screened, part(progress, 0.6, 0.8))
     if refits and not test.detected:
         found = {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect}
         test = gap_test(fit.noise, r, J, R, named, seed, found)
+    refits = with_own_error(fit, screened, refits, part(progress, 0.8, 0.92)) if test.detected else []
     progress(0.92, "prediction of what was left out")
     where = look(fit, forces)
-    return judge(fit, test, screened, refits if test.detected else [], where, forces, _unnamed(fit, forces), seed)
+    return judge(fit, test, screened, refits, where, forces, _unnamed(fit, forces), seed)
 
 
 def _unnamed(fit: PlainFit, forces: FreeField) -> float:

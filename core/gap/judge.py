@@ -128,12 +128,18 @@ def _judged(
     share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
     J = np.hstack([f.point.in_theta, f.in_phi])
     p_left = gap_test(fit.noise, f.point.residual, J, forces.free, seed=seed).p_value
-    return Judged(_name(f), f.log_evidence, g, placebo_p, share, p_left, _imitation(fit, best, f))
+    return Judged(_name(f), f.log_evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
 
 
 def _name(found: Refit) -> str:
     assert found.trial.effect is not None
     return found.trial.effect.id
+
+
+def _unlike(found: Refit) -> str:
+    assert found.trial.effect is not None
+    names = [p.name for p in found.trial.effect.parameters]
+    return found.trial.effect.unlike(dict(zip(names, found.phi.tolist(), strict=True)))
 
 
 def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:

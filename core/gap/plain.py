@@ -42,14 +42,15 @@ class PlainFit:
     """The plain model where it fits best.
 
     bench : of all deformed states. point : at the quick element, residuals corrected; its tangents are those factorised. mesh : (n,) what
-    the better element changed, the mean over all `meshes` on which it was solved (the fewest of any state), 0 for none. scatter_mm : rms
-    along the surface of what one mesh differs from that mean in the first state, NaN for one mesh. noise : all that it may be; sizes : of
-    this case's. weighting : of the data vector.
+    the better element changed, the mean over all `meshes` on which it was solved (the fewest of any state), 0 for none; on_own_mesh (n,)
+    the same on the case's own mesh alone, None where that is not known. scatter_mm : rms along the surface of what one mesh differs from
+    that mean in the first state, NaN for one mesh. noise : all that it may be; sizes : of this case's. weighting : of the data vector.
     """
 
     bench: States
     point: Points
     mesh: FloatArray
+    on_own_mesh: FloatArray | None
     meshes: int
     scatter_mm: float
     noise: NoiseGrid
@@ -83,10 +84,13 @@ def fit_plain(
     weighting = Weighting(noise.covariance(sizes, np.zeros((bench.n, 1))))
     point = _best(bench, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
     progress(0.4, "plain model: the better element")
-    differences = [
+    better = [
         better_differences(b, p, remeshed, part(progress, 0.4, 0.8))
         for b, p in zip(bench.each, point.each, strict=True)
     ]
+    differences = [d.every for d in better]
+    own = [d.own for d in better if d.own is not None]
+    on_own_mesh = np.concatenate(own) if len(own) == len(better) else None
     mesh = np.concatenate([d.mean(axis=0) if len(d) else np.zeros(d.shape[1]) for d in differences])
     bench, point = bench.corrected(mesh), point.corrected(mesh)
     progress(0.8, "plain model: noise of this case's contours")
@@ -101,7 +105,8 @@ def fit_plain(
     weighting = Weighting(fitted.covariance)
     point = _best(bench, weighting, [point.theta], point)
     scatter = scatter_mm(differences[0], bench.first.sight)
-    return PlainFit(bench, point, mesh, min(map(len, differences)), scatter, grid, fitted.sizes, weighting)
+    meshes = min(map(len, differences))
+    return PlainFit(bench, point, mesh, on_own_mesh, meshes, scatter, grid, fitted.sizes, weighting)
 
 
 def _bench(problem: IdentificationProblem, bones: SurfacePair | None, state: int) -> Bench:

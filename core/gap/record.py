@@ -71,8 +71,8 @@ def _peak(found: Diagnosis) -> list[float] | None:
 def maps(found: Diagnosis) -> dict[str, FloatArray]:
     """Arrays of MAP_FILE: points, normals, residual_mm, standardised (surface); nodes_mm, force_kpa_per_mm (around it).
 
-    predicted/ID (q, 3) mm : where the surface's points go by the plain model ("plain") and by each refitted effect; correction_mm (q,)
-    is what better element and other meshes add along the normal, offset/ID (1,) by how much the effect has the contour too wide.
+    predicted/ID (q, 3) mm : where the surface's points go by the plain model ("plain") and by each refitted effect; correction/ID (q,)
+    is what better element and other meshes add to that along the normal, offset/ID (1,) by how much the effect has the contour too wide.
     Further deformed states have the same under state_2/ and so on.
     """
     out: dict[str, FloatArray] = {}
@@ -88,15 +88,17 @@ def _prefix(state: int) -> str:
 
 def _maps(found: Diagnosis, state: int, where: Where) -> dict[str, FloatArray]:
     """Of one deformed state."""
-    bench = found.fit.bench.each[state]
-    models = {"plain": found.fit.point} | {
-        f.trial.effect.id: f.point for f in found.refits if f.trial.effect is not None
+    sight, rows = found.fit.bench.sights[state], found.fit.bench.rows[state]
+    models = {"plain": (found.fit.point, found.fit.bench.correction)} | {
+        f.trial.effect.id: (f.point, f.correction) for f in found.refits if f.trial.effect is not None
     }
-    points = {name: p.each[state] for name, p in models.items()}
-    predicted = {f"predicted/{name}": _predicted(point) for name, point in points.items()}
-    offsets = {f"offset/{name}": np.array([p.scene.composition.observation]) for name, p in points.items()}
-    return predicted | offsets | {
-        "correction_mm": bench.sight.modes @ bench.correction[: bench.sight.n_modes],
+    out: dict[str, FloatArray] = {}
+    for name, (points, correction) in models.items():
+        point = points.each[state]
+        out[f"predicted/{name}"] = _predicted(point)
+        out[f"correction/{name}"] = sight.modes @ correction[rows][: sight.n_modes]
+        out[f"offset/{name}"] = np.array([point.scene.composition.observation])
+    return out | {
         "points": where.points,
         "normals": where.normals,
         "region": where.region.astype(float),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.special import softmax
 
 from palpate.core.gap.confirm import Refit
@@ -33,6 +34,7 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
     rng = np.random.default_rng(seed)
     patch = found.split.patch[:n]
     members = [np.flatnonzero(patch == p) for p in range(found.split.n_surface)]
+    tail = tail_of_few(len(members))
     draws = []
     for _ in range(_DRAWS):
         chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
@@ -43,12 +45,20 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
         "held_out_rms_after_mm": float(np.sqrt(after.mean())),
         "fraction": _fraction(before.mean(), after.mean()),
         "noise_corrected_fraction": _corrected(before.mean(), after.mean(), floor),
-        "ci95": np.quantile(draws, [0.025, 0.975]).tolist(),
+        "ci95": np.quantile(draws, [tail, 1.0 - tail]).tolist(),
         "ceiling_fraction": _corrected(before.mean(), top.mean(), floor),
         "placebo_fraction": found.placebo,
         "noise_floor_mm": float(np.sqrt(floor)),
         "effect": best.trial.effect.id,
     }
+
+
+def tail_of_few(n: int) -> float:
+    """Tail of a 95 % bootstrap interval from n blocks: a few, drawn again, scatter less than they should.
+
+    Hesterberg (2015), The American Statistician 69, 371-386, "expanded percentile interval".
+    """
+    return float(stats.norm.sf(np.sqrt(n / (n - 1.0)) * stats.t.isf(0.025, n - 1))) if n > 1 else 0.0
 
 
 def _rivals(found: Diagnosis) -> tuple[list[FloatArray], FloatArray]:

@@ -25,6 +25,8 @@ MOST_CANDIDATES = 3
 # gap test itself, or it must predict what was left out so nearly as well as a free field does, over what that gains: then what remains is
 # nothing that any missing force would foretell, but walls and mesh, which under good contours stand out of the noise where much moves.
 REMAINDER_LEVEL, LEFT_OVER, NEARLY_ALL = 0.01, 0.05, 0.9
+# Less than this of what a free field gains on data left out, and the name explains the smaller part of what can be foretold.
+HALF = 0.5
 
 _NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
 _TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
@@ -33,6 +35,9 @@ _LEFT_OVER = (
     "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it"
 )
 _UNSURE = "the effect explains the gap best, but less than nine times as probably as all others together"
+_SMALLER_PART = (
+    "the effect fits best, but closes less than half of what can be closed: something else may be the larger part"
+)
 _UNCONFIRMED = "the effect fits best, but does not predict what was left out clearly better"
 
 
@@ -43,6 +48,7 @@ class Judged:
     log_evidence : against the plain model. gain : on data left out. placebo_p : share of placebo effects that gain as much.
     share_of_ceiling : of what a saturated field gains on data left out. remainder_p : of the residual it leaves, under the noise.
     cosine : between what the best effect does to the data, the stiffness projected out, and the nearest thing this one could do.
+    unlike : why what fits is not what the effect's name means, "" where it is.
     """
 
     effect: str
@@ -52,6 +58,7 @@ class Judged:
     share_of_ceiling: float
     remainder_p: float
     cosine: float = 0.0
+    unlike: str = ""
 
     @property
     def needed_odds(self) -> float:
@@ -109,7 +116,7 @@ def decide(
     if not tied or probability[UNKNOWN] > TIED * top:
         return Verdict(UNKNOWN, (), probability, _NOTHING_NAMED)
     best = tied[0]
-    if best.remainder_p < REMAINDER_LEVEL and best.share_of_ceiling < 0.5:
+    if best.remainder_p < REMAINDER_LEVEL and best.share_of_ceiling < HALF:
         return Verdict(UNKNOWN, (), probability, _TOO_LITTLE)
     names = tuple(j.effect for j in tied[:MOST_CANDIDATES])
     if len(tied) > 1:
@@ -122,6 +129,10 @@ def decide(
         return Verdict(AMBIGUOUS, names, probability, _UNCONFIRMED)
     if top < SURE:
         return Verdict(AMBIGUOUS, _together(ranked, probability), probability, _UNSURE)
+    if best.share_of_ceiling < HALF:
+        return Verdict(AMBIGUOUS, names, probability, _SMALLER_PART)
+    if best.unlike:
+        return Verdict(AMBIGUOUS, names, probability, best.unlike)
     if best.something_left:
         return Verdict(AMBIGUOUS, names, probability, _LEFT_OVER)
     return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")

@@ -82,13 +82,13 @@ def _prestress(s: Simulated, size: float, rng: np.random.Generator) -> None:
 
 
 def _push(s: Simulated, size: float, rng: np.random.Generator) -> None:
-    """size : kPa at the middle of a patch of the organ's surface, inwards or outwards."""
+    """size : kPa at the middle of a patch of the organ's surface, inwards: what is unseen pushes; scars and tears pull."""
     X = s.body.points[s.organ_faces]
     area = 0.5 * np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
     at = X.mean(axis=1)
     s.centre = at[np.argmax((at - s.middle) @ np.array(direction(rng)))]
     share = np.clip(1.0 - (np.linalg.norm(at - s.centre, axis=1) / 12.0) ** 2, 0.0, None)
-    force = -sign(rng) * size * share[:, None] * area
+    force = -size * share[:, None] * area
     load = np.zeros((len(s.body.nodes), 3))
     # A constant pressure on a quadratic triangle is carried by its mid-edges, a third each.
     for column in s.body.face_nodes(s.organ_faces)[:, 3:].T:

@@ -13,12 +13,12 @@ from triangle_shapes import ball
 
 from palpate.core.gap import better
 from palpate.core.gap.averaged import averaged_stiffness
-from palpate.core.gap.better import GOOD
+from palpate.core.gap.better import GOOD, better_bench, better_residual
 from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
-from palpate.core.gap.confirm import _weighed
+from palpate.core.gap.confirm import capped
 from palpate.core.gap.diagnose import diagnose
-from palpate.core.gap.effects import library
+from palpate.core.gap.effects import Surroundings, library
 from palpate.core.gap.judge import Diagnosis
 from palpate.core.gap.noise_model import NoiseParts
 from palpate.core.gap.record import maps, record
@@ -96,7 +96,7 @@ def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-unt
 def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(
     posed, none: Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr(better, "_better_residual", lambda *_: None)
+    monkeypatch.setattr(better, "better_residual", lambda *_: None)
     found = diagnosed(posed, 0.0)
     assert found.fit.meshes == 0
     assert not found.fit.mesh.any()
@@ -220,16 +220,36 @@ def test_a_stress_free_mesh_is_weighed_by_no_more_than_its_first_look(wide: Diag
     """Another mesh has another error of the quick element, which would pass for evidence."""
     best = wide.refits[0]
     screened = next(s for s in wide.screened if s.effect is best.trial.effect)
-    less = [replace(score, log_evidence=score.log_evidence - 50.0) for score in screened.scores]
-    poor = replace(screened, log_evidence=screened.log_evidence - 50.0, scores=less)
+    poor = replace(screened, log_evidence=best.log_evidence - 50.0)
     shift = np.zeros_like(best.point.first.scene.space.mesh.points)
     moved = copy(best.point.first.scene)
     moved.composition = moved.composition.with_geometry(shift)
-    for scene, capped in ((best.point.first.scene, False), (moved, True)):
-        weighed = _weighed(
-            wide.fit, poor, 0, best.trial, Points((replace(best.point.first, scene=scene),)), best.in_phi
-        )
-        assert (weighed.log_evidence == poor.log_evidence) is capped
+    elsewhere = replace(best, point=Points((replace(best.point.first, scene=moved),)))
+    assert capped(best, poor).log_evidence == best.log_evidence
+    assert capped(elsewhere, poor).log_evidence == poor.log_evidence
+
+
+def test_leading_effects_have_the_quick_element_s_error_of_their_own(posed) -> None:  # type: ignore[no-untyped-def]
+    """An organ that gives up much volume is another body: what the better element says of it there, not of the plain model."""
+    scene = Stage.of(posed, GOOD).scene(
+        EFFECTS["compressible_organ"].variants(Surroundings(posed))[0].applied(Composition(posed), np.array([3.0]))
+    )
+    settled = scene.settle(np.log([30.0, 70.0])).equilibrium
+    assert settled.converged
+    rest = posed.organ.rest
+    moved = rest.points + scene.space.interpolation(rest.points, posed.regions) @ settled.u
+    found = diagnose(CaseData(replace(posed, organ=SurfacePair(rest, replace(rest, points=moved)))), EFFECTS)
+    fitted = next(f for f in found.refits if f.trial.effect is not None and f.trial.effect.id == "compressible_organ")
+    at = fitted.point.first
+    better_one = better_residual(better_bench(found.fit.bench.first), fitted.trial, at)
+    assert better_one is not None
+    off = [
+        np.linalg.norm(at.residual - fitted.correction + c - better_one)
+        for c in (fitted.correction, found.fit.bench.correction)
+    ]
+    assert off[0] < 0.2 * off[1]
+    written = maps(found)
+    assert np.abs(written["correction/compressible_organ"] - written["correction/plain"]).max() > 0.0
 
 
 def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> None:

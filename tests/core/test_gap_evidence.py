@@ -7,6 +7,7 @@ import pytest
 from scipy import integrate, stats
 
 from palpate.core.gap.detect import Named, gap_test
+from palpate.core.gap.effects import library
 from palpate.core.gap.evidence import allowed, explained, mean_of_exponentials, projected, score
 from palpate.core.gap.heldout import Gain
 from palpate.core.gap.noise_fit import NoiseGrid
@@ -138,6 +139,20 @@ def judged(effect: str, evidence: float, **changes: object) -> Judged:
 
 def test_no_gap_is_none_whatever_the_effects_say() -> None:
     assert decide(False, [judged("inclusion", 50.0)], 0.0).verdict == "none"
+
+
+def test_a_name_that_closes_the_smaller_part_or_means_something_else_does_not_stand_alone() -> None:
+    for changes in ({"share_of_ceiling": 0.45}, {"unlike": "it pulls"}):
+        found = decide(True, [judged("unmodelled_load", 20.0, **changes), judged("inclusion", 3.0)], 5.0)
+        assert (found.verdict, found.candidates) == ("ambiguous", ("unmodelled_load",))
+    assert found.why == "it pulls"
+    assert decide(True, [judged("unmodelled_load", 20.0, share_of_ceiling=0.55)], 5.0).verdict == "unmodelled_load"
+
+
+def test_a_load_that_pulls_is_no_push() -> None:
+    unlike = library(None)["unmodelled_load"].unlike
+    assert unlike({"pressure": 20.0, "shear_1": -30.0, "pressure_2": -5.0}) == ""
+    assert "pulls" in unlike({"pressure": 5.0, "shear_1": 30.0, "pressure_2": -20.0})
 
 
 def test_one_clear_effect_is_named_and_twins_are_not_told_apart() -> None:

@@ -108,8 +108,9 @@ def test_what_an_effect_achieves_is_measured_to_the_surface_without_noise() -> N
     at = np.stack([x, y, np.full(len(x), 0.4)], axis=1)
     voxels = 0.3 * (-1.0) ** np.arange(len(x))  # too fine for a model to be blamed for
     maps = {
-        "points": at, "predicted/plain": at + (2.6 + voxels[:, None]) * up, "predicted/inclusion": at + 0.1 * up,
-        "correction_mm": np.full(len(x), 0.4), "offset/plain": np.zeros(1), "offset/inclusion": np.zeros(1),
+        "points": at, "predicted/plain": at + (2.6 + voxels[:, None]) * up, "predicted/inclusion": at,
+        "correction/plain": np.full(len(x), 0.4), "correction/inclusion": np.full(len(x), 0.5),
+        "offset/plain": np.zeros(1), "offset/inclusion": np.zeros(1),
     }  # fmt: skip
     true = {"points": corners + up, "at_rest": corners, "faces": faces}
     assert achieved(maps, true, "inclusion") == pytest.approx((0.75, 2.0, 0.5), rel=0.03)
@@ -126,14 +127,15 @@ def test_what_an_effect_achieves_is_over_all_states_that_were_diagnosed() -> Non
     true = {"points": corners + up, "at_rest": corners, "faces": faces, "points_2": corners + 3.0 * up}
     maps = {
         "points": at, "predicted/plain": at + 3.0 * up, "predicted/inclusion": at + 1.5 * up,
-        "correction_mm": np.zeros(len(x)), "offset/plain": np.zeros(1), "offset/inclusion": np.zeros(1),
+        "correction/plain": np.zeros(len(x)), "correction/inclusion": np.zeros(len(x)),
+        "offset/plain": np.zeros(1), "offset/inclusion": np.zeros(1),
     }  # fmt: skip
     first = achieved(maps, true, "inclusion")
     assert first == achieved(maps, {name: true[name] for name in ("points", "at_rest", "faces")}, "inclusion")
     assert first == pytest.approx((0.75, 2.0, 0.5), rel=0.03)
     maps |= {f"state_2/{name}": value for name, value in maps.items()}
     maps |= {"state_2/predicted/plain": at + 3.6 * up, "state_2/predicted/inclusion": at + 2.9 * up}
-    maps |= {"state_2/correction_mm": np.full(len(x), 0.4)}
+    maps |= {f"state_2/correction/{name}": np.full(len(x), 0.4) for name in ("plain", "inclusion")}
     maps |= {"state_2/offset/inclusion": np.full(1, -0.2)}
     rms = [np.sqrt((2.0**2 + 1.0**2) / 2.0), np.sqrt((0.5**2 + 0.1**2) / 2.0)]
     assert achieved(maps, true, "inclusion") == pytest.approx((1.0 - rms[1] / rms[0], *rms), rel=0.03)

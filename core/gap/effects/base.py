@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -89,12 +89,17 @@ class Surroundings:
         return means[count >= 0.35 * np.median(count)]
 
 
+def _as_named(phi: Mapping[str, float]) -> str:
+    return ""
+
+
 @dataclass(frozen=True, eq=False)
 class Effect:
     """One thing a model may leave out.
 
     words : "the organ slides along its surroundings". parameters : of every variant. variants : where it could be; none
-    when the case excludes it. settled_by : the measurement that shows this effect most clearly, in words.
+    when the case excludes it. settled_by : the measurement that shows this effect most clearly, in words. unlike : phi by name of its
+    parameter -> why what fits best is not what the name means, in words; "" where it is.
     """
 
     id: str
@@ -102,6 +107,7 @@ class Effect:
     parameters: Sequence[Parameter]
     variants: Callable[[Surroundings], list[Variant]]
     settled_by: str
+    unlike: Callable[[Mapping[str, float]], str] = _as_named
 
     @property
     def scales(self) -> FloatArray:

@@ -15,6 +15,8 @@ from palpate.core.mesh import TetMesh
 # What is given up saturates as G / K grows, the more so the softer the organ: it grows exponentially with phi, in which the data's
 # answer is more nearly a line.
 _UNIT_RATIO = 0.05
+# Where Poisson's ratio is 0: below it lies no tissue.
+_AT_ZERO = 3.42
 
 
 def _variants(around: Surroundings) -> list[Variant]:
@@ -51,7 +53,7 @@ def poisson_ratio(phi: float, plain: float = 0.495) -> float:
 EFFECT = Effect(
     "compressible_organ",
     "the organ gives up volume under pressure",
-    (Parameter("poisson_ratio", "1", 1.5, 0.0, 3.2, poisson_ratio),),
+    (Parameter("poisson_ratio", "1", 1.5, 0.0, _AT_ZERO, poisson_ratio),),
     _variants,
     "a second deformed scan with another filling: a compressible organ loses volume in proportion to the pressure",
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from palpate.core.fem.space import Space
@@ -60,6 +62,17 @@ def _variant(around: Surroundings, centre: FloatArray, outward: FloatArray) -> V
     return Variant(change, f"at ({x:.0f}, {y:.0f}, {z:.0f})", (x, y, z))
 
 
+def _pulls(phi: Mapping[str, float]) -> str:
+    """Nothing that only lies against the organ can pull at it: what does is grown together with it."""
+    pressures = [value for name, value in phi.items() if name.startswith("pressure")]
+    if max(pressures, key=abs) >= 0.0:
+        return ""
+    return (
+        "what is missing pulls at the organ, which nothing that pushes does: a scar that shrank, an adhesion or a tear would, and the "
+        "library has no name for them"
+    )
+
+
 EFFECT = Effect(
     "unmodelled_load",
     "something that the scans do not show pushes on the organ",
@@ -74,4 +87,5 @@ EFFECT = Effect(
     ),
     _variants,
     "the region next to the organ at the marked place, scanned again or with another modality",
+    _pulls,
 )
