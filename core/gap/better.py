@@ -30,7 +30,7 @@ UNKNOWN_MM = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """What the better element changes, mm. every (M, n) : on each mesh on which it finds an equilibrium, M may be 0; own (n,) : the first."""
+    """What the better element changes, mm. every (M, n) : each mesh on which it finds an equilibrium, M may be 0; own (n,) : the first."""
 
     every: FloatArray
     own: FloatArray | None

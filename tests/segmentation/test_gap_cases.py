@@ -158,6 +158,18 @@ def test_a_tangent_that_is_kept_is_that_of_the_law_at_hand(body: Body, plain: Si
     np.testing.assert_allclose(K @ way.ravel(), (ahead - behind) / 2e-5, atol=1e-6 * np.abs(K @ way.ravel()).max())
 
 
+def test_a_hidden_push_presses_inwards(body: Body, plain: Simulated) -> None:
+    """What pulls at an organ is no push: scars and tears do, which are beside the library."""
+    for seed in range(6):
+        hidden = Simulated.plain(body, plain.organ_faces, {1: 20.0, 2: 50.0})
+        LIBRARY["unmodelled_load"](hidden, 5.0, np.random.default_rng(seed))
+        assert hidden.load is not None and hidden.centre is not None
+        outwards = np.asarray(hidden.centre) - hidden.middle
+        assert hidden.load.sum(axis=0) @ outwards < -0.5 * np.linalg.norm(hidden.load.sum(axis=0)) * np.linalg.norm(
+            outwards
+        )
+
+
 @pytest.mark.parametrize("name", ALL_WAYS)
 def test_every_hidden_effect_moves_or_redraws_the_organ(
     name: str, plain: Simulated, body: Body, boundary: dict[str, np.ndarray]
