@@ -67,7 +67,10 @@ def capped(found: Refit, screened: Screened) -> Refit:
 
 
 def refit_again(fit: PlainFit, screened: Screened, found: Refit, correction: FloatArray) -> Refit | None:
-    """The same from where it was `found`, with another correction (n,) of the quick element; others : none."""
+    """Refitted from where it was `found`, with another correction (n,) mm of the quick element; others : none.
+
+    None when the model with the effect cannot be solved. Its evidence is not capped: the correction is of its own stress-free mesh.
+    """
     assert found.trial.variant is not None
     corrected = replace(fit, bench=fit.bench.corrected(correction))
     which, scales = screened.variants.index(found.trial.variant), screened.effect.scales

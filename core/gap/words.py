@@ -31,7 +31,7 @@ def sentence(found: Diagnosis) -> str:
         return (
             f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows. "
             + (f"It could be that {' or that '.join(words)}: these scans cannot tell." if len(words) > 1 else
-               f"It may be that {words[0]}, but these scans do not settle it.")
+               f"It may be that {words[0]}, but these scans do not settle it: {found.verdict.why}.")
         )  # fmt: skip
     return (
         f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows, because {words[0]}; "

@@ -193,6 +193,13 @@ def test_the_stiffness_with_an_effect_is_over_all_that_may_be_it(wide: Diagnosis
     assert written["prostate_right"]["G_kpa"] == pytest.approx(float(np.exp(mean[1])))
 
 
+def test_a_single_name_that_is_not_settled_comes_with_the_reason(wide: Diagnosis) -> None:
+    """A clinician who reads "pushes" must read there too that it would have to pull."""
+    doubtful = replace(wide.verdict, verdict="ambiguous", candidates=("contour_bias",), why="it would have to pull")
+    said = record(replace(wide, verdict=doubtful), "a case")["in_words"]
+    assert said.endswith("these scans do not settle it: it would have to pull.")
+
+
 def test_a_gap_that_no_effect_comes_near_is_still_written_down(wide: Diagnosis) -> None:
     """Where a free field is likelier by more than a double can hold, every effect's probability is 0."""
     lost = dict.fromkeys(wide.verdict.probability, 0.0) | {"unknown": 1.0}
