@@ -29,8 +29,9 @@ from palpate.segmentation.gap_scores import scores
 
 # A deformation that has no equilibrium is tried again so many times, easier each time.
 _EASIER = 4
-# Patients that are looked at for one who can be made: the first must show an effect above the noise floor, the others need not.
-_PATIENTS = 4
+# Patients that are looked at for one whose scans show the effect above the noise floor; then such as are taken whatever they show,
+# since what moves nothing (gravity) does so in nobody, until one can be made.
+_MUST_SHOW, _PATIENTS = 4, 7
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 
 
@@ -69,7 +70,7 @@ def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: P
 
 def _made(recipe: Recipe, folder: Path) -> None:
     for k in range(_PATIENTS):
-        if _made_of(recipe, folder, must_show=k == 0):
+        if _made_of(recipe, folder, must_show=k < _MUST_SHOW):
             return
         recipe = another(recipe)
 

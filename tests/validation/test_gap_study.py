@@ -267,8 +267,24 @@ def test_an_effect_that_cannot_show_gets_another_patient_who_is_taken(
     monkeypatch.setattr(gap_study, "make_case", make)
     (tmp_path / "cases").mkdir()
     gap_study._made(recipes_of(StudyOptions(2, 5))[1], tmp_path)
-    assert len({r.seed for r in tried}) == len(tried) == 2
+    assert len({r.seed for r in tried}) == len(tried) == 5
     assert len({tuple(r.effects) for r in tried}) == 1
+    assert (tmp_path / "cases" / "gap_001").is_dir()
+
+
+def test_of_patients_the_first_who_shows_the_effect_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[Recipe] = []
+
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+        tried.append(recipe)
+        if must_show and len(tried) < 3:
+            raise TooWeak("0.1 mm are left")
+        case.mkdir()
+
+    monkeypatch.setattr(gap_study, "make_case", make)
+    (tmp_path / "cases").mkdir()
+    gap_study._made(recipes_of(StudyOptions(2, 5))[1], tmp_path)
+    assert len(tried) == 3
     assert (tmp_path / "cases" / "gap_001").is_dir()
 
 
