@@ -23,7 +23,7 @@ QUICK, GOOD = "p1p1", "p2p1"
 # Rounds in which the walls of the better element find their place from where the quick one had them.
 _ROUNDS = 2
 # Where cells fold it may find no equilibrium from there, and fight for minutes: it is given a fifth of what a solve may take.
-_OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
+OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
 # What a better element may change where that could not be found out, rms mm: about what it does change.
 UNKNOWN_MM = 0.25
 
@@ -65,16 +65,16 @@ def scatter_mm(differences: FloatArray, sight: Sight) -> float:
     return float(np.sqrt(square))
 
 
-def better_residual(better: Bench, trial: Trial, point: Point) -> FloatArray | None:
+def better_residual(better: Bench, trial: Trial, point: Point, options: NewtonOptions = OPTIONS) -> FloatArray | None:
     """(n,) residual with the better element, from the quick one's equilibrium of the trial: their pressures share their nodes.
 
-    None where it finds no equilibrium.
+    None where it finds no equilibrium within what options allow.
     """
     scene = better.stage.scene(trial.composition(better.plain, point.phi))
     state = State(carried(point, scene), point.equilibrium.p)
     for _ in range(_ROUNDS):
         scene.linearise(state.u)
-        found = scene.solve(point.theta, state, _OPTIONS)
+        found = scene.solve(point.theta, state, options)
         if not found.converged:
             return None
         state = State(found.u, found.p)
