@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from phantoms import affine, labels, result
 
 from palpate.segmentation.case import CaseFacts
+from palpate.segmentation.labels import BLADDER, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.ui.number_words import measured, three_figures
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import stiffness_planes, stiffness_series
@@ -117,3 +121,21 @@ def test_a_colour_bar_stands_beside_colours_only() -> None:
     known, unknown = (CaseImages(volume, stiffness_kpa={1: 20.0, 2: 60.0}, untold=frozenset(u)) for u in ((1,), (1, 2)))
     for draw in (stiffness_planes, stiffness_series):
         assert len(draw(known).axes) == len(draw(unknown).axes) + 1
+
+
+def test_a_legend_has_the_outlines_that_the_slices_meet() -> None:
+    """A bladder above the organ is on sagittal slices, on none of the axial ones through the organ."""
+    volume = labels(affine())
+    array = volume.array.copy()
+    low, high = np.flatnonzero(np.isin(array, ORGAN_LABELS).any(axis=(0, 1)))[[0, -1]]
+    array[array == BLADDER] = SURROUNDING_TISSUE
+    across = np.argwhere(np.isin(array, ORGAN_LABELS)).mean(axis=0).round().astype(int)
+    array[across[0] - 2 : across[0] + 3, across[1] - 2 : across[1] + 3, high + 2 : high + 4] = BLADDER
+    images = CaseImages(replace(volume, array=array), stiffness_kpa={1: 20.0, 2: 60.0})
+
+    def listed(figure: Figure) -> set[str]:
+        return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+
+    assert {"organ", "bladder"} <= listed(stiffness_planes(images))
+    assert "organ" in listed(stiffness_series(images))
+    assert "bladder" not in listed(stiffness_series(images))

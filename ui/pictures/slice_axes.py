@@ -64,8 +64,8 @@ def draw_stiffness(axes: Axes, images: CaseImages, plane: Plane, window: Window,
 
 def draw_outlines(
     axes: Axes, images: CaseImages, plane: Plane, window: Window, outlines: Iterable[Outline], deformed: bool = False
-) -> None:
-    """Outlines at the half level of each label, at rest or, dashed, deformed.
+) -> set[str]:
+    """Outlines at the half level of each label, at rest or, dashed, deformed; the names of those that the slice meets.
 
     Open where the labels or the scan below them end: an organ that is cut off there goes on, and a line would say that it ends.
     """
@@ -74,13 +74,16 @@ def draw_outlines(
     there = reached(labels, plane, window)
     if images.ct is not None:
         there &= reached(images.ct, plane, window)
+    met = set()
     for outline in outlines:
         shares = [share_of_label(labels, label, plane, window) for label in outline.labels]
         whole = np.where(there, np.sum([share.values for share in shares], axis=0), np.nan)
-        _line(axes, Slice(whole, shares[0].extent), outline.name, style, 1.1)
+        if _line(axes, Slice(whole, shares[0].extent), outline.name, style, 1.1):
+            met.add(outline.name)
         if outline.divided and len(shares) > 1:
             between = np.where(whole > 0.5, shares[0].values - shares[1].values + 0.5, np.nan)
             _line(axes, Slice(between, shares[0].extent), outline.name, style, 0.7)
+    return met
 
 
 def position_text(plane: Plane, window: Window) -> str:
@@ -93,12 +96,14 @@ def position_text(plane: Plane, window: Window) -> str:
     return f"{'xyz'[plane.normal]} = {sign}{abs(value):.1f} mm"
 
 
-def _line(axes: Axes, level: Slice, name: str, style: str, width: float) -> None:
+def _line(axes: Axes, level: Slice, name: str, style: str, width: float) -> bool:
     finite = level.values[np.isfinite(level.values)]
-    if finite.size and finite.min() < 0.5 < finite.max():
-        axes.contour(
-            *level.coordinates, level.values, levels=[0.5], colors=OUTLINES[name], linestyles=style, linewidths=width
-        )
+    if not finite.size or not finite.min() < 0.5 < finite.max():
+        return False
+    axes.contour(
+        *level.coordinates, level.values, levels=[0.5], colors=OUTLINES[name], linestyles=style, linewidths=width
+    )
+    return True
 
 
 def _letters(axes: Axes, plane: Plane) -> None:

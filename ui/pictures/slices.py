@@ -37,19 +37,20 @@ def stiffness_planes(images: CaseImages) -> Figure:
     """Axial, sagittal and coronal slice through the organ's centre: above the scan, below the stiffness on it."""
     figure = Figure(figsize=(7.6, 5.3), layout="constrained")
     grid = figure.subplots(2, 3)
+    met: set[str] = set()
     for column, plane in enumerate(PLANES):
         window = images.window(plane)
         draw_background(grid[0, column], images, plane, window)
         for other in PLANES:
             if other is not plane:
                 draw_place(grid[0, column], plane, other, images.window(other))
-        _outline_rest(grid[0, column], images, plane, window)
+        met |= _outline_rest(grid[0, column], images, plane, window)
         draw_background(grid[1, column], images, plane, window)
         draw_stiffness(grid[1, column], images, plane, window)
         _outline_rest(grid[1, column], images, plane, window)
         grid[1, column].set_title("")
     _colour_bar(figure, images, list(grid[1]))
-    _legend(figure, images, deformed=False)
+    _legend(figure, images, met)
     return figure
 
 
@@ -60,13 +61,14 @@ def stiffness_series(images: CaseImages, count: int = 6) -> Figure:
     figure = Figure(figsize=(7.6, 5.3), layout="constrained")
     grid = figure.subplots(2, count // 2)
     shares = (np.arange(count) + 0.5) / count
+    met: set[str] = set()
     for axes, share in zip(grid.ravel(), shares, strict=True):
         window = replace(middle, centre=(*middle.centre[:2], float(low + share * (high - low))))
         draw_background(axes, images, AXIAL, window)
         draw_stiffness(axes, images, AXIAL, window)
-        _outline_rest(axes, images, AXIAL, window)
+        met |= _outline_rest(axes, images, AXIAL, window)
     _colour_bar(figure, images, list(grid.ravel()))
-    _legend(figure, images, deformed=False)
+    _legend(figure, images, met)
     return figure
 
 
@@ -75,12 +77,13 @@ def deformation_planes(images: CaseImages) -> Figure:
     if images.deformed is None:
         raise ValueError("deformation_planes needs the deformed labels")
     figure = Figure(figsize=(7.6, 3.1), layout="constrained")
+    met: set[str] = set()
     for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
         window = images.window(plane, margin_mm=40.0)
         draw_background(axes, images, plane, window)
         for deformed in (False, True):
-            draw_outlines(axes, images, plane, window, _outlines(images), deformed)
-    _legend(figure, images, deformed=True)
+            met |= draw_outlines(axes, images, plane, window, _outlines(images), deformed)
+    _legend(figure, images, met, deformed=True)
     return figure
 
 
@@ -101,8 +104,8 @@ def save(figure: Figure, path: Path) -> Path:
     return path
 
 
-def _outline_rest(axes: Axes, images: CaseImages, plane: Plane, window: Window) -> None:
-    draw_outlines(axes, images, plane, window, _outlines(images))
+def _outline_rest(axes: Axes, images: CaseImages, plane: Plane, window: Window) -> set[str]:
+    return draw_outlines(axes, images, plane, window, _outlines(images))
 
 
 def _outlines(images: CaseImages) -> tuple[Outline, ...]:
@@ -119,9 +122,12 @@ def _colour_bar(figure: Figure, images: CaseImages, axes: list[Axes]) -> None:
         bar.ax.axhline(G, color="black", linewidth=1.2)
 
 
-def _legend(figure: Figure, images: CaseImages, deformed: bool) -> None:
+def _legend(figure: Figure, images: CaseImages, met: set[str], deformed: bool = False) -> None:
+    # Of the outlines that any of the slices meets: an entry without a line is looked for in vain.
     # On paper white lines are nothing: the legend stands on a dark ground, as the outlines do.
-    lines = [Line2D([], [], color=OUTLINES[o.name], linewidth=1.4, label=o.name) for o in _outlines(images)]
+    lines = [
+        Line2D([], [], color=OUTLINES[o.name], linewidth=1.4, label=o.name) for o in _outlines(images) if o.name in met
+    ]
     if deformed:
         for style, state in (("-", "at rest"), ("--", "deformed")):
             lines.append(Line2D([], [], color="white", linewidth=1.4, linestyle=style, label=state))  # type: ignore[arg-type]
