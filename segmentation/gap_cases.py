@@ -30,6 +30,8 @@ from palpate.segmentation.meshing import MeshOptions, mesh_labels
 
 # Of the mesher's random numbers: no mesh of a diagnosis has it.
 _SEED = 77
+# What shows less than this share of the noise floor moves nothing in other patients either (gravity): they need not be looked at.
+_HOPELESS = 0.1
 
 
 def simulated(recipe: Recipe, mesh_cache: Path | None = None) -> tuple[Recipe, Made]:
@@ -70,11 +72,13 @@ def make_case(
 ) -> dict[str, Any]:
     """Write a label case and, in another folder, what is true of it. Returns the truth.
 
-    must_show : raise TooWeak, and write nothing, where the two stiffnesses leave less of the effects than the noise floor.
+    must_show : raise TooWeak, and write nothing, where the two stiffnesses leave less of the effects than the noise floor, but not next
+    to nothing.
     Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much.
     """
     recipe, made = simulated(recipe, mesh_cache)
-    if must_show and recipe.effects and made.effect_mm[1] < noise_floor_mm(recipe.noise_mm):
+    floor = noise_floor_mm(recipe.noise_mm)
+    if must_show and recipe.effects and _HOPELESS * floor < made.effect_mm[1] < floor:
         raise TooWeak(f"{recipe.name}: {made.effect_mm[1]:.2f} mm are left")
     write_case(recipe, made, case_path)
     truth = _truth(recipe, made)

@@ -30,7 +30,7 @@ from palpate.segmentation.gap_scores import scores
 # A deformation that has no equilibrium is tried again so many times, easier each time.
 _EASIER = 4
 # Patients that are looked at for one whose scans show the effect above the noise floor; then such as are taken whatever they show,
-# since what moves nothing (gravity) does so in nobody, until one can be made.
+# until one can be made.
 _MUST_SHOW, _PATIENTS = 4, 7
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 

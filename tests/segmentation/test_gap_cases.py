@@ -282,3 +282,15 @@ def test_an_effect_below_the_noise_floor_is_not_written_where_it_must_show(
     with pytest.raises(TooWeak, match=r"x: 0.51 mm are left"):
         make_case(recipe, tmp_path / "case", tmp_path / "answers", must_show=True)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_effect_that_moves_nothing_is_taken_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[Path] = []
+    recipe = Recipe("x", 1, {"gravity_change": 2.0}, noise_mm=0.3)
+    monkeypatch.setattr(gap_cases, "simulated", lambda *_: (recipe, _Shows((0.001, 0.001))))
+    monkeypatch.setattr(gap_cases, "write_case", lambda recipe, made, path: written.append(path))
+    monkeypatch.setattr(gap_cases, "_truth", lambda *_: {"effects": ["gravity_change"]})
+    monkeypatch.setattr(gap_cases, "_surfaces", lambda _: {})
+    truth = make_case(recipe, tmp_path / "case", tmp_path / "answers", must_show=True)
+    assert truth["effects"] == ["gravity_change"]
+    assert written == [tmp_path / "case"]
