@@ -127,7 +127,7 @@ def test_a_legend_has_the_outlines_that_the_slices_meet() -> None:
     """A bladder above the organ is on sagittal slices, on none of the axial ones through the organ."""
     volume = labels(affine())
     array = volume.array.copy()
-    low, high = np.flatnonzero(np.isin(array, ORGAN_LABELS).any(axis=(0, 1)))[[0, -1]]
+    high = np.flatnonzero(np.isin(array, ORGAN_LABELS).any(axis=(0, 1)))[-1]
     array[array == BLADDER] = SURROUNDING_TISSUE
     across = np.argwhere(np.isin(array, ORGAN_LABELS)).mean(axis=0).round().astype(int)
     array[across[0] - 2 : across[0] + 3, across[1] - 2 : across[1] + 3, high + 2 : high + 4] = BLADDER
