@@ -12,6 +12,8 @@ from palpate.core.errors import ConvergenceError
 from palpate.segmentation.gap_truth.body import Body, FloatArray, Laws
 
 _TOLERANCE, _ITERATIONS, _SMALLEST_STEP = 1e-7, 14, 1.0 / 64.0
+# So many goes, and a body that creeps on by sixty-fourths folds all the same: soft layers took minutes to do so.
+_GOES = 20
 # A step of Newton's longer than this leads nowhere, mm.
 _ABSURD_MM = 60.0
 # Newton is given up when this many steps have not halved what is out of balance.
@@ -32,18 +34,20 @@ def equilibrium(
     # Tissue that has grown all at once is under more pressure than it is stable under.
     grown = any((law.growth != 1.0).any() for law in laws.values())
     begin, reached, step = u.copy(), 0.0, 0.25 if grown and start is None else 1.0
-    while reached < 1.0:
+    for _ in range(_GOES):
         way = min(reached + step, 1.0)
         target = np.where(free, u, begin + way * (np.nan_to_num(held.ravel()) - begin))
         here = {region: law.eased(way) for region, law in laws.items()} if start is None else laws
         found = _newton(body, here, u, target - u, way * force if start is None else force, free)
         if found is not None:
             u, reached, step = found, way, 1.5 * step
+            if reached == 1.0:
+                return u.reshape(-1, 3)
             continue
         step *= 0.5
         if step < _SMALLEST_STEP or start is not None:
-            raise ConvergenceError("the simulated body has no equilibrium; make its walls move less")
-    return u.reshape(-1, 3)
+            break
+    raise ConvergenceError("the simulated body has no equilibrium; make its walls move less")
 
 
 def _newton(
