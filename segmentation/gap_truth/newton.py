@@ -12,8 +12,8 @@ from palpate.core.errors import ConvergenceError
 from palpate.segmentation.gap_truth.body import Body, FloatArray, Laws
 
 _TOLERANCE, _ITERATIONS, _SMALLEST_STEP = 1e-7, 14, 1.0 / 64.0
-# So many goes, and a body that creeps on by sixty-fourths folds all the same: soft layers took minutes to do so.
-_GOES = 20
+# So many goes, and a body that creeps on by small steps folds all the same: soft layers took minutes to do so.
+_GOES = 12
 # A step of Newton's longer than this leads nowhere, mm.
 _ABSURD_MM = 60.0
 # Newton is given up when this many steps have not halved what is out of balance.

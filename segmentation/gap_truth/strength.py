@@ -10,8 +10,10 @@ from palpate.core.errors import ConvergenceError
 
 # Solves that the search may take, and how near to what is wanted it ends (a factor).
 _TRIES, _NEAR = 4, 1.3
+# Where between the weakest and the strongest (logarithms) it begins. What is too strong is found out slowly, by load steps that creep.
+_BEGIN = 0.25
 # What has no equilibrium is left behind by this share of the way back to what had one.
-_BACK = 0.4
+_BACK = 0.5
 
 
 def strength(wanted_mm: float, limits: tuple[float, float], shown_mm: Callable[[float], float]) -> float:
@@ -21,7 +23,7 @@ def strength(wanted_mm: float, limits: tuple[float, float], shown_mm: Callable[[
     """
     low, high = np.log(limits)
     found: list[tuple[float, float]] = []  # logarithms of size and of what it shows
-    at = 0.5 * (low + high)
+    at = low + _BEGIN * (high - low)
     for _ in range(_TRIES):
         try:
             found.append((at, float(np.log(max(shown_mm(float(np.exp(at))), 1e-6)))))
