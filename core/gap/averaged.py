@@ -4,6 +4,8 @@ The best effect's own interval takes the effect for granted. Where two explain t
 the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1 to 3). The same within one
 effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before it, looks the same, but the organ's
 stiffness, known relative to the tissue's alone, then differs by that factor.
+
+What walls read wrongly pull the fitted ln G by is taken off (`wall_bias`).
 """
 
 from __future__ import annotations
@@ -16,16 +18,30 @@ from scipy.special import softmax
 
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.judge import Diagnosis, saturated_model
+from palpate.core.gap.plain import PlainFit
 from palpate.core.gap.verdict import UNKNOWN
+from palpate.core.gap.wall_bias import wall_bias
 
 FloatArray = NDArray[np.float64]
+
+# Precision of ln G's prior in the plain model's answer.
+_PRIOR = 0.2
+
+
+def plain_stiffness(fit: PlainFit) -> tuple[FloatArray, FloatArray]:
+    """ln G (t,) and its covariance (t, t) without an effect."""
+    J = fit.weighting.whiten(fit.point.in_theta)
+    covariance = np.asarray(np.linalg.inv(J.T @ J + _PRIOR * np.eye(J.shape[1])))
+    return _allowed(fit, fit.point.theta - wall_bias(fit.noise_slope, covariance)), covariance
 
 
 def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of "unknown"."""
-    models = {f.trial.effect.id: over_variants(f) for f in found.refits if f.trial.effect is not None}
+    slope = found.fit.noise_slope
+    models = {f.trial.effect.id: over_variants(f, slope) for f in found.refits if f.trial.effect is not None}
     models[UNKNOWN] = _unnamed(found)
-    return mixture(models, found.verdict.probability)
+    mean, covariance = mixture(models, found.verdict.probability)
+    return _allowed(found.fit, mean), covariance
 
 
 def mixture(
@@ -41,11 +57,15 @@ def mixture(
     return mean, np.asarray(covariance)
 
 
-def over_variants(best: Refit) -> tuple[FloatArray, FloatArray]:
-    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their evidence."""
+def over_variants(best: Refit, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their evidence.
+
+    slope (t,) : see `noise_slope`.
+    """
     t = len(best.point.theta)
     variants = (best, *best.others)
-    models = {str(k): (f.point.theta, f.covariance[:t, :t]) for k, f in enumerate(variants)}
+    each = [(f.point.theta, f.covariance[:t, :t]) for f in variants]
+    models = {str(k): (theta - wall_bias(slope, C), C) for k, (theta, C) in enumerate(each)}
     weight = softmax([f.log_evidence for f in variants])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
@@ -57,5 +77,11 @@ def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     J = fit.weighting.whiten(model.J)
     covariance = np.asarray(np.linalg.inv(J.T @ J + np.diag(model.precision)), dtype=np.float64)
     step = -covariance[:t] @ (J.T @ fit.weighting.whiten(model.r))
+    theta = _allowed(fit, fit.point.theta + step)
+    return theta - wall_bias(fit.noise_slope, covariance[:t, :t]), covariance[:t, :t]
+
+
+def _allowed(fit: PlainFit, theta: FloatArray) -> FloatArray:
+    """Held between ln G's bounds."""
     low, high = fit.point.first.scene.parameters.bounds.T
-    return np.clip(fit.point.theta + step, low, high), covariance[:t, :t]
+    return np.clip(theta, low, high)

@@ -22,6 +22,7 @@ from palpate.core.gap.remeshed import Remeshed, left_by_all
 from palpate.core.gap.sight import Sight
 from palpate.core.gap.stage import Stage
 from palpate.core.gap.states import Points, States, apart
+from palpate.core.gap.wall_bias import noise_slope
 from palpate.core.identify.gauss_newton import gauss_newton
 from palpate.core.identify.parameters import StiffnessParameters
 from palpate.core.identify.reference import middle
@@ -43,8 +44,9 @@ class PlainFit:
 
     bench : of all deformed states. point : at the quick element, residuals corrected; its tangents are those factorised. mesh : (n,) what
     the better element changed, the mean over all `meshes` on which it was solved (the fewest of any state), 0 for none; on_own_mesh (n,)
-    the same on the case's own mesh alone, None where that is not known. scatter_mm : rms along the surface of what one mesh differs from
-    that mean in the first state, NaN for one mesh. noise : all that it may be; sizes : of this case's. weighting : of the data vector.
+    the same on the case's own mesh alone, None where that is not known. noise_slope (t,) : see the function. scatter_mm : rms along the
+    surface of what one mesh differs from that mean in the first state, NaN for one mesh. noise : all that it may be; sizes : of this
+    case's. weighting : of the data vector.
     """
 
     bench: States
@@ -52,6 +54,7 @@ class PlainFit:
     mesh: FloatArray
     on_own_mesh: FloatArray | None
     meshes: int
+    noise_slope: FloatArray
     scatter_mm: float
     noise: NoiseGrid
     sizes: NoiseSizes
@@ -104,9 +107,12 @@ def fit_plain(
     )
     weighting = Weighting(fitted.covariance)
     point = _best(bench, weighting, [point.theta], point)
+    progress(0.95, "plain model: what walls read wrongly do to the stiffness")
+    slope = noise_slope(bench, weighting, fitted.sizes, point)
+    point = _solved(bench, point.theta, point)  # its factor must be the one left behind
     scatter = scatter_mm(differences[0], bench.first.sight)
     meshes = min(map(len, differences))
-    return PlainFit(bench, point, mesh, on_own_mesh, meshes, scatter, grid, fitted.sizes, weighting)
+    return PlainFit(bench, point, mesh, on_own_mesh, meshes, slope, scatter, grid, fitted.sizes, weighting)
 
 
 def _bench(problem: IdentificationProblem, bones: SurfacePair | None, state: int) -> Bench:

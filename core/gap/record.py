@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.gap.averaged import averaged_stiffness
+from palpate.core.gap.averaged import averaged_stiffness, plain_stiffness
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.fit import Point
 from palpate.core.gap.judge import Diagnosis
@@ -45,7 +45,7 @@ def record(found: Diagnosis, case: str) -> dict[str, Any]:
         "ranking": _ranking(found),
         "shrinkage": shrinkage(found, best) if best is not None else None,
         "stiffness": {
-            "without_effect": _stiffness(found, found.fit.point.theta, _plain_covariance(found)),
+            "without_effect": _stiffness(found, *plain_stiffness(found.fit)),
             "with_effect": None if shown is None else _stiffness(found, *averaged_stiffness(found)),
         },
         "next_measurement": next_measurement(found),
@@ -180,11 +180,6 @@ def _residual_share(found: Diagnosis, fitted: Refit | None) -> float:
         return 1.0
     a, b = (found.fit.weighting.squared(x) for x in (fitted.point.residual, found.fit.point.residual))
     return float(a / max(b, 1e-30))
-
-
-def _plain_covariance(found: Diagnosis) -> FloatArray:
-    J = found.fit.weighting.whiten(found.fit.point.in_theta)
-    return np.asarray(np.linalg.inv(J.T @ J + 0.2 * np.eye(J.shape[1])))
 
 
 def _stiffness(found: Diagnosis, theta: FloatArray, covariance: FloatArray) -> dict[str, dict[str, float]]:

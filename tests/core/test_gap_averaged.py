@@ -43,8 +43,11 @@ def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval
         point = SimpleNamespace(theta=np.log([G, 2.0 * G]))
         return SimpleNamespace(point=point, covariance=np.diag([0.04, 0.04, 1.0]), log_evidence=evidence, others=others)
 
-    mean, covariance = over_variants(variant(5.0, 9.0, variant(60.0, 9.0)))  # type: ignore[arg-type]
+    still = np.zeros(2)
+    mean, covariance = over_variants(variant(5.0, 9.0, variant(60.0, 9.0)), still)  # type: ignore[arg-type]
     np.testing.assert_allclose(np.exp(mean), np.sqrt(300.0) * np.array([1.0, 2.0]))
     assert covariance[0, 0] == pytest.approx(0.04 + (0.5 * np.log(12.0)) ** 2)
-    alone = over_variants(variant(5.0, 9.0, variant(60.0, -20.0)))  # type: ignore[arg-type]
+    alone = over_variants(variant(5.0, 9.0, variant(60.0, -20.0)), still)  # type: ignore[arg-type]
     assert np.exp(alone[0][0]) == pytest.approx(5.0)
+    less = over_variants(variant(5.0, 9.0, variant(60.0, -20.0)), np.array([-2.0, 0.0]))  # type: ignore[arg-type]
+    np.testing.assert_allclose(alone[0] - less[0], [0.04 / 1.04, 0.0], atol=1e-12)

@@ -193,6 +193,15 @@ def test_the_stiffness_with_an_effect_is_over_all_that_may_be_it(wide: Diagnosis
     assert written["prostate_right"]["G_kpa"] == pytest.approx(float(np.exp(mean[1])))
 
 
+def test_what_walls_read_wrongly_pull_the_stiffness_by_is_taken_off(none: Diagnosis) -> None:
+    """They move a stiff organ less, so that noise alone makes it look stiffer."""
+    fit = none.fit
+    assert (fit.noise_slope < 0.0).all()
+    written = record(none, "a case")["stiffness"]["without_effect"]
+    for s, theta in zip(written.values(), fit.point.theta, strict=True):
+        assert 0.02 < (theta - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
+
+
 def test_a_single_name_that_is_not_settled_comes_with_the_reason(wide: Diagnosis) -> None:
     """A clinician who reads "pushes" must read there too that it would have to pull."""
     doubtful = replace(wide.verdict, verdict="ambiguous", candidates=("contour_bias",), why="it would have to pull")
