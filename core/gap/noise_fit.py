@@ -22,7 +22,8 @@ from palpate.core.gap.noise_model import LENGTHS_MM, NoiseParts, NoiseSizes
 FloatArray = NDArray[np.float64]
 
 _FACTORS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
-_OWN = (0.1, 0.2, 0.3)
+# Of the organ's surface as it is cut from voxels: 0.37 to 0.57 a mode on cases without contour noise (`noise_model`).
+_OWN = (0.2, 0.3, 0.45)
 # Sizes of the gap that are let free, over its typical one.
 GAPS = (0.0, 0.25, 0.5, 1.0, 2.0)
 # Standard deviation of ln (true contour noise / what the case states).

@@ -41,7 +41,7 @@ class NoiseSizes:
     """
 
     along: float = 1.0
-    own: float = 0.2
+    own: float = 0.3
     landmark: float = 0.45
     contour: float = 1.0
     length: float = 7.0
