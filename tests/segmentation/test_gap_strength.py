@@ -36,6 +36,20 @@ def test_sizes_without_an_equilibrium_are_too_strong() -> None:
         strength(2.0, (5.0, 100.0), shown)
 
 
+def test_a_search_begins_among_the_weak_for_what_is_too_strong_is_found_out_slowly() -> None:
+    """A layer around the organ up to 150 times softer, which folds from 6 times on: one attempt fails at most."""
+    failed: list[float] = []
+
+    def shown(size: float) -> float:
+        if size > 6.0:
+            failed.append(size)
+            raise ConvergenceError("folds")
+        return 0.02 * size
+
+    assert 3.0 <= strength(0.09, (3.0, 150.0), shown) <= 6.0
+    assert len(failed) <= 1
+
+
 @pytest.mark.parametrize("build", range(BUILDS))
 def test_a_pelvis_is_anatomy(build: int) -> None:
     """Prostate of 25 to 70 cc in two like halves, bladder above, rectum behind, each 2 to 8 mm from it; bone on all sides."""
