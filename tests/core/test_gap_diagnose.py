@@ -223,7 +223,7 @@ def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Dia
     floors, likely = contours_mm2(wide, wide.refits[0])
     assert likely.sum() == pytest.approx(1.0)
     of = {(s.contour, s.own, s.length): floor for s, floor in zip(wide.fit.noise.sizes, floors, strict=True)}
-    stated, wider = of[1.0, 0.1, 7.0], of[1.2, 0.1, 7.0]
+    stated, wider = of[1.0, 0.2, 7.0], of[1.2, 0.2, 7.0]
     assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
     k, n = wide.fit.bench.first.sight.n_modes, len(wide.split.points)
     everything = (
