@@ -36,8 +36,8 @@ def plain_stiffness(fit: PlainFit) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t) without an effect."""
     J = fit.weighting.whiten(fit.point.in_theta)
     covariance = np.asarray(np.linalg.inv(J.T @ J + _PRIOR * np.eye(J.shape[1])))
-    theta, wider = _told(fit.point.theta, covariance, fit.noise_slope)
-    return _allowed(fit, theta), wider
+    theta = fit.point.theta - wall_bias(fit.noise_slope, covariance)
+    return _allowed(fit, theta), WIDER**2 * covariance
 
 
 def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
@@ -46,7 +46,7 @@ def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     models = {f.trial.effect.id: over_variants(f, slope) for f in found.refits if f.trial.effect is not None}
     models[UNKNOWN] = _unnamed(found)
     mean, covariance = mixture(models, found.verdict.probability)
-    return _allowed(found.fit, mean), covariance
+    return _allowed(found.fit, mean), WIDER**2 * covariance
 
 
 def mixture(
@@ -69,7 +69,8 @@ def over_variants(best: Refit, slope: FloatArray) -> tuple[FloatArray, FloatArra
     """
     t = len(best.point.theta)
     variants = (best, *best.others)
-    models = {str(k): _told(f.point.theta, f.covariance[:t, :t], slope) for k, f in enumerate(variants)}
+    each = [(f.point.theta, f.covariance[:t, :t]) for f in variants]
+    models = {str(k): (theta - wall_bias(slope, C), C) for k, (theta, C) in enumerate(each)}
     weight = softmax([f.log_evidence for f in variants])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
@@ -82,12 +83,7 @@ def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     covariance = np.asarray(np.linalg.inv(J.T @ J + np.diag(model.precision)), dtype=np.float64)
     step = -covariance[:t] @ (J.T @ fit.weighting.whiten(model.r))
     theta = _allowed(fit, fit.point.theta + step)
-    return _told(theta, covariance[:t, :t], fit.noise_slope)
-
-
-def _told(theta: FloatArray, covariance: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What is reported of a fitted ln G (t,) of this covariance (t, t)."""
-    return theta - wall_bias(slope, covariance), WIDER**2 * covariance
+    return theta - wall_bias(fit.noise_slope, covariance[:t, :t]), covariance[:t, :t]
 
 
 def _allowed(fit: PlainFit, theta: FloatArray) -> FloatArray:

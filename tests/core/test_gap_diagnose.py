@@ -12,7 +12,7 @@ from synthetic_case import problem
 from triangle_shapes import ball
 
 from palpate.core.gap import better
-from palpate.core.gap.averaged import averaged_stiffness
+from palpate.core.gap.averaged import averaged_stiffness, over_variants, plain_stiffness
 from palpate.core.gap.better import GOOD, better_bench, better_residual
 from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
@@ -200,6 +200,16 @@ def test_what_walls_read_wrongly_pull_the_stiffness_by_is_taken_off(none: Diagno
     written = record(none, "a case")["stiffness"]["without_effect"]
     for s, theta in zip(written.values(), fit.point.theta, strict=True):
         assert 0.02 < (theta - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
+
+
+def test_the_stiffness_is_told_a_quarter_wider_than_the_noise_model_has_it(wide: Diagnosis) -> None:
+    J = wide.fit.weighting.whiten(wide.fit.point.in_theta)
+    covariance = np.linalg.inv(J.T @ J + 0.2 * np.eye(2))
+    np.testing.assert_allclose(plain_stiffness(wide.fit)[1], 1.25**2 * covariance)
+    sure = replace(wide.verdict, probability={"contour_bias": 1.0})
+    best = next(f for f in wide.refits if f.trial.effect.id == "contour_bias")
+    alone = over_variants(best, wide.fit.noise_slope)[1]
+    np.testing.assert_allclose(averaged_stiffness(replace(wide, verdict=sure))[1], 1.25**2 * alone)
 
 
 def test_a_single_name_that_is_not_settled_comes_with_the_reason(wide: Diagnosis) -> None:
