@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.gap_drawn import write_case
-from palpate.segmentation.gap_floor import noise_floor_mm
+from palpate.segmentation.gap_floor import noise_floor_mm, noise_whose_floor_is
 from palpate.segmentation.gap_patient import Made, Pose, carried_walls
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.anatomy import Patient
@@ -25,19 +25,19 @@ from palpate.segmentation.gap_truth.body import Body
 from palpate.segmentation.gap_truth.hidden import LIBRARY
 from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.gap_truth.seen import true_surfaces
+from palpate.segmentation.gap_truth.strength import TooWeak
 from palpate.segmentation.labels import LABELS, ORGAN_LABELS
 from palpate.segmentation.meshing import MeshOptions, mesh_labels
 
 # Of the mesher's random numbers: no mesh of a diagnosis has it.
 _SEED = 77
-# What shows less than this share of the noise floor moves nothing in other patients either (gravity): they need not be looked at.
-_HOPELESS = 0.1
 
 
 def simulated(recipe: Recipe, mesh_cache: Path | None = None) -> tuple[Recipe, Made]:
     """The states of a recipe, and the recipe with the sizes they have.
 
-    Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much.
+    Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much, TooWeak
+    when its scans cannot show an effect above the noise floor.
     """
     source = Pelvis.of(recipe.build)
     meshed = mesh_labels(source.model_labels, MeshOptions(edge_mm=recipe.edge_mm, seed=_SEED), mesh_cache)
@@ -55,31 +55,28 @@ def simulated(recipe: Recipe, mesh_cache: Path | None = None) -> tuple[Recipe, M
 
 
 def _noise_mm(recipe: Recipe, made: Made) -> float:
-    """Of one contour: the recipe's, or less where its effects show less than they shall."""
+    """Of one contour: the recipe's, or less where its effects show less than they shall, so that they show above the noise floor.
+
+    Raises TooWeak where the best contours that the recipe may have do not show them.
+    """
     least, wanted = recipe.least_noise_mm, recipe.shown_mm
     if not recipe.effects or least is None or wanted is None:
         return recipe.noise_mm
-    share = min(made.effect_mm[1] / wanted, 1.0)
-    return round(float(max(recipe.noise_mm * share, min(least, recipe.noise_mm))), 3)
+    left = made.effect_mm[1]
+    best = min(least, recipe.noise_mm)
+    if left < noise_floor_mm(best):
+        raise TooWeak(f"{left:.2f} mm are left")
+    wished = min(recipe.noise_mm * min(left / wanted, 1.0), noise_whose_floor_is(left))
+    return round(float(max(wished, best)), 3)
 
 
-class TooWeak(Exception):
-    """An effect that the scans of this patient cannot show."""
-
-
-def make_case(
-    recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None, must_show: bool = False
-) -> dict[str, Any]:
+def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None) -> dict[str, Any]:
     """Write a label case and, in another folder, what is true of it. Returns the truth.
 
-    must_show : raise TooWeak, and write nothing, where the two stiffnesses leave less of the effects than the noise floor, but not next
-    to nothing.
-    Raises ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give off so much.
+    Raises, and writes nothing: ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give
+    off so much, TooWeak when the two stiffnesses leave less of an effect than the noise floor of the best contours.
     """
     recipe, made = simulated(recipe, mesh_cache)
-    floor = noise_floor_mm(recipe.noise_mm)
-    if must_show and recipe.effects and _HOPELESS * floor < made.effect_mm[1] < floor:
-        raise TooWeak(f"{recipe.name}: {made.effect_mm[1]:.2f} mm are left")
     write_case(recipe, made, case_path)
     truth = _truth(recipe, made)
     answers.mkdir(parents=True, exist_ok=True)
@@ -99,6 +96,7 @@ def _truth(recipe: Recipe, made: Made) -> dict[str, Any]:
         "name": recipe.name,
         "effects": list(recipe.effects) or ["none"],
         "sizes": dict(recipe.effects),
+        "instead_of": list(recipe.instead_of),
         "in_library": all(name in LIBRARY for name in recipe.effects),
         "true_G_kpa": {LABELS[label]: G for label, G in zip(ORGAN_LABELS, recipe.G, strict=True)},
         "wanted_mm": recipe.shown_mm,

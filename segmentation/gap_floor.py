@@ -12,3 +12,8 @@ LEFT_MM = 0.3
 def noise_floor_mm(noise_mm: float) -> float:
     """rms mm, for contours of noise_mm each: an organ's motion is the difference of two, and no contour is all that errs."""
     return float(np.hypot(np.sqrt(2.0) * noise_mm, LEFT_MM))
+
+
+def noise_whose_floor_is(floor_mm: float) -> float:
+    """Standard deviation of one contour, mm, above which `noise_floor_mm` is more than floor_mm; 0 where it always is."""
+    return float(np.sqrt(max(floor_mm**2 - LEFT_MM**2, 0.0) / 2.0))

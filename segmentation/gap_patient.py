@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.anatomy import Carried, Patient
 from palpate.segmentation.gap_truth.body import Body
@@ -108,9 +109,12 @@ class Pose:
         return out
 
     def strength(self, name: str) -> float:
-        """Size at which an effect alone shows what the recipe wants."""
-        assert self.recipe.shown_mm is not None
-        return strength(self.recipe.shown_mm, SIZES[name], lambda size: self.made({name: size}).effect_mm[1])
+        """Size at which an effect alone shows what the recipe wants. Raises as `strength.strength`."""
+        recipe = self.recipe
+        assert recipe.shown_mm is not None
+        best = recipe.noise_mm if recipe.least_noise_mm is None else min(recipe.least_noise_mm, recipe.noise_mm)
+        shown = lambda size: self.made({name: size}).effect_mm[1]  # noqa: E731
+        return strength(recipe.shown_mm, SIZES[name], shown, noise_floor_mm(best))
 
     def plain_further(self) -> list[PlainState]:
         """The recipe's further states before anything is hidden. Raises ConvergenceError, InputError as `carried_walls`."""

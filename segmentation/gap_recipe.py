@@ -18,7 +18,8 @@ class Recipe:
     noise_mm : standard deviation of one contour. shown_mm : what the two stiffnesses shall leave of each effect alone (rms along the
     normal); its size is then found between SIZES, and that in `effects` not used. least_noise_mm : where even the strongest shows less,
     contours are drawn better in proportion, down to this. build : of the pelvis. rectum, bladder : how far the walls move. edge_mm : of the
-    mesh. marks : whether points inside the organ are given. more : how far the walls move in each further deformed state.
+    mesh. marks : whether points inside the organ are given. more : how far the walls move in each further deformed state. instead_of : the
+    effects drawn first, where no patient's scans could show them.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Recipe:
     edge_mm: float = 6.5
     marks: bool = False
     more: tuple[tuple[RectumSpec, BladderSpec], ...] = ()
+    instead_of: tuple[str, ...] = ()
 
     def random(self, what: int) -> np.random.Generator:
         """Random numbers for one purpose."""

@@ -101,7 +101,19 @@ def _bladder(empties: bool, rng: np.random.Generator) -> BladderSpec:
 
 def another(recipe: Recipe) -> Recipe:
     """The same effects in another patient."""
-    return _recipe(recipe.name, tuple(recipe.effects), np.random.default_rng(recipe.seed), len(recipe.more))
+    made = _recipe(recipe.name, tuple(recipe.effects), np.random.default_rng(recipe.seed), len(recipe.more))
+    return replace(made, instead_of=recipe.instead_of)
+
+
+def instead(recipe: Recipe) -> Recipe:
+    """Other effects, as many of the library or beside it, in another patient; without effects another patient."""
+    if not recipe.effects:
+        return another(recipe)
+    kind = LIBRARY if set(recipe.effects) <= set(LIBRARY) else OUTSIDE
+    others = sorted(set(kind) - set(recipe.effects))
+    chosen = recipe.random(8).choice(others, len(recipe.effects), replace=False).tolist()
+    first = recipe.instead_of or tuple(recipe.effects)
+    return replace(another(recipe), effects=dict.fromkeys(chosen, 0.0), instead_of=first)
 
 
 def easier(recipe: Recipe, k: int) -> Recipe:

@@ -22,16 +22,17 @@ from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import TooWeak, make_case
+from palpate.segmentation.gap_cases import make_case
 from palpate.segmentation.gap_recipe import Recipe
-from palpate.segmentation.gap_recipes import StudyOptions, another, easier, recipes_of
+from palpate.segmentation.gap_recipes import StudyOptions, another, easier, instead, recipes_of
 from palpate.segmentation.gap_scores import scores
+from palpate.segmentation.gap_truth.strength import Hopeless, TooWeak
 
-# A deformation that has no equilibrium is tried again so many times, easier each time.
-_EASIER = 4
-# Patients that are looked at for one whose scans show the effect above the noise floor; then such as are taken whatever they show,
-# until one can be made.
-_MUST_SHOW, _PATIENTS = 4, 7
+# A deformation that has no equilibrium is tried again with walls that move less, so many times easier.
+_EASIER = (0, 2, 4)
+# Patients that are looked at for one whose scans show the effect above the noise floor, before another effect takes its place; and how
+# many effects are tried.
+_PATIENTS, _EFFECTS = 2, 12
 _CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
 
 
@@ -69,25 +70,31 @@ def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: P
 
 
 def _made(recipe: Recipe, folder: Path) -> None:
-    for k in range(_PATIENTS):
-        if _made_of(recipe, folder, must_show=k < _MUST_SHOW):
-            return
-        recipe = another(recipe)
+    """One case of these effects, or of others instead where no patient shows them; none where no equilibrium is found at all."""
+    for _ in range(_EFFECTS):
+        for _ in range(_PATIENTS):
+            try:
+                _made_of(recipe, folder)
+                return
+            except Hopeless:
+                break
+            except (ConvergenceError, InputError, TooWeak):
+                recipe = another(recipe)
+        recipe = instead(recipe)
 
 
-def _made_of(recipe: Recipe, folder: Path, must_show: bool) -> bool:
-    """Whether this patient, its walls moved as little as need be, was made."""
+def _made_of(recipe: Recipe, folder: Path) -> None:
+    """This patient, its walls moved as little as need be. Raises as `make_case`."""
     case = folder / "cases" / recipe.name
-    for k in range(_EASIER + 1):
+    for k in _EASIER:
         shutil.rmtree(case, ignore_errors=True)  # of a run that was stopped while it made this one
         try:
-            make_case(easier(recipe, k), case, folder / "answers", folder / "meshes", must_show)
-            return True
+            make_case(easier(recipe, k), case, folder / "answers", folder / "meshes")
+            return
         except (ConvergenceError, InputError):  # no equilibrium; a bladder that cannot give off so much
             shutil.rmtree(case, ignore_errors=True)
-        except TooWeak:
-            return False
-    return False
+            if k == _EASIER[-1]:
+                raise
 
 
 def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, progress: Progress) -> None:

@@ -19,6 +19,7 @@ from scipy.special import softmax
 
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.judge import Diagnosis, saturated_model
+from palpate.core.gap.noise_model import WIDER
 from palpate.core.gap.plain import PlainFit
 from palpate.core.gap.verdict import UNKNOWN
 from palpate.core.gap.wall_bias import wall_bias
@@ -27,9 +28,6 @@ FloatArray = NDArray[np.float64]
 
 # Precision of ln G's prior in the plain model's answer.
 _PRIOR = 0.2
-# rms error of ln G in standard deviations that the noise model leaves, on 22 effect-free cases of two seeds of the blind check: surfaces
-# cut from voxels and walls that slid otherwise than the likeliest way move all its points together (docs/gap.md).
-WIDER = 1.25
 
 
 def plain_stiffness(fit: PlainFit) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.core.gap.averaged import averaged_stiffness, plain_stiffness
 from palpate.core.gap.confirm import Refit
 from palpate.core.gap.fit import Point
-from palpate.core.gap.judge import Diagnosis
+from palpate.core.gap.judge import Diagnosis, tempered
 from palpate.core.gap.plain import PlainFit
 from palpate.core.gap.shrinkage import shrinkage
 from palpate.core.gap.verdict import AMBIGUOUS, NONE, UNKNOWN
@@ -169,7 +169,7 @@ def _row(found: Diagnosis, screened: Any, fitted: Refit | None) -> dict[str, Any
         "p_value": min(1.0, first.p_value * screened.tried),
         "parameters": parameters,
         "variant": "" if variant is None else variant.name,
-        "log_evidence": screened.log_evidence if fitted is None else fitted.log_evidence,
+        "log_evidence": tempered(screened.log_evidence if fitted is None else fitted.log_evidence),
         "refitted": fitted is not None,
     }
 

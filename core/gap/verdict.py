@@ -18,7 +18,7 @@ PRIOR_UNKNOWN = 0.2
 # hang on the small errors of model and noise.
 TIED, TIED_TWINS, TWINS = 5.0, 20.0, 0.95
 # A verdict of one name must be this probable; else the fewest effects that are so together are named.
-SURE = 0.9
+SURE = 0.8
 # At most so many are named: more would say nothing.
 MOST_CANDIDATES = 3
 # A remainder this improbable under the noise is no noise. A verdict of one name needs more: what it leaves must not raise the alarm of the
@@ -34,7 +34,7 @@ _TWO = "no effect alone explains the gap, these two together do"
 _LEFT_OVER = (
     "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it"
 )
-_UNSURE = "the effect explains the gap best, but less than nine times as probably as all others together"
+_UNSURE = "the effect explains the gap best, but less than four times as probably as all others together"
 _SMALLER_PART = (
     "the effect fits best, but closes less than half of what can be closed: something else may be the larger part"
 )
@@ -45,7 +45,8 @@ _UNCONFIRMED = "the effect fits best, but does not predict what was left out cle
 class Judged:
     """One effect after its refit.
 
-    log_evidence : against the plain model. gain : on data left out. placebo_p : share of placebo effects that gain as much.
+    log_evidence : against the plain model, tempered (`judge.tempered`). gain : on data left out. placebo_p : share of placebo effects that
+    gain as much.
     share_of_ceiling : of what a saturated field gains on data left out. remainder_p : of the residual it leaves, under the noise.
     cosine : between what the best effect does to the data, the stiffness projected out, and the nearest thing this one could do.
     unlike : why what fits is not what the effect's name means, "" where it is.

@@ -50,6 +50,10 @@ class Organ:
         """With so much of its growth, 0 to 1."""
         return replace(self, growth=self.growth**way)
 
+    def softer(self, share: float) -> Organ:
+        """With so much of its bulk modulus."""
+        return replace(self, K=share * self.K)
+
     def dilation(self, F: FloatArray) -> Dilation:
         """J - 1 of the elastic part."""
         g3 = self.growth**3
@@ -89,6 +93,10 @@ class Tissue:
     def eased(self, way: float) -> Tissue:
         """With so much of its growth, 0 to 1."""
         return replace(self, growth=self.growth**way)
+
+    def softer(self, share: float) -> Tissue:
+        """With so much of its bulk modulus."""
+        return replace(self, K=share * self.K)
 
     @property
     def constant(self) -> bool:

@@ -14,6 +14,9 @@ from palpate.segmentation.gap_truth.body import Body, FloatArray, Laws
 _TOLERANCE, _ITERATIONS, _SMALLEST_STEP = 1e-7, 14, 1.0 / 64.0
 # So many goes, and a body that creeps on by small steps folds all the same: soft layers took minutes to do so.
 _GOES = 12
+# Of the bulk moduli, the share with which a body begins that gets to a growth it is not stable under at once: soft in volume it takes the
+# new volume, and holds it as it stiffens, by this factor at a time or by less.
+_SOFT, _STIFFER, _LEAST = 0.03, 3.5, 1.08
 # A step of Newton's longer than this leads nowhere, mm.
 _ABSURD_MM = 60.0
 # Newton is given up when this many steps have not halved what is out of balance.
@@ -30,10 +33,11 @@ def equilibrium(
     """
     free = np.isnan(held).ravel()
     force = np.zeros(held.size) if load is None else load.ravel()
+    if start is not None and has_grown(laws):
+        return _softened(body, laws, start.ravel(), force, held).reshape(-1, 3)
     u = np.zeros(held.size) if start is None else start.ravel().copy()
     # Tissue that has grown all at once is under more pressure than it is stable under.
-    grown = any((law.growth != 1.0).any() for law in laws.values())
-    begin, reached, step = u.copy(), 0.0, 0.25 if grown and start is None else 1.0
+    begin, reached, step = u.copy(), 0.0, 0.25 if has_grown(laws) else 1.0
     for _ in range(_GOES):
         way = min(reached + step, 1.0)
         target = np.where(free, u, begin + way * (np.nan_to_num(held.ravel()) - begin))
@@ -50,6 +54,30 @@ def equilibrium(
     raise ConvergenceError("the simulated body has no equilibrium; make its walls move less")
 
 
+def has_grown(laws: Laws) -> bool:
+    """Whether any of it has."""
+    return any(bool((law.growth != 1.0).any()) for law in laws.values())
+
+
+def _softened(body: Body, laws: Laws, start: FloatArray, force: FloatArray, held: FloatArray) -> FloatArray:
+    """Equilibrium (3 n,) from one like it but for the growth, by way of softer bulk moduli. Raises ConvergenceError."""
+    free = np.isnan(held).ravel()
+    u, reached, factor = start, _SOFT / _STIFFER, _STIFFER
+    for _ in range(_GOES):
+        share = min(reached * factor, 1.0)
+        jump = np.where(free, 0.0, np.nan_to_num(held.ravel()) - u)
+        found = _newton(body, {region: law.softer(share) for region, law in laws.items()}, u, jump, force, free)
+        if found is None:
+            factor = np.sqrt(factor)
+            if factor < _LEAST:
+                break
+            continue
+        u, reached = found, share
+        if reached == 1.0:
+            return u
+    raise ConvergenceError("the simulated body has no equilibrium with what has grown in it; make its walls move less")
+
+
 def _newton(
     body: Body, laws: Laws, u: FloatArray, jump: FloatArray, force: FloatArray, free: NDArray[np.bool_]
 ) -> FloatArray | None:
@@ -62,7 +90,7 @@ def _newton(
         rhs = force - inner - (K @ jump if k == 0 else 0.0)
         move = jump.copy() if k == 0 else np.zeros_like(u)
         move[free] = body.solver(K, free).solve(K, rhs[free])
-        u, inner, K = _as_far_as_allowed(body, laws, u, move, whole=k == 0)
+        u, inner, K = _as_far_as_allowed(body, laws, u, move, whole=k == 0 and bool(jump.any()))
         left = float(np.linalg.norm((force - inner)[free]))
         if not np.isfinite(left) or np.abs(move).max() > _ABSURD_MM:
             return None

@@ -10,14 +10,14 @@ from scipy.spatial import cKDTree
 
 from palpate.core.errors import ConvergenceError
 from palpate.segmentation.gap_truth.body import Body, Laws
-from palpate.segmentation.gap_truth.newton import equilibrium
+from palpate.segmentation.gap_truth.newton import equilibrium, has_grown
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_warp import BackwardMap
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 
-# How far from bone the region's edge is drawn along with it.
-_DRAWN_MM = 15.0
+# How far from bone the region's edge and the hollows' walls are drawn along with it.
+_DRAWN_MM = 10.0
 # No tissue gives up so much of its volume that this is left of a cell.
 _FLAT = 0.1
 
@@ -54,6 +54,27 @@ class Sum:
         return self.one.displacement(points) + self.other.displacement(points)
 
 
+@dataclass(frozen=True, eq=False)
+class Along:
+    """A wall's own motion and beside it the bone's, the more of it the nearer the bone: cells between them would fold without it.
+
+    bones : tree of the bones' nodes at rest.
+    """
+
+    motion: WallMotion
+    bone: WallMotion
+    bones: cKDTree
+
+    def displacement(self, points: FloatArray) -> FloatArray:
+        """See `WallMotion.displacement`."""
+        return self.motion.displacement(points) + _drawn(self.bones, points)[:, None] * self.bone.displacement(points)
+
+
+def _drawn(bones: cKDTree, points: FloatArray) -> FloatArray:
+    """Share (n,) of the bone's motion that points (n, 3) mm at rest have."""
+    return np.asarray(np.exp(-0.5 * (bones.query(points)[0] / _DRAWN_MM) ** 2))
+
+
 def shown(
     s: Simulated, boundary: Mapping[str, IntArray], walls: Mapping[str, WallMotion], near: FloatArray | None = None
 ) -> tuple[Shown, Shown]:
@@ -69,9 +90,7 @@ def shown(
     motions = dict(walls)
     if s.filled:  # what the walls do between the scans comes on top of what they did before
         motions = {name: Part(walls[name], 1.0 + s.filled.get(name, 0.0)) for name in walls}
-    if s.bone is not None:
-        motions["bone"] = s.bone
-    return rest, _state(s, boundary, motions, s.load, near)
+    return rest, _state(s, boundary, _with_bone(s, boundary, motions), s.load, near)
 
 
 def shown_further(
@@ -87,9 +106,21 @@ def shown_further(
     """
     before = rest.motions
     motions = {name: Sum(before[name], wall) if name in before else wall for name, wall in walls.items()}
-    if s.bone is not None:
-        motions["bone"] = s.bone
-    return _state(s, boundary, motions, s.load, near)
+    return _state(s, boundary, _with_bone(s, boundary, motions), s.load, near)
+
+
+def _with_bone(
+    s: Simulated, boundary: Mapping[str, IntArray], walls: Mapping[str, WallMotion]
+) -> Mapping[str, WallMotion]:
+    """The walls' motions, where the bones moved drawn along with them, and the bones'."""
+    if s.bone is None or "bone" not in boundary:
+        return walls
+    bones = _tree(s.body, boundary["bone"])
+    return {name: Along(wall, s.bone, bones) for name, wall in walls.items()} | {"bone": s.bone}
+
+
+def _tree(body: Body, faces: IntArray) -> cKDTree:
+    return cKDTree(body.nodes[np.unique(body.face_nodes(faces))])
 
 
 def _state(
@@ -110,12 +141,13 @@ def _state(
 def equilibrium_near(
     near: FloatArray | None, body: Body, laws: Laws, held: FloatArray, load: FloatArray | None = None
 ) -> FloatArray:
-    """Equilibrium from a state like it, or, where that leads nowhere, from rest."""
+    """Equilibrium from a state like it, or, where that leads nowhere, from rest: but not to what has grown, which gets less far so."""
     if near is not None:
         try:
             return equilibrium(body, laws, held, load, start=near)
         except ConvergenceError:
-            pass
+            if has_grown(laws):
+                raise
     return equilibrium(body, laws, held, load)
 
 
@@ -127,9 +159,9 @@ def held_nodes(body: Body, boundary: Mapping[str, IntArray], motions: Mapping[st
         held[nodes] = motions[name].displacement(body.nodes[nodes]) if name in motions else 0.0
     if "bone" in motions and "bone" in boundary and "outer" in boundary:
         # The edge goes along where bone meets it: one that stayed would fold the cells between them.
-        edge, bone = (np.unique(body.face_nodes(boundary[name])) for name in ("outer", "bone"))
-        apart = cKDTree(body.nodes[bone]).query(body.nodes[edge])[0]
-        held[edge] = np.exp(-0.5 * (apart / _DRAWN_MM) ** 2)[:, None] * motions["bone"].displacement(body.nodes[edge])
+        edge = np.unique(body.face_nodes(boundary["outer"]))
+        along = _drawn(_tree(body, boundary["bone"]), body.nodes[edge])
+        held[edge] = along[:, None] * motions["bone"].displacement(body.nodes[edge])
     return held
 
 

@@ -14,14 +14,28 @@ _TRIES, _NEAR = 4, 1.3
 _BEGIN = 0.25
 # What has no equilibrium is left behind by this share of the way back to what had one.
 _BACK = 0.5
+# What shows less than this share of the least that it shall does so in every patient (gravity).
+_HOPELESS = 0.1
 
 
-def strength(wanted_mm: float, limits: tuple[float, float], shown_mm: Callable[[float], float]) -> float:
+class TooWeak(Exception):
+    """An effect that the scans of this patient cannot show."""
+
+
+class Hopeless(TooWeak):
+    """One that no patient's scans show."""
+
+
+def strength(
+    wanted_mm: float, limits: tuple[float, float], shown_mm: Callable[[float], float], least_mm: float = 0.0
+) -> float:
     """Size within limits whose shown_mm is wanted_mm, or the nearest that was found. shown_mm : size -> mm, rising, about a power of it.
 
-    A size at which shown_mm raises ConvergenceError is too strong. Raises ConvergenceError when all are.
+    A size at which shown_mm raises ConvergenceError is too strong. Raises ConvergenceError when all are that would show least_mm, and
+    TooWeak or Hopeless when even the strongest shows less.
     """
     low, high = np.log(limits)
+    least = float(np.log(max(least_mm, 1e-6)))
     found: list[tuple[float, float]] = []  # logarithms of size and of what it shows
     at = low + _BEGIN * (high - low)
     for _ in range(_TRIES):
@@ -34,13 +48,27 @@ def strength(wanted_mm: float, limits: tuple[float, float], shown_mm: Callable[[
                 break
             continue
         off = np.log(wanted_mm) - found[-1][1]
-        after = float(np.clip(at + off / _slope(found), low, high))
-        if abs(off) < np.log(_NEAR) or abs(after - at) < 0.02:
+        slope = _slope(found)
+        after = float(np.clip(at + off / slope, low, high))
+        beyond_reach = found[-1][1] + slope * (high - at) < least
+        if beyond_reach or abs(off) < np.log(_NEAR) or abs(after - at) < 0.02:
             break
         at = after
     if not found:
         raise ConvergenceError("no strength of the hidden effect has an equilibrium; make the walls move less")
-    return float(np.exp(min(found, key=lambda f: abs(f[1] - np.log(wanted_mm)))[0]))
+    size, shown = min(found, key=lambda f: abs(f[1] - np.log(wanted_mm)))
+    if shown < least:
+        _too_weak(float(np.exp(shown)), least_mm, folds=bool(high < np.log(limits[1])))
+    return float(np.exp(size))
+
+
+def _too_weak(shown_mm: float, least_mm: float, folds: bool) -> None:
+    """Raises the reason why no strength shows as much."""
+    if shown_mm < _HOPELESS * least_mm:
+        raise Hopeless(f"{shown_mm:.3f} mm are left")
+    if folds:
+        raise ConvergenceError("what shows enough of the hidden effect has no equilibrium; make the walls move less")
+    raise TooWeak(f"{shown_mm:.2f} mm are left")
 
 
 def _slope(found: list[tuple[float, float]]) -> float:

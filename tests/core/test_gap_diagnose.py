@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 from synthetic_case import problem
 from triangle_shapes import ball
 
@@ -19,8 +20,8 @@ from palpate.core.gap.composition import Composition
 from palpate.core.gap.confirm import capped
 from palpate.core.gap.diagnose import diagnose
 from palpate.core.gap.effects import Surroundings, library
-from palpate.core.gap.judge import Diagnosis
-from palpate.core.gap.noise_model import NoiseParts
+from palpate.core.gap.judge import Diagnosis, tempered
+from palpate.core.gap.noise_model import WIDER, NoiseParts
 from palpate.core.gap.record import maps, record
 from palpate.core.gap.shrinkage import contours_mm2
 from palpate.core.gap.stage import Stage
@@ -294,6 +295,19 @@ def test_case_data_survive_their_file(posed, tmp_path: Path) -> None:  # type: i
     assert back.bones is not None
     np.testing.assert_array_equal(back.bones.deformed.points, bones.deformed.points)
     np.testing.assert_array_equal(back.problem.mesh.cells, posed.mesh.cells)
+
+
+def test_probabilities_are_of_evidence_with_wider_noise(wide: Diagnosis) -> None:
+    """A fit's square sum falls by the square of what its standard deviations grow by, and so does what it says against another fit."""
+    r, other = np.array([0.7, -0.4, 1.1]), np.array([0.1, 0.5, -0.2])
+    wider = [stats.norm.logpdf(v, scale=WIDER).sum() for v in (r, other)]
+    assert tempered(0.5 * (other @ other - r @ r)) == pytest.approx(wider[0] - wider[1])
+    first, second = wide.refits[:2]
+    names = [f.trial.effect.id for f in (first, second) if f.trial.effect is not None]
+    odds = wide.verdict.probability[names[0]] / wide.verdict.probability[names[1]]
+    assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / WIDER**2)
+    rows = {row["effect"]: row["log_evidence"] for row in record(wide, "a case")["ranking"]}
+    assert np.log(odds) == pytest.approx(rows[names[0]] - rows[names[1]])
 
 
 def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:

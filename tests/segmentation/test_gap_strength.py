@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -9,7 +11,7 @@ from scipy import ndimage
 from palpate.core.errors import ConvergenceError
 from palpate.segmentation.gap_recipes import BUILDS
 from palpate.segmentation.gap_truth.pelvis import Pelvis
-from palpate.segmentation.gap_truth.strength import strength
+from palpate.segmentation.gap_truth.strength import Hopeless, TooWeak, strength
 from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 
 
@@ -48,6 +50,29 @@ def test_a_search_begins_among_the_weak_for_what_is_too_strong_is_found_out_slow
 
     assert 3.0 <= strength(0.09, (3.0, 150.0), shown) <= 6.0
     assert len(failed) <= 1
+
+
+def test_what_cannot_show_the_least_says_why() -> None:
+    """Too weak at its strongest; next to nothing; only where it folds; and after one look where that is plain."""
+    looked: list[float] = []
+
+    def shown(share: float, folds: float = np.inf) -> Callable[[float], float]:
+        def of(size: float) -> float:
+            looked.append(size)
+            if size > folds:
+                raise ConvergenceError("folds")
+            return share * size
+
+        return of
+
+    with pytest.raises(TooWeak, match=r"0.16 mm are left"):
+        strength(2.0, (1.0, 10.0), shown(0.09), least_mm=1.0)
+    assert len(looked) == 1
+    with pytest.raises(Hopeless):
+        strength(2.0, (1.0, 10.0), shown(0.001), least_mm=1.0)
+    with pytest.raises(ConvergenceError, match="enough of the hidden effect"):
+        strength(2.0, (1.0, 10.0), shown(0.2, folds=3.0), least_mm=1.0)
+    assert strength(2.0, (1.0, 10.0), shown(0.2), least_mm=1.0) == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("build", range(BUILDS))

@@ -14,12 +14,12 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_cases import TooWeak
 from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe
-from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, recipes_of
+from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, another, instead, recipes_of
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
+from palpate.segmentation.gap_truth.strength import Hopeless, TooWeak
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 from palpate.ui.cli import main as cli
 
@@ -162,7 +162,7 @@ def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> Non
 def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A study whose cases and diagnoses take no time: the child sees a folder and writes what a diagnosis would."""
 
-    def made(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+    def made(recipe: Recipe, case: Path, answers: Path, meshes: Path) -> None:
         write_case(case)
         answers.mkdir(parents=True, exist_ok=True)
         (answers / f"{recipe.name}.json").write_text(json.dumps(truth(*recipe.effects) | {"name": recipe.name}))
@@ -237,7 +237,7 @@ def test_a_case_folder_never_holds_its_answer(study: Path) -> None:
 def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[Recipe] = []
 
-    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path) -> None:
         tried.append(recipe)
         case.mkdir()
         if len(tried) < 3:
@@ -247,51 +247,67 @@ def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeyp
     (tmp_path / "cases").mkdir()
     rectum, bladder = RectumSpec(10.0, push_mm=(0.0, -5.0, 0.0)), BladderSpec(push_mm=(0.0, 0.0, 2.0))
     gap_study._made(Recipe("gap_000", 1, {"inclusion": 0.0}, shown_mm=0.7, rectum=rectum, bladder=bladder), tmp_path)
-    assert [r.rectum.inflate_mm for r in tried] == pytest.approx([10.0, 8.5, 7.225])
-    assert [r.rectum.push_mm[1] for r in tried] == pytest.approx([-5.0, -4.25, -3.6125])
-    assert [r.bladder.push_mm[2] for r in tried] == pytest.approx([2.0, 1.7, 1.445])
+    assert [r.rectum.inflate_mm for r in tried] == pytest.approx([10.0, 10.0 * 0.85**2, 10.0 * 0.85**4])
+    assert [r.rectum.push_mm[1] for r in tried] == pytest.approx([-5.0, -5.0 * 0.85**2, -5.0 * 0.85**4])
+    assert [r.bladder.push_mm[2] for r in tried] == pytest.approx([2.0, 2.0 * 0.85**2, 2.0 * 0.85**4])
     assert (tmp_path / "cases" / "gap_000").is_dir()
 
 
-def test_an_effect_that_cannot_show_gets_another_patient_who_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("why", "patients"), [(TooWeak, 2), (Hopeless, 1)])
+def test_an_effect_that_no_patient_shows_gives_its_place_to_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, why: type[TooWeak], patients: int
 ) -> None:
     tried: list[Recipe] = []
 
-    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path) -> None:
         tried.append(recipe)
-        if must_show:
-            raise TooWeak("0.1 mm are left")
+        if len({tuple(r.effects) for r in tried}) < 3:
+            raise why("0.1 mm are left")
         case.mkdir()
 
     monkeypatch.setattr(gap_study, "make_case", make)
     (tmp_path / "cases").mkdir()
-    gap_study._made(recipes_of(StudyOptions(2, 5))[1], tmp_path)
-    assert len({r.seed for r in tried}) == len(tried) == 5
-    assert len({tuple(r.effects) for r in tried}) == 1
+    first = recipes_of(StudyOptions(2, 5))[1]
+    gap_study._made(first, tmp_path)
+    assert len({r.seed for r in tried}) == len(tried) == 2 * patients + 1
+    assert [r.instead_of for r in tried] == [()] * patients + [tuple(first.effects)] * (patients + 1)
+    assert all(set(r.effects) <= set(LIBRARY) for r in tried)
     assert (tmp_path / "cases" / "gap_001").is_dir()
+
+
+def test_another_effect_is_of_the_same_kind_and_number() -> None:
+    for recipe in recipes_of(StudyOptions(20, 3)):
+        other = instead(recipe)
+        assert len(other.effects) == len(recipe.effects)
+        assert not set(other.effects) & set(recipe.effects)
+        for kind in (LIBRARY, OUTSIDE):
+            assert (set(other.effects) <= set(kind)) == (set(recipe.effects) <= set(kind))
+        assert other.seed != recipe.seed
+        if recipe.effects:
+            assert instead(another(other)).instead_of == tuple(recipe.effects)
 
 
 def test_of_patients_the_first_who_shows_the_effect_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[Recipe] = []
 
-    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path) -> None:
         tried.append(recipe)
-        if must_show and len(tried) < 3:
+        if len(tried) < 2:
             raise TooWeak("0.1 mm are left")
         case.mkdir()
 
     monkeypatch.setattr(gap_study, "make_case", make)
     (tmp_path / "cases").mkdir()
     gap_study._made(recipes_of(StudyOptions(2, 5))[1], tmp_path)
-    assert len(tried) == 3
+    assert len(tried) == 2
+    assert len({tuple(r.effects) for r in tried}) == 1
     assert (tmp_path / "cases" / "gap_001").is_dir()
 
 
 def test_a_patient_without_any_equilibrium_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[int] = []
 
-    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path, must_show: bool) -> None:
+    def make(recipe: Recipe, case: Path, answers: Path, meshes: Path) -> None:
         tried.append(recipe.seed)
         if len(set(tried)) < 3:
             raise ConvergenceError("folds")
