@@ -12,8 +12,8 @@ from palpate.core.errors import ConvergenceError
 _TRIES, _NEAR = 4, 1.3
 # Where between the weakest and the strongest (logarithms) it begins. What is too strong is found out slowly, by load steps that creep.
 _BEGIN = 0.25
-# What has no equilibrium is left behind by this share of the way back to what had one.
-_BACK = 0.5
+# What has no equilibrium is left behind by this share of the way back to what had one; twice at most while nothing had one.
+_BACK, _WITHOUT = 0.5, 2
 # What shows less than this share of the least that it shall does so in every patient (gravity).
 _HOPELESS = 0.1
 
@@ -38,13 +38,13 @@ def strength(
     least = float(np.log(max(least_mm, 1e-6)))
     found: list[tuple[float, float]] = []  # logarithms of size and of what it shows
     at = low + _BEGIN * (high - low)
-    for _ in range(_TRIES):
+    for attempt in range(_TRIES):
         try:
             found.append((at, float(np.log(max(shown_mm(float(np.exp(at))), 1e-6)))))
         except ConvergenceError:
             known = max((size for size, _ in found if size < at), default=low)
             high = at = at - _BACK * (at - known)
-            if at - known < 0.1:
+            if at - known < 0.1 or (not found and attempt + 1 >= _WITHOUT):
                 break
             continue
         off = np.log(wanted_mm) - found[-1][1]
