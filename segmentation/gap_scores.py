@@ -20,7 +20,7 @@ IDENTIFIABLE_MM = 0.3
 def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
     """Accuracy, refusals, false alarms, Brier score, stiffness, two baselines, the confusion and one row a case.
 
-    A case whose diagnosis failed counts as wrong everywhere.
+    A case whose diagnosis failed counts as wrong everywhere. gave_place : effects drawn first that no patient showed, and how often.
     """
     single = [p for p in pairs if _kind(p[0]) == "single"]
     none = [p for p in pairs if _kind(p[0]) == "none"]
@@ -30,6 +30,7 @@ def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
     return {
         "cases": len(pairs),
         "failed": sum(found is None for _, found in pairs),
+        "gave_place": dict(Counter("+".join(t["instead_of"]) for t, _ in pairs if t.get("instead_of"))),
         "top1": _rate(single, lambda t, d: d["verdict"] == t["effects"][0]),
         "in_candidates": _rate(single, lambda t, d: t["effects"][0] in d["candidates"][:_MOST]),
         "missed": _rate(single, lambda t, d: d["verdict"] == "none"),
@@ -171,7 +172,7 @@ def _confusion(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, dict[str, int]
 
 def _row(truth: Truth, found: Found) -> dict[str, Any]:
     row = {"case": truth["name"], "truth": truth["effects"], "sizes": truth["sizes"], "verdict": None, "candidates": []}
-    row |= {key: truth.get(key) for key in ("effect_mm", "effect_left_mm", "achieved")}
+    row |= {key: truth.get(key) for key in ("effect_mm", "effect_left_mm", "noise_mm", "instead_of", "achieved")}
     if found is not None:
         row |= {"verdict": found["verdict"], "candidates": found["candidates"], "p_value": found["gap"]["p_value"]}
         said = found.get("shrinkage") or {}

@@ -154,6 +154,7 @@ def _sealed(folder: Path, names: Sequence[str], states: int) -> dict[str, Any]:
 
 def _diagnosed(case: Path, timeout_s: float) -> None:
     """Diagnose in a process that knows the case's path and nothing else; what it says goes to diagnose.log in the case."""
+    case = case.resolve()  # the process begins in it
     with (case / "diagnose.log").open("w", encoding="utf-8") as log:
         try:
             subprocess.run(

@@ -41,7 +41,7 @@ def found(verdict: str, *candidates: str) -> dict[str, Any]:
 
 def test_scores_count_what_they_say() -> None:
     pairs = [
-        (truth("inclusion"), found("inclusion", "inclusion")),
+        (truth("inclusion") | {"instead_of": ["gravity_change"]}, found("inclusion", "inclusion")),
         (truth("prestress"), found("ambiguous", "inclusion", "prestress")),
         (truth("prestress"), None),
         (truth(), found("none")),
@@ -57,6 +57,7 @@ def test_scores_count_what_they_say() -> None:
     assert s["baseline_commonest"] == pytest.approx(2 / 3)
     assert s["stiffness_95_without"] == 0.5
     assert s["stiffness_95_with"] is None
+    assert s["gave_place"] == {"gravity_change": 1}
     assert s["confusion"]["prestress"] == {"ambiguous": 1, "failed": 1}
 
 
@@ -175,6 +176,17 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(gap_study, "make_case", made)
     monkeypatch.setattr(gap_study, "_diagnosed", diagnosed)
     return tmp_path
+
+
+def test_a_case_is_found_from_wherever_the_study_was_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`--folder` is relative by default, and the process that diagnoses begins in the case."""
+    case = tmp_path / "study" / "cases" / "gap_000"
+    case.mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    gap_study._diagnosed(case.relative_to(tmp_path), 120.0)
+    said = (case / "diagnose.log").read_text()
+    assert "is no folder" not in said
+    assert "case.json" in said or "labels" in said, said
 
 
 def test_answers_are_sealed_before_and_unchanged_after(study: Path) -> None:
