@@ -13,7 +13,7 @@ from palpate.core.gap.detect import GapTest, gap_test
 from palpate.core.gap.evidence import projected
 from palpate.core.gap.forces import FreeField
 from palpate.core.gap.heldout import Gain, Linear, Split, gain, gain_error
-from palpate.core.gap.noise_model import WIDER
+from palpate.core.gap.noise_model import SHORT_BY
 from palpate.core.gap.pairs import JOINED, refit_pairs
 from palpate.core.gap.placebo import moved_gains, placebo_gains
 from palpate.core.gap.plain import FLAT, PlainFit
@@ -51,11 +51,11 @@ class Diagnosis:
 
 
 def tempered(log_evidence: float) -> float:
-    """What log evidence is worth when standard deviations are WIDER times those it was worked out with: it is quadratic in them.
+    """What log evidence is worth when standard deviations are SHORT_BY times those it was worked out with: it is quadratic in them.
 
     Without it the blind check's wrong names came with probabilities of 0.92 and 0.96. A power likelihood (Bissiri, Holmes & Walker 2016).
     """
-    return log_evidence / WIDER**2
+    return log_evidence / SHORT_BY**2
 
 
 def judge(

@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 LENGTHS_MM = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 # rms error of ln G in standard deviations that this covariance leaves, on 22 effect-free cases of two seeds of the blind check: surfaces
 # cut from voxels and walls that slid otherwise than the likeliest way move all points of the organ together (docs/gap.md).
-WIDER = 1.25
+SHORT_BY = 1.25
 
 
 @dataclass(frozen=True)

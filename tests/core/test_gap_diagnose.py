@@ -13,7 +13,14 @@ from synthetic_case import problem
 from triangle_shapes import ball
 
 from palpate.core.gap import better
-from palpate.core.gap.averaged import averaged_stiffness, over_variants, plain_stiffness
+from palpate.core.gap.averaged import (
+    TOO_STIFF,
+    WIDER,
+    averaged_stiffness,
+    over_variants,
+    plain_stiffness,
+    too_stiff_by,
+)
 from palpate.core.gap.better import GOOD, better_bench, better_residual
 from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
@@ -21,11 +28,12 @@ from palpate.core.gap.confirm import capped
 from palpate.core.gap.diagnose import diagnose
 from palpate.core.gap.effects import Surroundings, library
 from palpate.core.gap.judge import Diagnosis, tempered
-from palpate.core.gap.noise_model import WIDER, NoiseParts
+from palpate.core.gap.noise_model import SHORT_BY, NoiseParts
 from palpate.core.gap.record import maps, record
 from palpate.core.gap.shrinkage import contours_mm2
 from palpate.core.gap.stage import Stage
 from palpate.core.gap.states import Points
+from palpate.core.gap.wall_bias import wall_bias
 from palpate.core.problem import Surface, SurfacePair
 
 KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}
@@ -200,17 +208,29 @@ def test_what_walls_read_wrongly_pull_the_stiffness_by_is_taken_off(none: Diagno
     assert (fit.noise_slope < 0.0).all()
     written = record(none, "a case")["stiffness"]["without_effect"]
     for s, theta in zip(written.values(), fit.point.theta, strict=True):
-        assert 0.02 < (theta - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
+        assert 0.02 < (theta - TOO_STIFF - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
 
 
-def test_the_stiffness_is_told_a_quarter_wider_than_the_noise_model_has_it(wide: Diagnosis) -> None:
+def test_the_stiffness_is_told_as_effect_free_cases_calibrate_it(wide: Diagnosis) -> None:
+    """With and without an effect: too high by the same factor, but for what the prior holds; standard deviations widened."""
     J = wide.fit.weighting.whiten(wide.fit.point.in_theta)
     covariance = np.linalg.inv(J.T @ J + 0.2 * np.eye(2))
-    np.testing.assert_allclose(plain_stiffness(wide.fit)[1], 1.25**2 * covariance)
+    told, sd2 = plain_stiffness(wide.fit)
+    np.testing.assert_allclose(sd2, WIDER**2 * covariance)
+    biased = wide.fit.point.theta - wall_bias(wide.fit.noise_slope, covariance)
+    # A data vector off by J b moves the maximum of likelihood and prior by so much.
+    np.testing.assert_allclose(biased - told, covariance @ (J.T @ J) @ np.full(2, TOO_STIFF))
     sure = replace(wide.verdict, probability={"contour_bias": 1.0})
     best = next(f for f in wide.refits if f.trial.effect.id == "contour_bias")
-    alone = over_variants(best, wide.fit.noise_slope)[1]
-    np.testing.assert_allclose(averaged_stiffness(replace(wide, verdict=sure))[1], 1.25**2 * alone)
+    mean, alone = over_variants(best, wide.fit.noise_slope)
+    told, sd2 = averaged_stiffness(replace(wide, verdict=sure))
+    np.testing.assert_allclose(sd2, WIDER**2 * alone)
+    np.testing.assert_allclose(mean - told, TOO_STIFF * (1.0 - 0.2 * alone.sum(axis=1)))
+
+
+def test_a_stiffness_that_the_data_do_not_tell_is_left_where_its_prior_has_it() -> None:
+    np.testing.assert_allclose(too_stiff_by(np.diag([1e-6, 5.0])), [TOO_STIFF, 0.0], atol=1e-6)
+    np.testing.assert_allclose(too_stiff_by(np.diag([9.0, 9.0])), 0.0)
 
 
 def test_a_single_name_that_is_not_settled_comes_with_the_reason(wide: Diagnosis) -> None:
@@ -300,12 +320,12 @@ def test_case_data_survive_their_file(posed, tmp_path: Path) -> None:  # type: i
 def test_probabilities_are_of_evidence_with_wider_noise(wide: Diagnosis) -> None:
     """A fit's square sum falls by the square of what its standard deviations grow by, and so does what it says against another fit."""
     r, other = np.array([0.7, -0.4, 1.1]), np.array([0.1, 0.5, -0.2])
-    wider = [stats.norm.logpdf(v, scale=WIDER).sum() for v in (r, other)]
+    wider = [stats.norm.logpdf(v, scale=SHORT_BY).sum() for v in (r, other)]
     assert tempered(0.5 * (other @ other - r @ r)) == pytest.approx(wider[0] - wider[1])
     first, second = wide.refits[:2]
     names = [f.trial.effect.id for f in (first, second) if f.trial.effect is not None]
     odds = wide.verdict.probability[names[0]] / wide.verdict.probability[names[1]]
-    assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / WIDER**2)
+    assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / SHORT_BY**2)
     rows = {row["effect"]: row["log_evidence"] for row in record(wide, "a case")["ranking"]}
     assert np.log(odds) == pytest.approx(rows[names[0]] - rows[names[1]])
 
