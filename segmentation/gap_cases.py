@@ -59,11 +59,9 @@ def _noise_mm(recipe: Recipe, made: Made) -> float:
 
     Raises TooWeak where the best contours that the recipe may have do not show them.
     """
-    least, wanted = recipe.least_noise_mm, recipe.shown_mm
-    if not recipe.effects or least is None or wanted is None:
+    best, wanted, left = recipe.best_noise_mm, recipe.shown_mm, made.effect_mm[1]
+    if not recipe.effects or recipe.least_noise_mm is None or wanted is None:
         return recipe.noise_mm
-    left = made.effect_mm[1]
-    best = min(least, recipe.noise_mm)
     if left < noise_floor_mm(best):
         raise TooWeak(f"{left:.2f} mm are left")
     wished = min(recipe.noise_mm * min(left / wanted, 1.0), noise_whose_floor_is(left))

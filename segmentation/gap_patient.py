@@ -110,11 +110,13 @@ class Pose:
 
     def strength(self, name: str) -> float:
         """Size at which an effect alone shows what the recipe wants. Raises as `strength.strength`."""
-        recipe = self.recipe
-        assert recipe.shown_mm is not None
-        best = recipe.noise_mm if recipe.least_noise_mm is None else min(recipe.least_noise_mm, recipe.noise_mm)
-        shown = lambda size: self.made({name: size}).effect_mm[1]  # noqa: E731
-        return strength(recipe.shown_mm, SIZES[name], shown, noise_floor_mm(best))
+        wanted = self.recipe.shown_mm
+        assert wanted is not None
+
+        def shown_mm(size: float) -> float:
+            return self.made({name: size}).effect_mm[1]
+
+        return strength(wanted, SIZES[name], shown_mm, noise_floor_mm(self.recipe.best_noise_mm))
 
     def plain_further(self) -> list[PlainState]:
         """The recipe's further states before anything is hidden. Raises ConvergenceError, InputError as `carried_walls`."""

@@ -37,6 +37,11 @@ class Recipe:
     more: tuple[tuple[RectumSpec, BladderSpec], ...] = ()
     instead_of: tuple[str, ...] = ()
 
+    @property
+    def best_noise_mm(self) -> float:
+        """Standard deviation of one contour, mm, of the best contours that the recipe may have."""
+        return self.noise_mm if self.least_noise_mm is None else min(self.least_noise_mm, self.noise_mm)
+
     def random(self, what: int) -> np.random.Generator:
         """Random numbers for one purpose."""
         return np.random.default_rng([self.seed, what])

@@ -125,10 +125,8 @@ def _begun(folder: Path, states: int) -> None:
     path = folder / "ledger.json"
     if path.exists():
         held = json.loads(path.read_text(encoding="utf-8")).get("states", 1)
-    elif any(
-        (folder / "answers").glob("*.json")
-    ):  # from before there were further states, and ledgers began with the answers
-        held = 1
+    elif any((folder / "answers").glob("*.json")):
+        held = 1  # from before there were further states, and ledgers began with the answers
     else:
         _write(path, {"states": states})
         return
