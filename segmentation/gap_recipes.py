@@ -24,7 +24,7 @@ NOISE_MM = (0.12, 0.4)
 class StudyOptions:
     """cases : how many. seed : of everything random. workers : processes at a time. timeout_s : for one diagnosis.
 
-    states : deformed states of every patient.
+    states : deformed states of every patient. effect_free : nothing is hidden in any case.
     """
 
     cases: int = 60
@@ -32,10 +32,16 @@ class StudyOptions:
     workers: int = 1
     timeout_s: float = 900.0
     states: int = 1
+    effect_free: bool = False
 
 
 def recipes_of(options: StudyOptions) -> list[Recipe]:
-    """A fifth without an effect, a fifth outside the library, a tenth with two effects, the others with one; all effects take turns."""
+    """A fifth without an effect, a fifth outside the library, a tenth with two effects, the others with one; all effects take turns.
+
+    Effect-free alone: that fifth of five times as many.
+    """
+    if options.effect_free:
+        return [r for r in recipes_of(replace(options, cases=5 * options.cases, effect_free=False)) if not r.effects]
     rng = np.random.default_rng(options.seed)
     inside, outside = (itertools.cycle(rng.permutation(sorted(names)).tolist()) for names in (LIBRARY, OUTSIDE))
     out = []

@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
+from scipy.stats import kstest
 
 from palpate.segmentation.gap_floor import noise_floor_mm
 
 Truth: TypeAlias = Mapping[str, Any]
 Found: TypeAlias = Mapping[str, Any] | None
 _MOST = 3
+_TWO_SIDED_95 = 1.96
 # What the two stiffnesses leave of an effect that the shared cases call identifiable, rms mm.
 IDENTIFIABLE_MM = 0.3
 
@@ -35,6 +37,7 @@ def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
         "in_candidates": _rate(single, lambda t, d: t["effects"][0] in d["candidates"][:_MOST]),
         "missed": _rate(single, lambda t, d: d["verdict"] == "none"),
         "false_alarms": None if not none else 1.0 - (_rate(none, lambda t, d: d["verdict"] == "none") or 0.0),
+        "nothing_hidden": _nothing_hidden(none),
         "refused_outside": _rate(outside, lambda t, d: d["verdict"] in ("unknown", "ambiguous")),
         "one_of_two": _rate(double, lambda t, d: bool(set(t["effects"]) & set(d["candidates"]))),
         "brier": _brier(single),
@@ -66,6 +69,33 @@ def _rate(pairs: Sequence[tuple[Truth, Found]], right: Callable[[Truth, Mapping[
     return float(np.mean([d is not None and bool(right(t, d)) for t, d in pairs]))
 
 
+def _nothing_hidden(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any] | None:
+    """What the test and the stiffness do where there is nothing to find: p-values against a uniform distribution (median, and the p of
+    Kolmogorov and Smirnov), and the error of ln G in its standard deviations (mean, rms, share within 1.96).
+    """
+    done = [(truth, found) for truth, found in pairs if found is not None]
+    if not done:
+        return None
+    p = [found["gap"]["p_value"] for _, found in done]
+    z = np.array([v for truth, found in done for v in _errors(truth, found["stiffness"]["without_effect"]).values()])
+    return {
+        "cases": len(done),
+        "p_median": float(np.median(p)),
+        "p_uniform": float(kstest(p, "uniform").pvalue),
+        "ln_G_mean": float(np.mean(z)),
+        "ln_G_rms": float(np.sqrt(np.mean(z**2))),
+        "ln_G_95": float(np.mean(np.abs(z) < _TWO_SIDED_95)),
+    }
+
+
+def _errors(truth: Truth, stiffness: Mapping[str, Any] | None) -> dict[str, float]:
+    """Of each part's ln G, in its standard deviations."""
+    return {
+        name: float(np.log(s["G_kpa"] / truth["true_G_kpa"][name]) / s["sd_ln_G"])
+        for name, s in (stiffness or {}).items()
+    }
+
+
 def _brier(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
     """Mean squared error of the probabilities of all effects; 0 best, 2 worst."""
     values = []
@@ -82,10 +112,8 @@ def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
     """Share of true stiffnesses within 1.96 standard deviations of ln G."""
     inside = []
     for truth, found in pairs:
-        stiffness: Mapping[str, Any] | None = None if found is None else found["stiffness"][which]
-        for name, s in (stiffness or {}).items():
-            G = truth["true_G_kpa"][name]
-            inside.append(abs(np.log(s["G_kpa"] / G)) < 1.96 * s["sd_ln_G"])
+        if found is not None:
+            inside += [abs(z) < _TWO_SIDED_95 for z in _errors(truth, found["stiffness"][which]).values()]
     return float(np.mean(inside)) if inside else None
 
 
@@ -156,8 +184,8 @@ def _bias_ratio(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
 
 
 def _largest_z(truth: Truth, stiffness: Mapping[str, Any] | None) -> float | None:
-    zs = [abs(np.log(s["G_kpa"] / truth["true_G_kpa"][name])) / s["sd_ln_G"] for name, s in (stiffness or {}).items()]
-    return float(max(zs)) if zs else None
+    zs = [abs(z) for z in _errors(truth, stiffness).values()]
+    return max(zs) if zs else None
 
 
 def _confusion(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, dict[str, int]]:

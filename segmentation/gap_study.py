@@ -44,14 +44,14 @@ def run(folder: Path, options: StudyOptions | None = None, progress: Progress = 
     options = options or StudyOptions()
     cases, answers = folder / "cases", folder / "answers"
     cases.mkdir(parents=True, exist_ok=True)
-    _begun(folder, options.states)
+    _begun(folder, options)
     recipes = recipes_of(options)
     _make_all(folder, recipes, options.workers, part(progress, 0.0, 0.4))
-    ledger = _sealed(folder, [r.name for r in recipes if (answers / f"{r.name}.json").exists()], options.states)
+    ledger = _sealed(folder, [r.name for r in recipes if (answers / f"{r.name}.json").exists()])
     _diagnose_all(folder, ledger, options, part(progress, 0.4, 0.98))
     _unchanged(answers, ledger["answers"])
     pairs = [_pair(cases / name, answers / f"{name}.json") for name in ledger["answers"]]
-    return scores(pairs) | {"seed": options.seed, "states": options.states, "ledger": str(folder / "ledger.json")}
+    return scores(pairs) | _kind(options) | {"seed": options.seed, "ledger": str(folder / "ledger.json")}
 
 
 def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
@@ -120,32 +120,40 @@ def _note(folder: Path, ledger: dict[str, Any], name: str) -> None:
     _write(folder / "ledger.json", ledger)
 
 
-def _begun(folder: Path, states: int) -> None:
-    """Start the ledger, with how many deformed states patients have. Raises InputError where the folder's have another number."""
-    path = folder / "ledger.json"
-    if path.exists():
-        held = json.loads(path.read_text(encoding="utf-8")).get("states", 1)
-    elif any((folder / "answers").glob("*.json")):
-        held = 1  # from before there were further states, and ledgers began with the answers
-    else:
-        _write(path, {"states": states})
-        return
-    if held != states:
+def _kind(options: StudyOptions) -> dict[str, Any]:
+    """What all cases of one study have in common."""
+    return {"states": options.states, "effect_free": options.effect_free}
+
+
+def _begun(folder: Path, options: StudyOptions) -> None:
+    """Start the ledger, with the kind of study it is of. Raises InputError where the folder's is of another kind."""
+    path, asked, first = folder / "ledger.json", _kind(options), _kind(StudyOptions())
+    ledger: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    # from before there were other kinds, or ledgers that began before the answers
+    of_old = bool(ledger) or any((folder / "answers").glob("*.json"))
+    held = first | {key: ledger[key] for key in first if key in ledger} if of_old else asked
+    if held != asked:
         raise InputError(
-            f"the study in {folder} was made with --states {held}; give that, or an empty folder for one with --states {states}"
+            f"the study in {folder} was made with {_flags(held)}; give that, or an empty folder for one with {_flags(asked)}"
         )
+    if not ledger:
+        _write(path, asked)
 
 
-def _sealed(folder: Path, names: Sequence[str], states: int) -> dict[str, Any]:
+def _flags(kind: Mapping[str, Any]) -> str:
+    return f"--states {kind['states']}" + (" --effect-free" if kind["effect_free"] else "")
+
+
+def _sealed(folder: Path, names: Sequence[str]) -> dict[str, Any]:
     """The ledger with the answers' hashes, written once. Raises InputError when one there is of other answers."""
     hashes = {name: file_sha256(folder / "answers" / f"{name}.json") for name in names}
     path = folder / "ledger.json"
-    ledger: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    ledger: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     if "answers" in ledger:
         if ledger["answers"] != hashes:
             raise InputError(f"{path} seals other answers than those beside it; give an empty folder for a new study")
         return ledger
-    ledger = {"states": states, "answers": hashes, "diagnoses": {}}
+    ledger |= {"answers": hashes, "diagnoses": {}}
     _write(path, ledger)
     return ledger
 

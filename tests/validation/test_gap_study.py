@@ -61,6 +61,20 @@ def test_scores_count_what_they_say() -> None:
     assert s["confusion"]["prestress"] == {"ambiguous": 1, "failed": 1}
 
 
+def test_effect_free_cases_say_whether_p_values_are_uniform_and_the_stiffness_right() -> None:
+    """Halves of 21 and 90 kPa where 20 and 50 are true, with 0.2 and 0.1 of ln G."""
+    even = [found("none") | {"gap": {"p_value": p}} for p in (np.arange(40) + 0.5) / 40]
+    small = [found("none") | {"gap": {"p_value": p**2}} for p in (np.arange(40) + 0.5) / 40]
+    hidden = (truth("inclusion"), found("inclusion", "inclusion"))
+    s = scores([*((truth(), f) for f in even), hidden, (truth(), None)])["nothing_hidden"]
+    z = np.log(np.array([21.0 / 20.0, 90.0 / 50.0])) / (0.2, 0.1)
+    assert (s["cases"], s["p_median"], s["ln_G_95"]) == (40, pytest.approx(0.5), 0.5)
+    assert (s["ln_G_mean"], s["ln_G_rms"]) == (pytest.approx(z.mean()), pytest.approx(np.sqrt(np.mean(z**2))))
+    assert s["p_uniform"] > 0.99
+    assert scores([(truth(), f) for f in small])["nothing_hidden"]["p_uniform"] < 0.05
+    assert scores([hidden, (truth(), None)])["nothing_hidden"] is None
+
+
 def test_places_and_biases_are_scored_where_there_are_any() -> None:
     better = {name: s | {"G_kpa": truth()["true_G_kpa"][name] * 1.01} for name, s in STIFFNESS.items()}
     helped = found("inclusion", "inclusion")
@@ -215,6 +229,24 @@ def test_a_study_keeps_its_number_of_states(study: Path) -> None:
         gap_study.run(study, StudyOptions(2, 1))
 
 
+def test_an_effect_free_study_hides_nothing_and_mixes_with_no_other(study: Path) -> None:
+    alone = StudyOptions(4, 1, effect_free=True)
+    result = gap_study.run(study, alone)
+    assert (result["cases"], result["nothing_hidden"]["cases"]) == (4, 4)
+    assert result["confusion"] == {"none": {"none": 4}}
+    made = sorted(p.name for p in (study / "cases").iterdir())
+    with pytest.raises(InputError, match=r"was made with --states 1 --effect-free; give that, .* with --states 1$"):
+        gap_study.run(study, StudyOptions(4, 1))
+    assert sorted(p.name for p in (study / "cases").iterdir()) == made
+    assert gap_study.run(study, alone)["cases"] == 4
+
+
+def test_effect_free_recipes_are_those_of_the_whole_study() -> None:
+    assert recipes_of(StudyOptions(4, 3, effect_free=True)) == [
+        r for r in recipes_of(StudyOptions(20, 3)) if not r.effects
+    ]
+
+
 def test_a_study_from_before_there_were_states_has_one(study: Path) -> None:
     gap_study.run(study, StudyOptions(2, 1))
     ledger = json.loads((study / "ledger.json").read_text())
@@ -233,7 +265,8 @@ def test_the_command_asks_for_states(
     monkeypatch.setattr(gap_study, "run", lambda folder, options, progress: asked.append(options) or {})
     given = ["validate", "gap", "--folder", str(tmp_path), "--quiet"]
     assert cli.main([*given, "--states", "2"]) == cli.main(given) == 0
-    assert [options.states for options in asked] == [2, 1]
+    assert cli.main([*given, "--effect-free"]) == 0
+    assert [(options.states, options.effect_free) for options in asked] == [(2, False), (1, False), (1, True)]
     capfd.readouterr()
     assert cli.main([*given, "--states", "0"]) == 2
     assert "--states: 0 is out of range; give 1 to 9" in capfd.readouterr().err

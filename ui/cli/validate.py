@@ -69,6 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--states", type=whole_number(1, 9), default=1, metavar="N",
                         help="gap: how many deformed states every patient has, each of another filling of rectum and bladder "
                         "(default %(default)s)")  # fmt: skip
+    parser.add_argument("--effect-free", action="store_true",
+                        help="gap: hide nothing in any case; are p-values uniform, and how wrong is the stiffness?")  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
                         help="gap: for cases, answers and ledger; the same command goes on from it (default %(default)s)")  # fmt: skip
     parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
@@ -140,7 +142,13 @@ def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from palpate.segmentation.gap_recipes import StudyOptions
     from palpate.segmentation.gap_study import run as gap_study
 
-    options = StudyOptions(cases=args.cases, seed=random_seed(args), workers=args.workers or 1, states=args.states)
+    options = StudyOptions(
+        cases=args.cases,
+        seed=random_seed(args),
+        workers=args.workers or 1,
+        states=args.states,
+        effect_free=args.effect_free,
+    )
     return gap_study(args.folder, options, progress)
 
 
