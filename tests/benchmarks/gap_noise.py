@@ -32,7 +32,7 @@ from palpate.segmentation.diagnose_step import data_of
 SLIDES = (0.0, 0.1, 0.15, 0.2, 0.3, 0.4)
 SIZES: dict[str, tuple[float, ...]] = {
     "mesh": (0.0, 0.3, 0.45, 0.6, 1.0),
-    "offset": (0.0, 0.05, 0.1, 0.2, 0.3),
+    "offset": (0.0, 0.03, 0.1, 0.2, 0.3),
     "model": (0.0, 0.1, 0.2, 0.3, 0.4),
     "along": (0.0, 0.5, 1.0, 1.5, 2.0),
 }

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from palpate.core.gap.averaged import mixture, over_variants
+from palpate.core.gap.judge import tempered
 
 MODELS = {
     "volume_change": (np.array([3.0, 4.0]), np.diag([0.04, 0.09])),
@@ -47,6 +48,9 @@ def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval
     mean, covariance = over_variants(variant(5.0, 9.0, variant(60.0, 9.0)), still)  # type: ignore[arg-type]
     np.testing.assert_allclose(np.exp(mean), np.sqrt(300.0) * np.array([1.0, 2.0]))
     assert covariance[0, 0] == pytest.approx(0.04 + (0.5 * np.log(12.0)) ** 2)
+    rather = over_variants(variant(5.0, 9.0, variant(60.0, 7.0)), still)[0]  # type: ignore[arg-type]
+    share = 1.0 / (1.0 + np.exp(-tempered(2.0)))
+    assert rather[0] == pytest.approx(share * np.log(5.0) + (1.0 - share) * np.log(60.0))
     alone = over_variants(variant(5.0, 9.0, variant(60.0, -20.0)), still)  # type: ignore[arg-type]
     assert np.exp(alone[0][0]) == pytest.approx(5.0)
     less = over_variants(variant(5.0, 9.0, variant(60.0, -20.0)), np.array([-2.0, 0.0]))  # type: ignore[arg-type]
