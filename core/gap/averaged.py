@@ -77,7 +77,7 @@ def over_variants(best: Refit, slope: FloatArray) -> tuple[FloatArray, FloatArra
     variants = (best, *best.others)
     each = [(f.point.theta, f.covariance[:t, :t]) for f in variants]
     models = {str(k): (theta - wall_bias(slope, C), C) for k, (theta, C) in enumerate(each)}
-    weight = softmax([tempered(f.log_evidence) for f in variants])
+    weight = softmax([tempered(f.own_evidence) for f in variants])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
 

@@ -26,14 +26,16 @@ class Refit:
     """An effect's variant where it fits best.
 
     point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi).
-    log_evidence : Laplace's, against the plain model, the variants averaged, each model with the noise that suits it. correction (n,) :
-    what a better element adds to its residual. others : variants that were refitted too.
+    own_evidence : log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
+    log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction (n,) : what a better element adds to its
+    residual. others : variants that were refitted too.
     """
 
     trial: Trial
     point: Points
     in_phi: FloatArray
     covariance: FloatArray
+    own_evidence: float
     log_evidence: float
     correction: FloatArray
     others: tuple[Refit, ...] = ()
@@ -50,26 +52,14 @@ class Refit:
 
 
 def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
-    """Gauss-Newton on (ln G, phi) from the plain fit; None when the model with the effect cannot be solved."""
-    found = _fitted(fit, screened, which, fit.point, _start(screened, which))
-    return None if found is None else capped(found, screened)
-
-
-def capped(found: Refit, screened: Screened) -> Refit:
-    """With no more evidence than the first look has, where the stress-free mesh is another.
-
-    Another mesh has another error of the quick element, which the correction, made for the plain model, does not follow: on effect-free
-    cases such refits gained up to 5 over the first look, which has the plain model's mesh.
-    """
-    if found.point.first.scene.composition.geometry is None:
-        return found
-    return replace(found, log_evidence=min(found.log_evidence, screened.log_evidence))
+    """Gauss-Newton on (ln G, phi) from the plain fit, of one variant; None when the model with the effect cannot be solved."""
+    return _fitted(fit, screened, which, fit.point, _start(screened, which))
 
 
 def refit_again(fit: PlainFit, screened: Screened, found: Refit, correction: FloatArray) -> Refit | None:
-    """Refitted from where it was `found`, with another correction (n,) mm of the quick element; others : none.
+    """One variant refitted from where it was `found`, with another correction (n,) mm of the quick element.
 
-    None when the model with the effect cannot be solved. Its evidence is not capped: the correction is of its own stress-free mesh.
+    None when the model with the effect cannot be solved.
     """
     assert found.trial.variant is not None
     corrected = replace(fit, bench=fit.bench.corrected(correction))
@@ -125,10 +115,9 @@ def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point:
     t = len(point.theta)
     prior = np.diag(np.concatenate([np.full(t, FLAT), 1.0 / scales**2]))
     covariance = np.asarray(np.linalg.inv(J.T @ J + prior), dtype=np.float64)
-    spread = screened.log_evidence - screened.scores[which].log_evidence
-    spread += allowed(point.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
-    evidence = _whatever_noise(fit, point, S, scales) + spread
-    return Refit(trial, point, S, covariance, evidence, fit.bench.correction)
+    evidence = _whatever_noise(fit, point, S, scales)
+    evidence += allowed(point.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
+    return Refit(trial, point, S, covariance, evidence, evidence, fit.bench.correction)
 
 
 def _whatever_noise(fit: PlainFit, point: Points, S: FloatArray, scales: FloatArray) -> float:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.special import logsumexp
 
 from palpate.core.gap.case_data import CaseData
-from palpate.core.gap.confirm import Refit, refit
-from palpate.core.gap.detect import Named, gap_test
+from palpate.core.gap.confirm import Refit
+from palpate.core.gap.detect import CLEAR, Named, gap_test
 from palpate.core.gap.effects import Effect, Surroundings
 from palpate.core.gap.evidence import mean_of_exponentials
 from palpate.core.gap.forces import FreeField
@@ -21,15 +20,12 @@ from palpate.core.gap.plain import PlainFit, fit_plain
 from palpate.core.gap.pressure_fields import pressure_fields
 from palpate.core.gap.screen import Screened, screen
 from palpate.core.gap.states import factorised
+from palpate.core.gap.variants import refit_variants
 from palpate.core.gap.where import look
 from palpate.core.worker.progress import Progress, part, silent
 
 # Effects whose linear evidence is further below the best than this are not refitted.
 _HOPELESS = 12.0
-# A first look whose p-value is above this is not looked at again.
-_CLEAR = 0.3
-# Variants of an effect that are refitted, and how close (log evidence) to the best the second must be.
-_VARIANTS, _CLOSE = 3, 3.0
 
 
 def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress = silent, seed: int = 1) -> Diagnosis:
@@ -44,8 +40,8 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
     named = {s.effect.id: Named(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
     test = gap_test(fit.noise, r, J, R, named, seed)
-    refits = [] if test.p_value > _CLEAR else _refits(fit, screened, part(progress, 0.6, 0.8))
-    if refits and not test.detected:
+    refits = [] if test.p_value > CLEAR else _refits(fit, screened, part(progress, 0.6, 0.8))
+    if refits:
         found = {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect}
         test = gap_test(fit.noise, r, J, R, named, seed, found)
     refits = with_own_error(fit, screened, refits, part(progress, 0.8, 0.92)) if test.detected else []
@@ -69,9 +65,7 @@ def _refits(fit: PlainFit, screened: Sequence[Screened], progress: Progress) -> 
     out = []
     for k, s in enumerate(worth):
         progress(k / len(worth), f"refit with {s.effect.id}")
-        near = [i for i, sc in enumerate(s.scores[:_VARIANTS]) if sc.log_evidence > s.scores[0].log_evidence - _CLOSE]
-        found = [f for f in (refit(fit, s, i) for i in near) if f is not None]
-        if found:
-            best = max(found, key=lambda f: f.log_evidence)
-            out.append(replace(best, others=tuple(f for f in found if f is not best)))
+        found = refit_variants(fit, s)
+        if found is not None:
+            out.append(found)
     return sorted(out, key=lambda f: -f.log_evidence)

@@ -17,6 +17,7 @@ from palpate.core.gap.confirm import Refit, refit_again
 from palpate.core.gap.fit import Bench
 from palpate.core.gap.plain import PlainFit
 from palpate.core.gap.screen import Screened
+from palpate.core.gap.variants import corrected
 from palpate.core.worker.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
@@ -45,7 +46,7 @@ def with_own_error(
         assert found.trial.effect is not None
         progress(k / len(leading), f"the better element with {found.trial.effect.id}")
         again = _again(fit, fit.on_own_mesh, by_id[found.trial.effect.id], found, better)
-        out[k] = found if again is None else replace(again, others=found.others)
+        out[k] = found if again is None else corrected(again, found, by_id[found.trial.effect.id])
     return sorted(out, key=lambda f: -f.log_evidence)
 
 

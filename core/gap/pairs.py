@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from palpate.core.gap.composition import Composition
-from palpate.core.gap.confirm import Refit, refit
+from palpate.core.gap.confirm import Refit
 from palpate.core.gap.effects import Effect, Variant
 from palpate.core.gap.effects.base import FloatArray
 from palpate.core.gap.evidence import score
 from palpate.core.gap.plain import PlainFit
 from palpate.core.gap.screen import Screened
+from palpate.core.gap.variants import refit_variants
 
 # How many partners of the best effect are tried.
 PARTNERS = 3
@@ -51,7 +52,7 @@ def refit_pairs(fit: PlainFit, screened: Sequence[Screened], refits: Sequence[Re
     ids = [f.trial.effect.id for f in refits if f.trial.effect is not None]
     pairs = [_screened(fit, by_id[ids[0]], by_id[name]) for name in ids[1:]]
     pairs = sorted(pairs, key=lambda s: -s.log_evidence)[:PARTNERS]
-    found = [f for f in (refit(fit, pair) for pair in pairs) if f is not None]
+    found = [f for f in (refit_variants(fit, pair) for pair in pairs) if f is not None]
     return sorted(found, key=lambda f: -f.log_evidence)
 
 

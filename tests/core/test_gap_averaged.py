@@ -42,7 +42,7 @@ def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval
 
     def variant(G: float, evidence: float, *others: SimpleNamespace) -> SimpleNamespace:
         point = SimpleNamespace(theta=np.log([G, 2.0 * G]))
-        return SimpleNamespace(point=point, covariance=np.diag([0.04, 0.04, 1.0]), log_evidence=evidence, others=others)
+        return SimpleNamespace(point=point, covariance=np.diag([0.04, 0.04, 1.0]), own_evidence=evidence, others=others)
 
     still = np.zeros(2)
     mean, covariance = over_variants(variant(5.0, 9.0, variant(60.0, 9.0)), still)  # type: ignore[arg-type]

@@ -24,7 +24,6 @@ from palpate.core.gap.averaged import (
 from palpate.core.gap.better import GOOD, better_bench, better_residual
 from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
-from palpate.core.gap.confirm import capped
 from palpate.core.gap.diagnose import diagnose
 from palpate.core.gap.effects import Surroundings, library
 from palpate.core.gap.judge import Diagnosis, tempered
@@ -33,6 +32,7 @@ from palpate.core.gap.record import maps, record
 from palpate.core.gap.shrinkage import contours_mm2
 from palpate.core.gap.stage import Stage
 from palpate.core.gap.states import Points
+from palpate.core.gap.variants import capped
 from palpate.core.gap.wall_bias import wall_bias
 from palpate.core.problem import Surface, SurfacePair
 

@@ -1,0 +1,58 @@
+"""What the variants of one effect say of it together."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from palpate.core.gap.confirm import Refit
+from palpate.core.gap.evidence import mean_of_exponentials
+from palpate.core.gap.screen import Screened
+from palpate.core.gap.variants import corrected, of_all
+
+
+def looked_at(*first: float) -> Screened:
+    """An effect whose variants 0, 1, ... a first look gave these log evidences."""
+    scores = [SimpleNamespace(log_evidence=v) for v in first]
+    variants = list(range(len(first)))
+    return Screened(None, variants, scores, [], mean_of_exponentials(np.array(first)))  # type: ignore[arg-type]
+
+
+def refitted(which: int, own: float) -> Refit:
+    trial, nothing = SimpleNamespace(variant=which), np.zeros(0)
+    return Refit(trial, None, nothing, nothing, own, own, nothing)  # type: ignore[arg-type]
+
+
+def test_all_variants_refitted_count_with_their_own_evidence() -> None:
+    together = of_all([refitted(0, 4.0), refitted(1, 6.0), refitted(2, 1.0)], looked_at(3.0, 2.0, 1.5))
+    assert together.log_evidence == pytest.approx(np.log(np.mean(np.exp([4.0, 6.0, 1.0]))))
+    assert together.trial.variant == 1
+    assert [f.own_evidence for f in together.others] == [4.0, 1.0]
+
+
+def test_the_best_variant_is_the_one_with_the_most_evidence_not_with_the_largest_gain() -> None:
+    """The second gained 3 and has 4; the first gained nothing and has 5."""
+    together = of_all([refitted(0, 5.0), refitted(1, 4.0)], looked_at(5.0, 1.0))
+    assert together.trial.variant == 0
+
+
+def test_variants_that_were_not_refitted_gain_the_least_of_those_that_were() -> None:
+    """Of 50 places for a push two were refitted, and gained 4 and 1."""
+    first = [5.0, 4.5, *np.full(48, 0.5)]
+    together = of_all([refitted(0, 9.0), refitted(1, 5.5)], looked_at(*first))
+    now = [9.0, 5.5, *np.full(48, 1.5)]
+    assert together.log_evidence == pytest.approx(logsumexp(now) - np.log(50.0))
+    one = of_all([refitted(0, 4.0)], looked_at(*first))
+    assert one.log_evidence == pytest.approx(mean_of_exponentials(np.array(first)) - 1.0)
+
+
+def test_a_better_element_s_correction_of_the_best_variant_is_all_variants() -> None:
+    screened = looked_at(3.0, 2.0, 1.5)
+    found = of_all([refitted(0, 4.0), refitted(1, 6.0)], screened)
+    again = corrected(refitted(1, 5.2), found, screened)
+    assert again.own_evidence == 5.2
+    assert again.log_evidence == pytest.approx(found.log_evidence - 0.8)
+    assert again.others == found.others
