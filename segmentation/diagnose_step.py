@@ -19,9 +19,9 @@ from palpate.segmentation.body_case import body_inputs, body_problem, is_body
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.identify_step import further_files, problem_of, state_problems
 from palpate.segmentation.labels import BONE
-from palpate.segmentation.mesh_step import load_surfaces
+from palpate.segmentation.mesh_step import elsewhere_of, load_surfaces
 from palpate.segmentation.meshing import MeshOptions, mesh_labels
-from palpate.segmentation.more_states import further_states, state_labels
+from palpate.segmentation.more_states import further_states, state_elsewhere, state_labels
 from palpate.segmentation.surfaces import TriSurface, wall_surface
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
@@ -69,12 +69,22 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
     found = run_job(
         _job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)), options.cancel
     )
+    if not body:
+        found["flags"] += laid_on_bones(case)
     found["where"]["map"] = f"{_FOLDER}/{found['where']['map']}"
     if case.facts.other.get("simulated"):
         found["simulated"] = True
     case.write_json(DIAGNOSIS, found)
     case.mark_done("diagnose", inputs, (DIAGNOSIS, found["where"]["map"]))
     return found
+
+
+def laid_on_bones(case: CaseFolder) -> list[str]:
+    """A line for each deformed scan of a meshed case that lay elsewhere as a whole."""
+    first = elsewhere_of(case)
+    found = [] if first is None else [first.words()]
+    further = ((state.name, state_elsewhere(case, state)) for state in further_states(case))
+    return found + [away.words(f"the scan {name!r}") for name, away in further if away is not None]
 
 
 def data_of(case: CaseFolder) -> CaseData:

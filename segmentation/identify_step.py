@@ -21,7 +21,7 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.labels import LABELS
-from palpate.segmentation.mesh_step import ORGAN_NAME, load_meshed, load_surfaces
+from palpate.segmentation.mesh_step import ORGAN_NAME, elsewhere_of, load_meshed, load_surfaces
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
 from palpate.segmentation.partition import HOLE_NAMES
 from palpate.segmentation.repeat_step import FILE as NOISE_FILE
@@ -96,6 +96,9 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
     walls = {n: SurfacePair(_plain(rest[n]), _plain(deformed[n])) for n in _WALLS if n in rest and n in deformed}
     present = sorted(set(np.unique(meshed.mesh.regions).tolist()) & set(_ORGAN))
     marks = case.landmarks()
+    elsewhere = elsewhere_of(case)
+    if marks is not None and elsewhere is not None:
+        marks = replace(marks, deformed=elsewhere.back(marks.deformed))
     landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
     return IdentificationProblem(
         meshed.mesh,

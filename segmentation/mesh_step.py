@@ -13,6 +13,7 @@ from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.import_alone import is_alone
+from palpate.segmentation.laid_elsewhere import Elsewhere, elsewhere_in
 from palpate.segmentation.mesh_file import Recipe, load_mesh, mesh_arrays, recipe_hash
 from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
 from palpate.segmentation.partition import HOLE_NAMES
@@ -26,6 +27,7 @@ ORGAN_NAME = "organ"
 def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
     """Write mesh.npz, surfaces.npz, mesh.json and mesh.vtu of a case; return what mesh.json says.
 
+    Surfaces of both states lie in the frame of the scan at rest: where nobody has aligned the scans, that is done here (`laid_elsewhere`).
     Nothing is done when the labels and options are those of the last run. The mesh depends on the rest labels only and
     is kept when only the deformed ones have changed: off Linux the mesher never makes the same mesh twice.
 
@@ -44,6 +46,9 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         if not case.has_labels(state):
             raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")
     rest, deformed = case.labels("rest"), case.labels("deformed")
+    elsewhere = elsewhere_in(case, deformed)
+    if elsewhere is not None:
+        deformed = deformed.moved(elsewhere.deformed_to_rest)
     progress(0.02, "smooth surfaces")
     arrays = surface_arrays("rest", rest) | surface_arrays("deformed", deformed)
     progress(0.15, "tetrahedra")
@@ -57,6 +62,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         "inputs_sha256": inputs,
         "mesh_sha256": file_sha256(case.file("mesh.npz")),
         "options": asdict(options),
+        "laid_elsewhere": None if elsewhere is None else elsewhere.to_dict(),
         "surface_faces": {key[: -len("_faces")]: len(a) for key, a in arrays.items() if key.endswith("_faces")},
     }
     case.write_json("mesh.json", report)
@@ -70,6 +76,12 @@ def load_meshed(case: CaseFolder) -> MeshedCase:
     quality = case.read_json("mesh.json")
     mesh, boundary, _ = load_mesh(case.file("mesh.npz"))
     return MeshedCase(mesh, boundary, quality)
+
+
+def elsewhere_of(case: CaseFolder) -> Elsewhere | None:
+    """How the deformed scan of a meshed case lay elsewhere; its surfaces no longer do."""
+    found = case.read_json("mesh.json").get("laid_elsewhere")
+    return None if found is None else Elsewhere.from_dict(found)
 
 
 def load_surfaces(case: CaseFolder, state: str) -> dict[str, TriSurface]:

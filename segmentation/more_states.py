@@ -21,6 +21,7 @@ from palpate.segmentation.dicom_series import read_series
 from palpate.segmentation.grid import in_lps_order
 from palpate.segmentation.itksnap import label_values
 from palpate.segmentation.labels import BONE, ORGAN_LABELS
+from palpate.segmentation.laid_elsewhere import Elsewhere, elsewhere_in
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv, read_landmarks
 from palpate.segmentation.nifti_labels import read_labels, write_labels
 from palpate.segmentation.smooth_field import FloatArray
@@ -66,6 +67,17 @@ def _refused(case: CaseFolder, why: str) -> InputError:
 
 def state_labels(case: CaseFolder, state: FurtherState) -> Volume:
     """Labels of a further state in the rest frame, axes in LPS order. Raises InputError without an organ in them."""
+    volume = _as_given(case, state)
+    elsewhere = elsewhere_in(case, volume)
+    return volume if elsewhere is None else volume.moved(elsewhere.deformed_to_rest)
+
+
+def state_elsewhere(case: CaseFolder, state: FurtherState) -> Elsewhere | None:
+    """How a further state's labels lie elsewhere; what `state_labels` and `state_landmarks` give no longer does."""
+    return elsewhere_in(case, _as_given(case, state))
+
+
+def _as_given(case: CaseFolder, state: FurtherState) -> Volume:
     values = label_values(case.file("labels.txt")) if case.has("labels.txt") else None
     volume = in_lps_order(read_labels(case.file(state.labels), values))
     if not np.isin(volume.array, ORGAN_LABELS).any():
@@ -74,8 +86,11 @@ def state_labels(case: CaseFolder, state: FurtherState) -> Volume:
 
 
 def state_landmarks(case: CaseFolder, state: FurtherState) -> Landmarks | None:
-    """Matched points of a further state, None where it has none."""
-    return None if state.landmarks is None else read_landmarks(case.file(state.landmarks))
+    """Matched points of a further state in the rest frame, None where it has none."""
+    if state.landmarks is None:
+        return None
+    marks, elsewhere = read_landmarks(case.file(state.landmarks)), state_elsewhere(case, state)
+    return marks if elsewhere is None else replace(marks, deformed=elsewhere.back(marks.deformed))
 
 
 @dataclass(frozen=True)

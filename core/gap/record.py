@@ -20,8 +20,9 @@ from palpate.core.gap.words import next_measurement, sentence
 FloatArray = NDArray[np.float64]
 
 MAP_FILE = "gap_maps.npz"
-# A stiffness this close to a bound (ln G) is flagged: it may be absorbing an effect.
-AT_BOUND = 0.05
+# A stiffness this close to a bound (ln G) is flagged: it may be absorbing an effect. Unless its standard deviation (ln G) says that the
+# scans tell next to nothing of it.
+AT_BOUND, NOT_TOLD = 0.05, 1.0
 # A better element that moves the organ's surface by more than this, mm rms, says that the mesh is too coarse for this deformation.
 COARSE_MM = 0.35
 
@@ -195,13 +196,14 @@ def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
     bounds = found.fit.point.first.scene.parameters.bounds
     names = found.fit.bench.first.plain.problem.region_names
     out = []
-    for what, theta in (("without", found.fit.point.theta), ("with", None if shown is None else shown.point.theta)):
-        if theta is None:
-            continue
-        for region, t, (low, high) in zip(sorted(names), theta, bounds, strict=True):
+    fits = [("without", found.fit.point.theta, plain_stiffness(found.fit)[1])]
+    fits += [] if shown is None else [("with", shown.point.theta, shown.covariance)]
+    for what, theta, covariance in fits:
+        sd = np.sqrt(np.diag(covariance))[: len(theta)]
+        for region, t, s, (low, high) in zip(sorted(names), theta, sd, bounds, strict=True):
             if t < low + AT_BOUND or t > high - AT_BOUND:
-                name = names[region].replace("_", " ")
-                out.append(f"{name}: stiffness at its bound {what} the effect; it may be absorbing an effect")
+                why = "the scans say next to nothing of it" if s > NOT_TOLD else "it may be absorbing an effect"
+                out.append(f"{names[region].replace('_', ' ')}: stiffness at its bound {what} the effect; {why}")
     at = found.fit.bench.surface
     changed = float(np.sqrt((found.fit.mesh[at] ** 2).sum() / (len(found.where.points) * len(found.fit.bench.each))))
     if changed > COARSE_MM:

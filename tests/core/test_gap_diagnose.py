@@ -100,6 +100,7 @@ def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-unt
     written = record(found, "still")
     assert written["gap"]["rms_mm"] < 0.05
     assert min(s["sd_ln_G"] for s in written["stiffness"]["without_effect"].values()) > 1.0
+    assert not any("absorbing" in flag for flag in written["flags"])
 
 
 def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(

@@ -93,6 +93,8 @@ def _repeat(text: str) -> tuple[str, Path]:
 
 def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.json") -> list[str]:
     """What a person reads of an identification."""
+    from palpate.segmentation.mesh_step import elsewhere_of
+
     lines = []
     for name, found in result["parameters"].items():
         ci = found["ci95_kpa"]
@@ -106,4 +108,6 @@ def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.jso
     if case.has("noise.json"):
         lines.append(f"noise   {case.read_json('noise.json')['sd_mm']:.2f} mm, from contours drawn twice")
     lines += [f"says    {part}" for part in str(result["identifiability"]["verdict"]).split("; ")]
+    elsewhere = elsewhere_of(case) if case.has("mesh.json") else None
+    lines += [] if elsewhere is None else [f"note    {elsewhere.words()}"]
     return [*lines, f"result  {case.file(written)}"]

@@ -45,5 +45,9 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
 def text_of(case: CaseFolder, report: dict[str, Any]) -> str:
     """What a person reads of a mesh."""
+    from palpate.segmentation.mesh_step import elsewhere_of
+
     angle = report["min_dihedral_deg"]
-    return f"mesh    {case.file('mesh.vtu')}: {report['cells']} tetrahedra, smallest dihedral angle {angle:.0f}\N{DEGREE SIGN}"
+    made = f"mesh    {case.file('mesh.vtu')}: {report['cells']} tetrahedra, smallest dihedral angle {angle:.0f}\N{DEGREE SIGN}"
+    elsewhere = elsewhere_of(case)
+    return made if elsewhere is None else f"{made}\nnote    {elsewhere.words()}"
