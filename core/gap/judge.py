@@ -69,7 +69,7 @@ def judge(
     seed: int,
 ) -> Diagnosis:
     split, plain = organ_split(fit), plain_model(fit)
-    effects = {_name(f): _effect_model(f) for f in refits}
+    effects = {_name(f): effect_model(f) for f in refits}
     models = {"": plain, "ceiling": saturated_model(fit, forces)} | effects
     left_out = dict(zip(models, split.left_out(list(models.values())), strict=True))
     before = left_out[""]
@@ -86,8 +86,10 @@ def judge(
         all_judged.append(_judged(fit, f, refits[0], gains[name], ceiling, p, forces, seed))
     pairs = refit_pairs(fit, screened, refits) if all_judged and all_judged[0].remainder_p < REMAINDER_LEVEL else []
     pair = None
-    if pairs and pairs[0].trial.effect is not None:
-        pair = (tuple(pairs[0].trial.effect.id.split(JOINED)), tempered(pairs[0].log_evidence))
+    if pairs and foretells_more(
+        fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0])
+    ):
+        pair = (tuple(_name(pairs[0]).split(JOINED)), tempered(pairs[0].log_evidence))
     verdict = decide(test.detected, all_judged, tempered(unknown), pair)
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
         evidence = {s.effect.id: tempered(s.log_evidence) for s in screened}
@@ -95,6 +97,16 @@ def judge(
     return Diagnosis(
         fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1], forces
     )
+
+
+def foretells_more(fit: PlainFit, split: Split, alone: FloatArray, single: Linear, both: Linear) -> bool:
+    """Whether two effects together predict what was left out better than the better of them by itself, as a single one must.
+
+    alone : (m,) what that one leaves there. By evidence alone strong motions of bone were answered with a second cause that was not there:
+    what a right model leaves of a large motion stands out of the noise too, and another effect takes some of it.
+    """
+    found = gain(split, alone, split.left_out([both])[0], gain_error(split, single, both))
+    return sum(_gains_on_bone(fit, single, {"both": both}).values(), found).accepted
 
 
 def _gains_on_bone(fit: PlainFit, plain: Linear, effects: Mapping[str, Linear]) -> dict[str, Gain]:
@@ -189,7 +201,8 @@ def saturated_model(fit: PlainFit, forces: FreeField) -> Linear:
     )
 
 
-def _effect_model(found: Refit) -> Linear:
+def effect_model(found: Refit) -> Linear:
+    """The model with an effect, or two, around its fit."""
     assert found.trial.effect is not None
     t, scales = len(found.point.theta), found.trial.effect.scales
     return Linear(

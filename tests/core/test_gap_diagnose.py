@@ -26,8 +26,9 @@ from palpate.core.gap.case_data import CaseData, arrays, load
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.diagnose import diagnose
 from palpate.core.gap.effects import Surroundings, library
-from palpate.core.gap.judge import Diagnosis, tempered
+from palpate.core.gap.judge import Diagnosis, effect_model, foretells_more, tempered
 from palpate.core.gap.noise_model import SHORT_BY, NoiseParts
+from palpate.core.gap.pairs import refit_pairs
 from palpate.core.gap.record import maps, record
 from palpate.core.gap.shrinkage import contours_mm2
 from palpate.core.gap.stage import Stage
@@ -329,6 +330,17 @@ def test_probabilities_are_of_evidence_with_wider_noise(wide: Diagnosis) -> None
     assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / SHORT_BY**2)
     rows = {row["effect"]: row["log_evidence"] for row in record(wide, "a case")["ranking"]}
     assert np.log(odds) == pytest.approx(rows[names[0]] - rows[names[1]])
+
+
+def test_two_effects_together_must_predict_more_than_the_better_one(wide: Diagnosis) -> None:
+    """The cause with another beside it predicts no more than the cause; the other with the cause beside it does."""
+    by_id = {f.trial.effect.id: f for f in wide.refits if f.trial.effect is not None}
+    cause, other = by_id["contour_bias"], by_id["tissue_stiffening"]
+    for first, second, more in ((cause, other, False), (other, cause, True)):
+        (both,) = refit_pairs(wide.fit, wide.screened, [first, second])
+        assert first.trial.effect is not None
+        alone = wide.left_out[first.trial.effect.id]
+        assert foretells_more(wide.fit, wide.split, alone, effect_model(first), effect_model(both)) is more
 
 
 def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:
