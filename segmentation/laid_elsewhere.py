@@ -56,7 +56,7 @@ class Elsewhere:
         """For a person, in one line."""
         return (
             f"{scan} lay {self.shift_mm:.1f} mm and {self.turn_deg:.1f} degrees from the one at rest, bones and the region's "
-            "edge alike, and was laid on its bones first; pictures show it where it lies: `palpate import` aligns both for good"
+            "edge alike, and was laid on its bones first; `palpate import` of both label volumes aligns them for good"
         )
 
 

@@ -6,12 +6,14 @@ import base64
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from phantoms import result, write_case
 from pypdf import PdfReader
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
+from palpate.segmentation.laid_elsewhere import Elsewhere
 from palpate.ui.report import drawn_by as program
 from palpate.ui.report import report_step
 
@@ -138,3 +140,16 @@ def test_the_first_page_says_what_it_does_not_tell(pages: list[str]) -> None:
     first = re.sub(r"\s+", " ", pages[0])
     assert "What this does not tell: stiffness in absolute terms" in first
     assert "Young's modulus" in first and "Left and right are the patient's" in first
+
+
+def test_a_deformed_scan_that_lay_elsewhere_is_drawn_on_its_bones(tmp_path: Path) -> None:
+    """As `mesh` found it (`laid_elsewhere`)."""
+    case = write_case(tmp_path / "case", result())
+    given = case.labels("deformed").affine
+    np.testing.assert_array_equal(report_step.labels_in_rest_frame(case)["deformed"].affine, given)
+    back = np.eye(4)
+    back[:3, 3] = [4.0, -3.0, 2.0]
+    case.write_json("mesh.json", {"laid_elsewhere": Elsewhere(back, 5.4, 0.0).to_dict()})
+    shown = report_step.labels_in_rest_frame(case)
+    np.testing.assert_allclose(shown["deformed"].affine, back @ given)
+    np.testing.assert_array_equal(shown["rest"].affine, case.labels("rest").affine)

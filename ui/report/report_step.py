@@ -11,6 +11,8 @@ from typing import Any
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.case import STATES, CaseFolder
+from palpate.segmentation.mesh_step import elsewhere_of
+from palpate.segmentation.volume import Volume
 from palpate.ui.report.drawn_by import drawn_by
 from palpate.ui.report.figures import draw
 from palpate.ui.report.html_page import html
@@ -47,7 +49,7 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
         return _written(case)
     if not case.has_labels("rest"):
         raise InputError(f"{case.file('rest.nii.gz')} is not there; run `palpate segment` or put labels there")
-    labels = {state: case.labels(state) for state in STATES if case.has_labels(state)}
+    labels = labels_in_rest_frame(case)
     record = read_record(case, labels)
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     with case.atomic_folder(FOLDER) as folder:
@@ -61,6 +63,15 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
     case.mark_done(STEP, inputs, [f"{FOLDER}/report.html", *([f"{FOLDER}/report.pdf"] if options.pdf else [])])
     progress(1.0, "report written")
     return _written(case)
+
+
+def labels_in_rest_frame(case: CaseFolder) -> dict[str, Volume]:
+    """Of both states, as far as there are any, in the frame of the scan at rest."""
+    found = {state: case.labels(state) for state in STATES if case.has_labels(state)}
+    elsewhere = elsewhere_of(case) if case.has("mesh.json") else None
+    if elsewhere is not None and "deformed" in found:
+        found["deformed"] = found["deformed"].moved(elsewhere.deformed_to_rest)
+    return found
 
 
 def _written(case: CaseFolder) -> dict[str, Any]:
