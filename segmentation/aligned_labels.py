@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.user_labels import UserLabels
-from palpate.segmentation.volume import Volume
+from palpate.imaging.contours.user_labels import UserLabels
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.volume import Volume
 
 # Two grids are one where their steps differ by less than this, mm, and their voxels by less than this share of a voxel.
 _STEP_MM, _SHARE = 1e-3, 0.02

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.itksnap_labels import label_description, label_values
+from palpate.imaging.contours.nifti_labels import read_labels, read_nifti, write_labels
+from palpate.imaging.dicom.series import SeriesFacts, read_series
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.volume import Volume
 from palpate.segmentation import atomic
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.case_files import CaseFiles, as_json, file_sha256
-from palpate.segmentation.dicom_series import SeriesFacts, read_series
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.itksnap import label_description, label_values
 from palpate.segmentation.landmarks import Landmarks, read_landmarks
-from palpate.segmentation.nifti_labels import read_labels, read_nifti, write_labels
-from palpate.segmentation.volume import Volume
 
 STATES = ("rest", "deformed")
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.imaging.contours.rtstruct import is_rtstruct, read_rtstruct
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
-from palpate.segmentation.rtstruct import is_rtstruct, read_rtstruct
 from palpate.segmentation.scanner import Scanner
-from palpate.segmentation.user_labels import read_user_labels
-from palpate.segmentation.volume import Volume
 
 _VALUES = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,), "bone": (BONE,)}
 PHANTOM = "phantom"

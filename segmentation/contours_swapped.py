@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import STATES
-from palpate.segmentation.labels import BLADDER, ORGAN_LABELS, RECTUM
-from palpate.segmentation.volume import Volume
 
 # Gas, contrast and metal say nothing of how well an outline lies.
 _LOW_HU, _HIGH_HU = -150.0, 250.0

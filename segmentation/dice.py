@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.pelvis import segment_pelvis
 from palpate.segmentation.organs.prompts import ORGANS, Prompts
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 MODES = ("auto", "click", "extremes")

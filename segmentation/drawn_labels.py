@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import UserLabels
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
-from palpate.segmentation.nifti_labels import read_labels
 from palpate.segmentation.organs.working_grid import mask_on
-from palpate.segmentation.user_labels import UserLabels
-from palpate.segmentation.volume import Volume
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,10 @@ from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_paramet
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, part, silent
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.identified import identified_shear
 from palpate.segmentation.identify_step import facts_of
-from palpate.segmentation.labels import ORGAN_LABELS
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 
 def extend_labels(labels: Volume, outside: int = 0) -> Volume:

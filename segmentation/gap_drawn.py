@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.gap_patient import Made
@@ -17,13 +20,10 @@ from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.seen import marked, read_marks
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, backward
-from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv
-from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.simulate_contours import drawn_labels
 from palpate.segmentation.simulate_source import LabelArray, labels_on
 from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.volume import Volume
 
 Labels = Callable[[FloatArray], LabelArray]
 # Correlation length of the contours' noise, mm.

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.anatomy import Carried, Patient
@@ -18,7 +19,6 @@ from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, shown, shown_further
 from palpate.segmentation.gap_truth.strength import strength
-from palpate.segmentation.labels import ORGAN_LABELS
 from palpate.segmentation.meshing import MeshedCase
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec, moved_walls

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from palpate.core.errors import InputError
+from palpate.imaging.labels import LABELS
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.labels import LABELS
 
 
 def identified_shear(case: CaseFolder, regions: Sequence[int]) -> dict[int, float]:

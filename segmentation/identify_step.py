@@ -18,9 +18,9 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.labels import LABELS
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.labels import LABELS
 from palpate.segmentation.mesh_step import ORGAN_NAME, elsewhere_of, load_meshed, load_surfaces
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
 from palpate.segmentation.partition import HOLE_NAMES

@@ -11,13 +11,13 @@ import numpy as np
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
 from palpate.segmentation.case import CaseFolder, check_new_case, file_sha256
-from palpate.segmentation.dicom_series import read_series
 from palpate.segmentation.import_given import ImportOptions, scan_sha256, values_beside
 from palpate.segmentation.import_step import STEP
 from palpate.segmentation.import_write import gravity_of, open_or_create, write_scan, write_user_labels
-from palpate.segmentation.nifti_labels import read_labels
-from palpate.segmentation.user_labels import read_user_labels
 
 
 def import_alone(

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.itksnap_labels import label_values
+from palpate.imaging.contours.user_labels import files_of
+from palpate.imaging.dicom.files import list_files
 from palpate.segmentation.case_files import file_sha256
-from palpate.segmentation.dicom_files import list_files
-from palpate.segmentation.itksnap import label_values
-from palpate.segmentation.user_labels import files_of
 
 _NIFTI = (".nii", ".nii.gz")
 

@@ -11,13 +11,17 @@ import numpy as np
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.pair_check import check_pair
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.labels import BONE, ORGAN_LABELS
+from palpate.imaging.registration.align_on_bone import Alignment, align_ct, align_labels
+from palpate.imaging.volume import Volume
 from palpate.segmentation.aligned_labels import in_own_frame
-from palpate.segmentation.alignment import Alignment, align_ct, align_labels
 from palpate.segmentation.case import STATES, CaseFolder, check_new_case
 from palpate.segmentation.case_facts import Vector
 from palpate.segmentation.contours_swapped import swapped_note
-from palpate.segmentation.dicom_pair import check_pair
-from palpate.segmentation.dicom_series import read_series
 from palpate.segmentation.import_given import ImportOptions, check_kinds, inputs_sha256, scan_sha256, values_beside
 from palpate.segmentation.import_write import (
     gravity_of,
@@ -27,11 +31,7 @@ from palpate.segmentation.import_write import (
     write_scan,
     write_user_labels,
 )
-from palpate.segmentation.labels import BONE, ORGAN_LABELS
 from palpate.segmentation.landmarks import read_landmarks
-from palpate.segmentation.nifti_labels import read_labels
-from palpate.segmentation.user_labels import read_user_labels
-from palpate.segmentation.volume import Volume
 
 STEP = "import"
 

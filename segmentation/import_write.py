@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.segmentation.alignment import Alignment
+from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.contours.user_labels import UserLabels
+from palpate.imaging.registration.align_on_bone import Alignment
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts, Vector
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv
-from palpate.segmentation.nifti_labels import write_labels
-from palpate.segmentation.user_labels import UserLabels
 
 # Which way a patient is pulled down, LPS, by how he lies (DICOM PatientPosition after head or feet first).
 _DOWN: dict[str, Vector] = {

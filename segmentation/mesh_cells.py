@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from palpate.core.mesh import FACES_OF_CELL
-from palpate.segmentation.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
+from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.segmentation.partition import HOLE_NAMES, Partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 

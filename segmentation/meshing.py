@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
-from palpate.segmentation.labels import OUTSIDE
+from palpate.imaging.labels import OUTSIDE
+from palpate.imaging.volume import Volume
 from palpate.segmentation.mesh_cells import KEPT, clean_labels, face_neighbours, label_cells
 from palpate.segmentation.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
 from palpate.segmentation.meshing_fit import FLOOR_DEG, Interface, fit_interfaces, interface_report, interfaces_of
@@ -20,7 +21,6 @@ from palpate.segmentation.meshing_soup import make_scene
 from palpate.segmentation.partition import HOLE_NAMES, Partition, make_partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 from palpate.segmentation.tetwild import tetrahedralize
-from palpate.segmentation.volume import Volume
 
 # Meshed again, once, when the number of cells is further from what is wanted than this factor.
 COUNT_TOLERANCE = 1.3

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import cg
 
 from palpate.core.mesh import FACES_OF_CELL
-from palpate.segmentation.labels import ORGAN_LABELS, OUTSIDE
+from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE
 from palpate.segmentation.mesh_cells import KEPT, face_neighbours
 from palpate.segmentation.meshing_quality import shape
 from palpate.segmentation.partition import HOLE_NAMES, ORGAN, Partition

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.segmentation.partition import ORGAN, Partition
 from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
 from palpate.segmentation.tetwild import Soup

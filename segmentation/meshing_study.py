@@ -17,9 +17,10 @@ from scipy import ndimage
 
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.labels import ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
 from palpate.segmentation.contoured_scan import ContouredScan
 from palpate.segmentation.drawn_labels import drawn_of_volume
-from palpate.segmentation.labels import ORGAN_LABELS, RECTUM
 from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
 from palpate.segmentation.meshing_quality import SLIVER_DEG
 from palpate.segmentation.organs.pelvis import segment_pelvis
@@ -29,7 +30,6 @@ from palpate.segmentation.segment_report import SegmentedState
 from palpate.segmentation.segment_step import SegmentOptions, labels_of
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 from palpate.segmentation.surfaces import organ_surfaces
-from palpate.segmentation.volume import Volume
 
 WANTED_ANGLE_DEG, WANTED_VOLUME, WANTED_VOXELS, WANTED_SECONDS = SLIVER_DEG, 0.02, 0.5, 60.0
 # Voxels are split to about this for distances from their outline.

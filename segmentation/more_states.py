@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import InputError
-from palpate.segmentation.alignment import align_ct, align_labels
+from palpate.imaging.contours.itksnap_labels import label_values
+from palpate.imaging.contours.nifti_labels import read_labels, write_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.labels import BONE, ORGAN_LABELS
+from palpate.imaging.registration.align_on_bone import align_ct, align_labels
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder, file_sha256
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.itksnap import label_values
-from palpate.segmentation.labels import BONE, ORGAN_LABELS
 from palpate.segmentation.laid_elsewhere import Elsewhere, elsewhere_in
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv, read_landmarks
-from palpate.segmentation.nifti_labels import read_labels, write_labels
 from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.user_labels import read_user_labels
-from palpate.segmentation.volume import Volume
 
 
 @dataclass(frozen=True)

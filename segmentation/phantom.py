@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.segmentation import phantom_anatomy as anatomy
-from palpate.segmentation.labels import (
+from palpate.imaging.labels import (
     BLADDER,
     BONE,
     OUTSIDE,
@@ -17,6 +16,7 @@ from palpate.segmentation.labels import (
     RECTUM,
     SURROUNDING_TISSUE,
 )
+from palpate.segmentation import phantom_anatomy as anatomy
 from palpate.segmentation.phantom_shapes import FloatArray, Solid, near
 from palpate.segmentation.phantom_unions import Shrunk
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.itksnap_labels import label_values
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.labels import ORGAN_LABELS
+from palpate.imaging.volume import Volume
 from palpate.segmentation.aligned_labels import in_own_frame
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.itksnap import label_values
-from palpate.segmentation.labels import ORGAN_LABELS
-from palpate.segmentation.nifti_labels import read_labels
-from palpate.segmentation.user_labels import read_user_labels
-from palpate.segmentation.volume import Volume
 
 _NIFTI = (".nii", ".nii.gz")
 

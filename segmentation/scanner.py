@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 FloatArray = NDArray[np.float64]
 # HU (n,) at points (n, 3) mm in the scanner's coordinates.

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.labels import BLADDER, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.labels import BLADDER, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
 from palpate.segmentation.simulate_source import LabelArray, labels_on
 from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.volume import Volume
 
 # What a person contours; bone and the modelled region are not.
 _DRAWN = (ORGAN_LABELS, (BLADDER,), (RECTUM,))

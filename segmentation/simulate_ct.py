@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from palpate.core.worker.progress import Progress, silent
-from palpate.segmentation.dicom_series import read_series
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.grid import in_lps_order
 from palpate.segmentation.drawn_labels import drawn_of
-from palpate.segmentation.grid import in_lps_order
 from palpate.segmentation.organs.pelvis import segment_pelvis
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.split import midline_normal, split_plane
@@ -18,7 +19,6 @@ from palpate.segmentation.organs.tissue import region_of_interest
 from palpate.segmentation.segment_report import SegmentedState
 from palpate.segmentation.segment_step import SegmentOptions, labels_of
 from palpate.segmentation.simulate_source import VolumeSource
-from palpate.segmentation.user_labels import read_user_labels
 
 
 @dataclass(frozen=True)

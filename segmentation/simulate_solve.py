@@ -17,7 +17,7 @@ from palpate.core.fem.state import State
 from palpate.core.laws.linear import LINEAR, bulk_modulus
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_parameters
 from palpate.core.worker.progress import Progress, silent
-from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.meshing import MeshedCase
 from palpate.segmentation.simulate_figures import organ_strain, smallest_volume_ratio, solver_figures
 from palpate.segmentation.simulate_glide import Glide

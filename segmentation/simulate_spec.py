@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.core.errors import InputError
-from palpate.segmentation.labels import LABEL_VALUES, LABELS, ORGAN_LABELS
+from palpate.imaging.labels import LABEL_VALUES, LABELS, ORGAN_LABELS
 from palpate.segmentation.simulate_ct import CtSource
 from palpate.segmentation.simulate_solve import Stiffness
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.segmentation.case import CaseFolder, check_new_case
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.labels import LABELS, ORGAN_LABELS
 from palpate.segmentation.meshing import MeshOptions, mesh_labels
 from palpate.segmentation.scanner import Scanner
 from palpate.segmentation.simulate_ct import CtSource, ct_source

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.labels import LABELS, ORGAN_LABELS
+from palpate.imaging.volume import Volume
 from palpate.segmentation.atomic import atomic_path, writing
-from palpate.segmentation.labels import LABELS, ORGAN_LABELS
-from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.simulate_solve import DeformedState, Stiffness
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 from palpate.segmentation.surfaces import TriSurface
-from palpate.segmentation.volume import Volume
 
 SURFACE_POINTS = 500
 

@@ -11,11 +11,11 @@ from scipy.interpolate import UnivariateSpline
 from scipy.optimize import brentq
 
 from palpate.core.errors import InputError
-from palpate.segmentation.labels import BLADDER, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM
+from palpate.imaging.labels import BLADDER, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM
+from palpate.imaging.volume import Volume
 from palpate.segmentation.simulate_motion import BagMotion, Faded, MovedWall, TubeMotion, interpolated
 from palpate.segmentation.smooth_field import FloatArray
 from palpate.segmentation.surfaces import TriSurface, wall_surface
-from palpate.segmentation.volume import Volume
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from palpate.core.sketch.motion import MotionOptions, Moving, animate
 from palpate.core.sketch.residual import Target
 from palpate.core.sketch.swarm_fit import SwarmFitOptions, swarm_fit
 from palpate.core.worker.progress import Progress, part, silent
-from palpate.segmentation.drawing import Drawing, read_drawing
+from palpate.imaging.drawings.drawing import Drawing, read_drawing
 from palpate.segmentation.drawing_mesh import mesh_figure
 from palpate.segmentation.sketch_summary import summary_of
 

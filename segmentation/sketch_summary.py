@@ -13,8 +13,8 @@ from palpate.core.sketch.figure import FORCE_UNIT, Figure
 from palpate.core.sketch.fit import HIT, Fit
 from palpate.core.sketch.motion import Moving
 from palpate.core.sketch.outline import Outline, hausdorff
+from palpate.imaging.drawings.drawing import Drawing
 from palpate.segmentation.case import file_sha256
-from palpate.segmentation.drawing import Drawing
 
 if TYPE_CHECKING:
     from palpate.segmentation.sketch_step import SketchOptions

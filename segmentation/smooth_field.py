@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage import measure
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -19,16 +19,16 @@ from palpate.core.identify.surface_start import aligned
 from palpate.core.identify.unloaded import NEXT, moved_by_its_surface
 from palpate.core.problem import Surface, SurfacePair
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.surfaces.surface_files import ReadSurface, read_closed_surface
+from palpate.imaging.volume import Volume
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import STATES, CaseFolder, check_new_case, file_sha256
 from palpate.segmentation.identify_step import problem_of
 from palpate.segmentation.import_write import open_or_create, write_landmarks
-from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.landmarks import Landmarks, read_landmarks
 from palpate.segmentation.meshing import MeshOptions
-from palpate.segmentation.surface_files import ReadSurface, read_closed_surface
 from palpate.segmentation.surfaces import TriSurface
-from palpate.segmentation.volume import Volume
 
 STEP = "import"
 SUMMARY = "surfaces.json"

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.imaging.volume import Volume
 from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_source import LabelArray
 from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.volume import Volume
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ import numpy as np
 
 from palpate.core.observe.closest_point import closest_points
 from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.segmentation.gap_truth.anatomy import Rigid
 from palpate.segmentation.gap_truth.draws import ball, direction, either, sign
 from palpate.segmentation.gap_truth.simulated import Hide, Simulated
-from palpate.segmentation.labels import ORGAN_LABELS
 
 # Weight of 1000 kg/m3, kPa/mm for each m/s2.
 _WEIGHT = 1e-6

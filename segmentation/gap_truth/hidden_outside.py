@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.segmentation.gap_truth.draws import ball, direction, sign
 from palpate.segmentation.gap_truth.simulated import Hide, Simulated
-from palpate.segmentation.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 
 
 def _uneven_growth(s: Simulated, size: float, rng: np.random.Generator) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.segmentation.labels import (
+from palpate.imaging.labels import (
     BLADDER,
     BONE,
     OUTSIDE,
@@ -19,11 +19,11 @@ from palpate.segmentation.labels import (
     RECTUM,
     SURROUNDING_TISSUE,
 )
+from palpate.imaging.volume import Volume
 from palpate.segmentation.phantom_shapes import Capsule, Ellipsoid, Solid, Tube
 from palpate.segmentation.phantom_unions import Union
 from palpate.segmentation.simulate_source import LabelArray, labels_on
 from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.volume import Volume
 
 # Semi-axes of the modelled region, a box with rounded edges, and its middle over the prostate's, mm; the power that rounds it.
 _REGION_MM, _MIDDLE_MM, _POWER = np.array([50.0, 54.0, 54.0]), np.array([0.0, 5.0, 9.0]), 20

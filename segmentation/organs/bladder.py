@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.bladder_region import urine_of, urine_region
 from palpate.segmentation.organs.edges import mask_to_edges
 from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
@@ -13,7 +14,6 @@ from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.scene import Found, Scene
 from palpate.segmentation.organs.surface_mesh import Shell, profiles, shell_of_mask
 from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest, opened
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

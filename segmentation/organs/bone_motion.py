@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from palpate.segmentation.labels import BONE_PART_VALUES
+from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.segmentation.organs.bone_parts import BoneParts
 from palpate.segmentation.organs.surface_mesh import shell_of_mask
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.segmentation import watershed
 
-from palpate.segmentation.labels import BONE_PART_VALUES
+from palpate.imaging.labels import BONE_PART_VALUES
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.femoral_heads import SIDES, Head, find_heads
 from palpate.segmentation.organs.landmarks import Pelvis
 from palpate.segmentation.organs.lumbosacral import above_sacrum
 from palpate.segmentation.organs.working_grid import Mask
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.optimal_surface import crossing
 from palpate.segmentation.organs.scene import Scene
 from palpate.segmentation.organs.surface_mesh import Shell, profiles, shell_of_mask
 from palpate.segmentation.organs.working_grid import Mask, blurred
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.landmarks import Pelvis
 from palpate.segmentation.organs.star import sphere
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

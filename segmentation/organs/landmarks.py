@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy import ndimage, optimize
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.working_grid import Mask
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.labels import BONE_PART_VALUES
+from palpate.imaging.labels import BONE_PART_VALUES
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.landmarks import Pelvis
 from palpate.segmentation.organs.working_grid import Mask
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

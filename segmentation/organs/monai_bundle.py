@@ -18,9 +18,9 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.roi_names import organ_of
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.working_grid import AIR_HU, bounds
-from palpate.segmentation.roi_names import organ_of
-from palpate.segmentation.volume import Volume
 
 _ORGANS = ("prostate", "bladder", "rectum")
 # What loads, labels or converts, without changing a value: nothing to do here.

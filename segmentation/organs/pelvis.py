@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.bladder import find_bladder
 from palpate.segmentation.organs.bone_parts import BoneParts, bone_parts
 from palpate.segmentation.organs.learned import learned_masks
@@ -18,7 +19,6 @@ from palpate.segmentation.organs.prostate import find_prostate
 from palpate.segmentation.organs.rectum import find_rectum
 from palpate.segmentation.organs.scene import Found, Scene, make_scene
 from palpate.segmentation.organs.working_grid import Mask, mask_on
-from palpate.segmentation.volume import Volume
 
 # Below this a label wants a person's eye.
 DOUBTFUL = 0.35

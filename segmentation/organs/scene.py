@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.body import body_mask, without_surroundings
 from palpate.segmentation.organs.bone import bone_mask
 from palpate.segmentation.organs.landmarks import Pelvis, find_pelvis
@@ -24,7 +25,6 @@ from palpate.segmentation.organs.working_grid import (
     shrunk,
     upright,
 )
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.segmentation.labels import PROSTATE_LEFT, PROSTATE_RIGHT
+from palpate.imaging.labels import PROSTATE_LEFT, PROSTATE_RIGHT
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.landmarks import Pelvis
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

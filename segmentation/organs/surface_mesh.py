@@ -14,8 +14,8 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from skimage.measure import marching_cubes
 from vtk.util.numpy_support import vtk_to_numpy
 
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.working_grid import Mask
-from palpate.segmentation.volume import Volume
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

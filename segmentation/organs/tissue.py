@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.labels import BLADDER, BONE, OUTSIDE, RECTUM, SURROUNDING_TISSUE
-from palpate.segmentation.volume import Volume
+from palpate.imaging.labels import BLADDER, BONE, OUTSIDE, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,7 +7,7 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]

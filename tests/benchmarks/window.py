@@ -25,9 +25,9 @@ from scipy import ndimage
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
-from palpate.segmentation.volume import Volume
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
+from palpate.imaging.volume import Volume
 from palpate.ui.cli.signals import descendants
 from palpate.ui.desktop import application
 

@@ -21,15 +21,15 @@ from palpate.core.mesh import TetMesh
 from palpate.core.validate.cohort_study import cohort_of_table
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.job import Job
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
+from palpate.imaging.surfaces.surface_files import read_closed_surface
+from palpate.imaging.volume import Volume
 from palpate.segmentation.body_case import MESH, body_inputs, body_problem
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
 from palpate.segmentation.mesh_file import load_mesh, save_mesh
 from palpate.segmentation.organs.monai_bundle import bundle_plan
-from palpate.segmentation.surface_files import read_closed_surface
-from palpate.segmentation.volume import Volume
 
 # The good file, what reads it and raises InputError only, and whether it is text.
 Made = tuple[Path, Callable[[], object], bool]

@@ -14,21 +14,21 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
 from case_targets import MAKERS, Made
 from dicom_samples import enhanced_ct, save, series, straight, structure_set
 
+from palpate.imaging.contours.dicom_seg import read_dicom_seg
+from palpate.imaging.contours.itksnap_labels import label_description, label_values
+from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, MAIN, Layer, workspace_text
+from palpate.imaging.contours.named_labels import labels_of
+from palpate.imaging.contours.nifti_labels import read_labels, write_labels
+from palpate.imaging.contours.rtstruct import read_rtstruct
+from palpate.imaging.contours.seg_nrrd import read_seg_nrrd, write_seg_nrrd
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.dicom_seg import read_dicom_seg
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.itksnap import label_description, label_values
-from palpate.segmentation.itksnap_workspace import LABEL_LAYER, MAIN, Layer, workspace_text
 from palpate.segmentation.landmarks import read_landmarks
-from palpate.segmentation.named_labels import labels_of
-from palpate.segmentation.nifti_labels import read_labels, write_labels
 from palpate.segmentation.organs.prompts import parse_prompts
-from palpate.segmentation.rtstruct import read_rtstruct
-from palpate.segmentation.seg_nrrd import read_seg_nrrd, write_seg_nrrd
 from palpate.segmentation.simulate_spec import load_spec, parse_spec
-from palpate.segmentation.user_labels import read_user_labels
-from palpate.segmentation.volume import Volume
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def _rtstruct(folder: Path) -> Made:
 
 
 def _dicom_seg(folder: Path) -> Made:
-    from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
+    from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
     from palpate.ui.dicom.label_segments import label_segmentation
 
     case = CaseFolder.create(folder / "case", CaseFacts("fuzz"))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 # (centre, half axes) mm of ellipsoids of bone; no symmetry between left and right.
 _BONES = [

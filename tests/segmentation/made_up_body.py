@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from voxel_shapes import ball, grid, paint, prostate, tube
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 
 def body() -> Volume:

@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 
+from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom
 from palpate.segmentation.organs.pelvis import Segmentation, segment_pelvis
 from palpate.segmentation.scanner import Scanner
-from palpate.segmentation.volume import Volume
 
 SPACING = np.array([1.6, 1.6, 2.5])
 EXTENT = np.array([350.0, 240.0, 150.0])

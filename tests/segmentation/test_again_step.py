@@ -17,11 +17,11 @@ from palpate.core.observe.triangle_tree import TriangleTree
 from palpate.core.problem import IdentificationProblem, Surface
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
+from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.volume import Volume
 from palpate.segmentation import again_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.nifti_labels import write_labels
-from palpate.segmentation.volume import Volume
 from palpate.ui.cli import main as cli
 
 # The deformed scan's own frame: contours are drawn there, the case lies in that of the scan at rest.

@@ -10,9 +10,9 @@ import SimpleITK as sitk
 from bone_scans import bone_labels, largest_error, moving, scan
 
 from palpate.core.errors import InputError
-from palpate.segmentation.alignment import align_ct, align_labels
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.volume import Volume
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.registration.align_on_bone import align_ct, align_labels
+from palpate.imaging.volume import Volume
 
 
 def test_one_position_stays() -> None:

@@ -8,7 +8,7 @@ from organ_scans import found
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from palpate.segmentation.labels import BONE_PART_VALUES
+from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.segmentation.organs.bone_motion import bone_motions, motion_notes
 from palpate.segmentation.organs.bone_parts import BoneParts
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.atomic import sweep
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.volume import Volume
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ import pytest
 from dicom_samples import enhanced_ct, save, series, straight, structure_set
 
 from palpate.core.errors import InputError
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.nifti_labels import read_labels, write_labels
-from palpate.segmentation.rtstruct import read_rtstruct
-from palpate.segmentation.volume import Volume
+from palpate.imaging.contours.nifti_labels import read_labels, write_labels
+from palpate.imaging.contours.rtstruct import read_rtstruct
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.volume import Volume
 
 ROUNDS = 120
 HEADER = 1400

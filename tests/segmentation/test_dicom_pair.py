@@ -8,9 +8,9 @@ import pytest
 from dicom_samples import PATIENT_ID, hounsfield, save, series, straight
 
 from palpate.core.errors import InputError
-from palpate.segmentation.dicom_pair import check_pair
-from palpate.segmentation.dicom_series import SeriesFacts, read_series
-from palpate.segmentation.volume import Volume
+from palpate.imaging.dicom.pair_check import check_pair
+from palpate.imaging.dicom.series import SeriesFacts, read_series
+from palpate.imaging.volume import Volume
 
 
 def scan(folder: Path, uid: str, shift: float = 0.0, **elements: object) -> tuple[Volume, SeriesFacts]:

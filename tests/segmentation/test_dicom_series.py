@@ -12,8 +12,8 @@ from dicom_samples import PATIENT_ID, PATIENT_NAME, ct_slice, enhanced_ct, houns
 from pydicom.uid import ImplicitVRLittleEndian
 
 from palpate.core.errors import InputError
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.volume import Volume
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.volume import Volume
 
 
 def assert_shows_the_field(volume: Volume, tolerance: float = 1.0, inset: int = 0) -> None:

@@ -12,9 +12,9 @@ import pydicom
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
-from palpate.segmentation.volume import Volume
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
+from palpate.imaging.volume import Volume
 
 IDENTITY = SeriesIdentity(
     patient_id="RESEARCH-1",

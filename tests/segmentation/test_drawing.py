@@ -10,7 +10,7 @@ import pytest
 from PIL import Image, ImageDraw
 
 from palpate.core.errors import InputError
-from palpate.segmentation.drawing import read_drawing
+from palpate.imaging.drawings.drawing import read_drawing
 from palpate.segmentation.drawing_mesh import mesh_figure
 
 CANVAS = 400

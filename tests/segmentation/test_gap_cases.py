@@ -19,6 +19,7 @@ from palpate.core.fem.space import Space
 from palpate.core.laws.linear import LINEAR
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN
 from palpate.core.mesh import TetMesh
+from palpate.imaging.volume import Volume
 from palpate.segmentation import gap_cases
 from palpate.segmentation.gap_cases import make_case
 from palpate.segmentation.gap_drawn import widened
@@ -33,7 +34,6 @@ from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm, true_surf
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import held_nodes, shown
 from palpate.segmentation.gap_truth.strength import TooWeak
-from palpate.segmentation.volume import Volume
 
 RADII = np.array([12.0, 9.0, 15.0])
 CENTRE = np.array([3.0, -2.0, 5.0])

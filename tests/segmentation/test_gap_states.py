@@ -14,6 +14,7 @@ from synthetic_case import HALF, RADIUS
 
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.imaging.volume import Volume
 from palpate.segmentation import gap_cases, gap_patient
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.gap_cases import make_case
@@ -29,7 +30,6 @@ from palpate.segmentation.landmarks import read_landmarks
 from palpate.segmentation.meshing import MeshedCase
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
-from palpate.segmentation.volume import Volume
 
 EMPTIED = (RectumSpec(-2.0), BladderSpec())
 

@@ -9,11 +9,11 @@ import pydicom
 import SimpleITK as sitk
 
 from palpate.core.errors import InputError
-from palpate.segmentation.dicom_files import DicomFile, read_file
-from palpate.segmentation.dicom_pixels import read_slices
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.dicom_slices import slices_of
-from palpate.segmentation.volume import Volume
+from palpate.imaging.dicom.files import DicomFile, read_file
+from palpate.imaging.dicom.pixels import read_slices
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.dicom.slices import slices_of
+from palpate.imaging.volume import Volume
 
 # What each folder must give: "reads" or the reason for the refusal. Folders of MR are read as MR, to try their decoders.
 EXPECTED = {

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.segmentation.itksnap import label_description, label_values, read_label_names
-from palpate.segmentation.labels import LABELS
+from palpate.imaging.contours.itksnap_labels import label_description, label_values, read_label_names
+from palpate.imaging.labels import LABELS
 
 LINE = '{value:5d}   255  0    0   1  1  1    "{name}"\n'
 

@@ -12,11 +12,11 @@ from voxel_shapes import ball, grid, paint, tube
 
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
+from palpate.imaging.volume import Volume
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFacts, CaseFolder, file_sha256
 from palpate.segmentation.mesh_file import Recipe, recipe_hash
 from palpate.segmentation.meshing import MeshedCase, MeshOptions
-from palpate.segmentation.volume import Volume
 
 SHIFT_MM = 3.0
 

@@ -13,12 +13,12 @@ from voxel_shapes import ball, distance, grid, paint, prostate, tube
 
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.mesh import FACES_OF_CELL
+from palpate.imaging.volume import Volume
 from palpate.segmentation import meshing
 from palpate.segmentation.mesh_cells import face_neighbours, parts_of
 from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
 from palpate.segmentation.meshing_quality import dihedral_angles, radius_ratio
 from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.volume import Volume
 
 SPACING = (1.2, 1.2, 2.0)
 RECTUM = tube(7.0, y=21.5, bend=0.002)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from palpate.core.mesh import TetMesh
+from palpate.imaging.volume import Volume
 from palpate.segmentation.meshing import MeshedCase, assemble
 from palpate.segmentation.meshing_study import (
     contact_of_labels,
@@ -15,7 +16,6 @@ from palpate.segmentation.meshing_study import (
     row_of,
     study_text,
 )
-from palpate.segmentation.volume import Volume
 
 SPACING = np.array([1.0, 1.5, 3.0])
 # A brick is cut into cubes, and each cube into six tetrahedra about its diagonal.

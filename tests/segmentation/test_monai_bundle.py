@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.learned import learned_masks
-from palpate.segmentation.volume import Volume
 
 METADATA = {
     "network_data_format": {"outputs": {"pred": {"channel_def": {"0": "background", "1": "Prostate", "2": "bladder"}}}}

@@ -13,12 +13,12 @@ from dicom_samples import COLUMNS, ROWS, save, series, straight
 from pydicom.sr.codedict import codes
 
 from palpate.core.errors import InputError
-from palpate.segmentation.dicom_seg import read_dicom_seg
-from palpate.segmentation.dicom_series import SeriesFacts, read_series
-from palpate.segmentation.named_labels import labels_of
-from palpate.segmentation.seg_nrrd import read_seg_nrrd
-from palpate.segmentation.user_labels import read_user_labels
-from palpate.segmentation.volume import Volume
+from palpate.imaging.contours.dicom_seg import read_dicom_seg
+from palpate.imaging.contours.named_labels import labels_of
+from palpate.imaging.contours.seg_nrrd import read_seg_nrrd
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import SeriesFacts, read_series
+from palpate.imaging.volume import Volume
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,9 @@ import pytest
 import SimpleITK as sitk
 
 from palpate.core.errors import InputError
-from palpate.segmentation.grid import in_lps_order
-from palpate.segmentation.nifti_labels import read_labels, read_nifti, write_labels, write_nifti
-from palpate.segmentation.volume import Volume
+from palpate.imaging.contours.nifti_labels import read_labels, read_nifti, write_labels, write_nifti
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.volume import Volume
 
 # Asymmetric in every way: sizes, spacings, rotation, labels.
 ROTATION = np.linalg.qr(np.array([[0.9, 0.2, 0.1], [-0.3, 0.8, 0.1], [0.1, -0.2, 0.95]]))[0]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
 from palpate.segmentation.organs.prompts import Prompts, check_inside, parse_prompts
 from palpate.segmentation.organs.split import Plane, halves, midline_normal, split_plane
@@ -15,7 +16,6 @@ from palpate.segmentation.organs.star import ellipsoid_radii, sphere, star
 from palpate.segmentation.organs.surface_mesh import shell_of_mask
 from palpate.segmentation.organs.tissue import cropped, label_array, region_of_interest
 from palpate.segmentation.organs.working_grid import upright
-from palpate.segmentation.volume import Volume
 
 
 def test_optimal_surface_is_the_best_of_all_surfaces() -> None:

@@ -7,15 +7,15 @@ import pytest
 from organ_scans import found, scan, truth, truth_of
 
 from palpate.core.errors import InputError
+from palpate.imaging.labels import BLADDER, BONE, RECTUM
+from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom, phantom_anatomy
 from palpate.segmentation.dice import click_of, dice
-from palpate.segmentation.labels import BLADDER, BONE, RECTUM
 from palpate.segmentation.organs.bladder import find_bladder
 from palpate.segmentation.organs.pelvis import segment_pelvis
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.prostate import find_prostate
 from palpate.segmentation.surfaces import wall_surface
-from palpate.segmentation.volume import Volume
 
 LABELS = {"prostate": (1, 2), "bladder": (BLADDER,), "rectum": (RECTUM,)}
 SOLIDS = {

@@ -13,16 +13,16 @@ import pytest
 from organ_scans import found, scan, truth_of
 
 from palpate.core.errors import InputError
+from palpate.imaging.labels import BLADDER
+from palpate.imaging.volume import Volume
 from palpate.segmentation import dice as dice_module
 from palpate.segmentation.contoured_scan import ContouredScan, contoured_scan
-from palpate.segmentation.labels import BLADDER
 from palpate.segmentation.organs import pelvis
 from palpate.segmentation.organs.learned import learned_masks
 from palpate.segmentation.organs.random_walk import walk
 from palpate.segmentation.organs.six_points import ellipsoid_of
 from palpate.segmentation.organs.star import sphere
 from palpate.segmentation.segment_study import _rank_correlation, segmentation_study, study_text
-from palpate.segmentation.volume import Volume
 
 SHEAR = np.array([[400.0, 90.0, -60.0], [90.0, 225.0, 50.0], [-60.0, 50.0, 300.0]])
 CENTRE = np.array([5.0, -30.0, 12.0])

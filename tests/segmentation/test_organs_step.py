@@ -10,18 +10,18 @@ import pytest
 from organ_scans import found, scan, truth, truth_of
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.volume import Volume
 from palpate.segmentation import dice as dice_module
 from palpate.segmentation import segment_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.dice import dice, dice_table, extremes_of
-from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.organs.pelvis import Segmentation
 from palpate.segmentation.organs.prompts import Prompts
 from palpate.segmentation.organs.scene import Found
 from palpate.segmentation.organs.working_grid import mask_on
 from palpate.segmentation.segment_step import SegmentOptions, run_segment
-from palpate.segmentation.volume import Volume
 
 # The test phantom's scan is smaller than the region that a whole pelvis is modelled in.
 NEAR = SegmentOptions(margin_mm=(34.0, 34.0, 30.0))

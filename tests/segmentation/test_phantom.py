@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from palpate.imaging.labels import LABELS
+from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom
-from palpate.segmentation.labels import LABELS
 from palpate.segmentation.phantom_anatomy import BLADDER, PROSTATE, PUBIS, RECTUM
 from palpate.segmentation.phantom_shapes import Capsule, Ellipsoid, Solid, Trunk
 from palpate.segmentation.phantom_unions import Shrunk, Union
 from palpate.segmentation.scanner import Scanner, voxel_mean
-from palpate.segmentation.volume import Volume
 
 SPACING = np.array([2.0, 2.0, 3.0])
 

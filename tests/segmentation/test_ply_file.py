@@ -9,7 +9,7 @@ import pytest
 import pyvista as pv
 
 from palpate.core.errors import InputError
-from palpate.segmentation.ply_file import read_ply
+from palpate.imaging.surfaces.ply import read_ply
 
 BALL = pv.Icosphere(radius=20.0, center=(3.0, -4.0, 5.0), nsub=1)
 

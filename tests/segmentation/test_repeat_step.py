@@ -14,11 +14,11 @@ from palpate.core.errors import InputError
 from palpate.core.observe.noise import EXTRACTION_LENGTH_MM, EXTRACTION_MM, matern_3_2, smooth_covariance
 from palpate.core.observe.repeat import repeat_of
 from palpate.core.problem import Surface
+from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.segmentation import repeat_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.identify_step import facts_of
-from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.repeat_step import measured_noise
 from palpate.ui.cli import identify
 

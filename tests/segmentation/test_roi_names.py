@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.segmentation.roi_names import choose_rois
+from palpate.imaging.contours.roi_names import choose_rois
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ import pytest
 from dicom_samples import save, series, straight, structure_set
 
 from palpate.core.errors import InputError
-from palpate.segmentation.contours import contours_to_mask
-from palpate.segmentation.dicom_series import read_series
-from palpate.segmentation.rtstruct import read_rtstruct
-from palpate.segmentation.volume import Volume
+from palpate.imaging.contours.contours import contours_to_mask
+from palpate.imaging.contours.rtstruct import read_rtstruct
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.volume import Volume
 
 GRID = Volume(np.zeros((60, 50, 12), dtype=np.int16), np.diag([1.0, 1.4, 3.0, 1.0]))
 GRID.affine[:3, 3] = [-20.0, 5.0, 100.0]

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from palpate.core.errors import InputError
 from palpate.core.identify.surface_start import aligned
 from palpate.core.problem import Surface, SurfacePair
+from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.segmentation import identify_step, meshing
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.surface_files import read_closed_surface
 from palpate.segmentation.surface_import import SurfaceImportOptions, run_surface_import
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "prostate_mr_us"

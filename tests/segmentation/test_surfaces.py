@@ -7,9 +7,9 @@ import pytest
 from voxel_shapes import FloatArray, ball, distance, grid, paint, prostate, tube
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.extend_labels import crop, extend_labels, without_specks
 from palpate.segmentation.surfaces import TriSurface, organ_surfaces, wall_surface
-from palpate.segmentation.volume import Volume
 
 HALF = (32.0, 28.0, 30.0)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 FloatArray = NDArray[np.float64]
 Shape = Callable[[FloatArray], FloatArray]  # points (..., 3) mm -> negative inside

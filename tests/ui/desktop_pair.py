@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
+from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom
-from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
-from palpate.segmentation.volume import Volume
 
 SPACING = np.array([2.5, 2.5, 4.0])
 EXTENT = np.array([350.0, 240.0, 150.0])

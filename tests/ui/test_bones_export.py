@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.imaging.contours.itksnap_labels import read_label_names
+from palpate.imaging.contours.named_labels import labels_of
+from palpate.imaging.contours.nifti_labels import read_nifti, write_labels
+from palpate.imaging.contours.seg_nrrd import read_seg_nrrd
+from palpate.imaging.labels import BONE, BONE_PARTS
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.itksnap import read_label_names
-from palpate.segmentation.labels import BONE, BONE_PARTS
-from palpate.segmentation.named_labels import labels_of
-from palpate.segmentation.nifti_labels import read_nifti, write_labels
-from palpate.segmentation.seg_nrrd import read_seg_nrrd
-from palpate.segmentation.volume import Volume
 from palpate.ui.export import exporter
 
 

@@ -15,15 +15,15 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.itksnap_workspace import read_workspace
+from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.contours.user_labels import UserLabels, read_user_labels
+from palpate.imaging.grid import labels_on
+from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
 from palpate.segmentation.aligned_labels import NOTE, in_own_frame
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.grid import labels_on
-from palpate.segmentation.itksnap_workspace import read_workspace
-from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
-from palpate.segmentation.nifti_labels import write_labels
 from palpate.segmentation.redrawn import redrawn_labels
-from palpate.segmentation.user_labels import UserLabels, read_user_labels
-from palpate.segmentation.volume import Volume
 from palpate.ui.cli import main as cli
 from palpate.ui.export import exporter
 

@@ -9,7 +9,7 @@ from phantoms import CENTRE, MARKER, affine, labels, marked_ct
 from palpate.core.identify.patches import Patches
 from palpate.core.identify.smooth_prior import SmoothPrior
 from palpate.core.identify.stiffness_map import StiffnessMap
-from palpate.segmentation.grid import in_lps_order
+from palpate.imaging.grid import in_lps_order
 from palpate.ui.desktop import overlay
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.grey import PRESETS, WindowLevel, to_grey

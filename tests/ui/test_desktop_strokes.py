@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from phantoms import affine, labels
 
 from palpate.core.errors import InputError
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop.journal import Journal, content_hash, replay
 from palpate.ui.desktop.strokes import Corrections, Drag, Stroke, erased_to, footprint
 from palpate.ui.pictures.planes import AXIAL, PLANES

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from phantoms import CENTRE, MARKER, affine, marked_ct, write_case
 from PIL import Image
 
-from palpate.segmentation.dicom_write import SeriesIdentity, write_ct_series
+from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.ui.cli import main as cli
 
 REFERENCES = """

@@ -22,9 +22,9 @@ from dicom_samples import enhanced_ct, straight
 from phantoms import CENTRE, MARKER, affine, result, write_case
 
 from palpate.core.errors import InputError
+from palpate.imaging.labels import LABELS
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFacts, CaseFolder
-from palpate.segmentation.labels import LABELS
-from palpate.segmentation.volume import Volume
 from palpate.ui.cli import main as cli
 from palpate.ui.export import exporter
 

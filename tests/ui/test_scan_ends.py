@@ -7,9 +7,9 @@ import pytest
 from matplotlib.figure import Figure
 from phantoms import CENTRE, affine, shape
 
-from palpate.segmentation.labels import BLADDER, SURROUNDING_TISSUE
+from palpate.imaging.labels import BLADDER, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
 from palpate.segmentation.surfaces import TriSurface, wall_surface
-from palpate.segmentation.volume import Volume
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import CORONAL, SAGITTAL, Plane, Window, reached
 from palpate.ui.pictures.slice_axes import WALLS, draw_outlines

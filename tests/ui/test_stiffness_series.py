@@ -18,8 +18,8 @@ from dicom_cases import FLIPS, NAME, NUMBER, pair
 from phantoms import affine, result
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.volume import Volume
 from palpate.ui.export import exporter
 
 

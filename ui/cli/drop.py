@@ -13,9 +13,9 @@ from typing import Any
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import part
+from palpate.imaging.labels import LABELS
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.labels import LABELS
 from palpate.ui.cli.arguments import no_points, number
 from palpate.ui.cli.console import Console
 from palpate.ui.number_words import three_figures

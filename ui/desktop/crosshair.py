@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.segmentation.labels import LABELS, ORGAN_LABELS
-from palpate.segmentation.volume import Volume
+from palpate.imaging.labels import LABELS, ORGAN_LABELS
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop import overlay
 from palpate.ui.number_words import three_figures
 from palpate.ui.pictures.planes import centre_of

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.segmentation.labels import LABELS
+from palpate.imaging.labels import LABELS
 from palpate.segmentation.organs.prompts import SEED_NAMES
 from palpate.ui.desktop.strokes import Drag, erased_to, footprint
 from palpate.ui.pictures.planes import Plane

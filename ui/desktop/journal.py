@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop.strokes import Corrections, Stroke
 
 

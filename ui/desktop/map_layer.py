@@ -12,7 +12,7 @@ from PySide6.QtCore import QPointF
 from PySide6.QtGui import QImage, QPainterPath, QPolygonF
 from skimage import measure
 
-from palpate.segmentation.labels import ORGAN_LABELS
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop import overlay
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.sheets import Sheet

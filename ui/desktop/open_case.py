@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import STATES, CaseFolder
-from palpate.segmentation.volume import Volume
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.journal import Journal, content_hash, replay
 from palpate.ui.desktop.strokes import Corrections

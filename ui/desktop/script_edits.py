@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from palpate.imaging.labels import LABEL_VALUES
 from palpate.segmentation.case import STATES
-from palpate.segmentation.labels import LABEL_VALUES
 from palpate.ui.desktop.controller import Controller
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 from palpate.ui.pictures.planes import Plane
 
 # A grid counts as lying along the patient's axes when no voxel is farther from where it would then be than this part of its edge.

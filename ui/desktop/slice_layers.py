@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QPointF
 from PySide6.QtGui import QImage, QPainterPath, QPolygonF, qRgba
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop.field import Screen
 from palpate.ui.desktop.grey import WindowLevel, to_grey
 from palpate.ui.desktop.overlay import RGBA, outlines

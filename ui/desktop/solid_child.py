@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
-from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
-from palpate.segmentation.volume import Volume
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop.camera import Camera
 from palpate.ui.desktop.drawing_child import off_screen_plotter, picture, serve_scene
 from palpate.ui.desktop.grey import WindowLevel, to_grey

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop.pipe import Pipe, Reply
 from palpate.ui.pictures.offscreen import REMEDY
 

@@ -9,7 +9,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop import overlay
 from palpate.ui.desktop.sheets import Sheet
 from palpate.ui.pictures.colours import StiffnessScale

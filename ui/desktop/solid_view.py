@@ -11,7 +11,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QMouseEvent, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
-from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.ui.desktop import overlay, style
 from palpate.ui.desktop.camera import Camera
 from palpate.ui.desktop.controller import Controller

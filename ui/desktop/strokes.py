@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
-from palpate.segmentation.labels import LABELS, OUTSIDE, SURROUNDING_TISSUE
-from palpate.segmentation.volume import Volume
+from palpate.imaging.labels import LABELS, OUTSIDE, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
 from palpate.ui.pictures.planes import Plane
 
 

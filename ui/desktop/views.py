@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtWidgets import QGridLayout, QWidget
 
-from palpate.segmentation.labels import OUTSIDE
-from palpate.segmentation.volume import Volume
+from palpate.imaging.labels import OUTSIDE
+from palpate.imaging.volume import Volume
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.field import Field
 from palpate.ui.desktop.slice_picture import BLEND

@@ -6,7 +6,7 @@ from highdicom.coding_schemes import CodingSchemeIdentificationItem
 from highdicom.sr import CodedConcept
 from pydicom.sr.codedict import codes
 
-from palpate.segmentation.labels import BLADDER, BONE, PROSTATE_LEFT, PROSTATE_RIGHT, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.labels import BLADDER, BONE, PROSTATE_LEFT, PROSTATE_RIGHT, RECTUM, SURROUNDING_TISSUE
 
 SCHEME = "99PALPATE"
 # Elasticity (DCM 110829) does not say which modulus, and a shear modulus is a third of Young's.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.imaging.labels import LABEL_VALUES
+from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.labels import LABEL_VALUES
-from palpate.segmentation.volume import Volume
 
 # Slices kept on both sides of the organ; the others would hold nothing.
 _MARGIN = 2

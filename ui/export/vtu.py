@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
+from palpate.imaging.labels import SURROUNDING_TISSUE
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.labels import SURROUNDING_TISSUE
 from palpate.segmentation.mesh_step import load_meshed
 from palpate.ui.export.stiffness import stiffness_of
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from palpate.segmentation.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
-from palpate.segmentation.volume import Volume
+from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import SAGITTAL, Plane, Slice, Window, centre_of, reach_of, reslice, share_of_label
 

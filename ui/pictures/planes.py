@@ -8,7 +8,7 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
-from palpate.segmentation.volume import Volume
+from palpate.imaging.volume import Volume
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from palpate.segmentation.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.ui.pictures.colours import OUTLINES
 from palpate.ui.pictures.images import CaseImages, grey, stiffness_slice
 from palpate.ui.pictures.planes import Plane, Slice, Window, reached, share_of_label

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
-from palpate.segmentation.labels import BLADDER, RECTUM
+from palpate.imaging.labels import BLADDER, RECTUM
 from palpate.ui.pictures.colours import OUTLINES, STIFFNESS_LABEL, StiffnessScale
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import AXIAL, PLANES, Plane, Window, reach_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.imaging.labels import LABELS
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.labels import LABELS
 from palpate.segmentation.mesh_step import load_meshed
 from palpate.segmentation.meshing import MeshedCase
 from palpate.ui.pictures.images import CaseImages

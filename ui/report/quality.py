@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from palpate.segmentation.labels import LABELS, SURROUNDING_TISSUE
+from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
 from palpate.ui.label_words import CARRIED, WORDS
 from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
 from palpate.ui.report.record import CaseRecord

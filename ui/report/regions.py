@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from palpate.imaging.labels import LABEL_VALUES
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.labels import LABEL_VALUES
 
 
 @dataclass(frozen=True)

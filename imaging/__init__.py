@@ -1,0 +1,1 @@
+"""Scans, contours and surfaces: read, write, register."""

@@ -1,0 +1,1 @@
+"""Contours and label volumes of other programs, one format a file."""

@@ -1,0 +1,122 @@
+"""Closed planar contours as masks on the grid of a volume."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from skimage.draw import polygon2mask
+
+from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
+
+# A contour further than this from flat, mm, was not drawn on the volume's slices.
+FLAT_WITHIN_MM = 0.5
+# Planes closer than this, in slices, are one plane; a plane this near a slice is on it.
+ON_SLICE = 0.05
+# polygon2mask counts a voxel centre on the outline as inside. Outlines drawn through centres would gain half a voxel
+# all around; moved by less than any rounding, they gain on one side and lose on the other.
+_OFF_CENTRE = (1.3e-6, 0.9e-6)
+# Contours left out over at most this many usual gaps, and mm, are interpolated.
+BRIDGED_GAPS = 3.5
+BRIDGED_MM = 15.0
+
+
+def contours_to_mask(
+    contours: Sequence[NDArray[np.float64]], grid: Volume, name: str, notes: list[str]
+) -> NDArray[np.bool_]:
+    """The voxels of ``grid`` whose centres lie in the structure, shape of its array.
+
+    contours : each (n, 3) mm in LPS, closed, parallel to the volume's slices. Several on one plane are combined by
+    exclusive or: one in another is a hole, a key-hole channel closes by itself. Between planes that are further apart
+    than slices the signed distances to the outlines are interpolated; the first and last reach out by half a gap.
+
+    Raises InputError naming the structure when a contour is not parallel to the slices, all lie outside the volume, or
+    they are interrupted for too long.
+    """
+    planes = _masks_by_plane([grid.to_index(c) for c in contours], grid, name)
+    heights = np.array(sorted(planes))
+    count = grid.array.shape[2]
+    mask = np.zeros(grid.array.shape, dtype=bool)
+    if heights[-1] < -0.5 or heights[0] > count - 0.5:
+        raise InputError(f"structure {name} lies outside the CT; give the contours of this scan")
+    if heights[0] < -0.5 or heights[-1] > count - 0.5:
+        notes.append(f"structure {name} reaches beyond the CT and was cut off there")
+    usual = float(np.median(np.diff(heights))) if len(heights) > 1 else 1.0
+    _check_interruptions(heights, usual, float(grid.spacing[2]), name, notes)
+    outlines = _Outlines(planes, grid.spacing[:2])
+    for k in range(count):
+        mask[:, :, k] = outlines.section(float(k), usual)
+    if not mask.any():
+        raise InputError(f"structure {name} holds no voxel of the CT; give the contours of this scan")
+    return mask
+
+
+def _masks_by_plane(contours: Sequence[NDArray[np.float64]], grid: Volume, name: str) -> dict[float, NDArray[np.bool_]]:
+    planes: dict[float, NDArray[np.bool_]] = {}
+    for points in contours:
+        height = float(points[:, 2].mean())
+        if np.ptp(points[:, 2]) * grid.spacing[2] > FLAT_WITHIN_MM:
+            raise InputError(
+                f"a contour of structure {name} is not parallel to the CT's slices; export contours drawn on them"
+            )
+        height = round(height) if abs(height - round(height)) < ON_SLICE else height
+        plane = next((known for known in planes if abs(known - height) < ON_SLICE), height)
+        inside = polygon2mask(grid.array.shape[:2], points[:, :2] - _OFF_CENTRE)
+        planes[plane] = np.logical_xor(planes[plane], inside) if plane in planes else inside
+    return planes
+
+
+def _check_interruptions(heights: NDArray[Any], usual: float, slice_mm: float, name: str, notes: list[str]) -> None:
+    gaps = np.diff(heights)
+    wide = gaps[gaps > 1.5 * usual]
+    if len(wide) == 0:
+        return
+    if wide.max() > BRIDGED_GAPS * usual or wide.max() * slice_mm > BRIDGED_MM:
+        raise InputError(
+            f"the contours of structure {name} are interrupted for {wide.max() * slice_mm:.0f} mm; "
+            f"up to {min(BRIDGED_GAPS * usual * slice_mm, BRIDGED_MM):.0f} mm is interpolated; draw what is missing"
+        )
+    notes.append(f"the contours of structure {name} are interrupted in {len(wide)} places and were interpolated there")
+
+
+class _Outlines:
+    """The masks of a structure by height, and sections between them."""
+
+    def __init__(self, planes: dict[float, NDArray[np.bool_]], spacing: NDArray[np.float64]) -> None:
+        self.planes, self.spacing = planes, spacing
+        self.heights = np.array(sorted(planes))
+        self.distances: dict[float, NDArray[np.float64]] = {}
+
+    def section(self, k: float, usual: float) -> NDArray[np.bool_] | bool:
+        """The mask at height k; planes are ``usual`` apart."""
+        heights = self.heights
+        # The end planes own half a gap beyond them, limit excluded: a slice there would add half a slice of volume.
+        if k < heights[0] - 0.5 * usual + 1e-6 or k > heights[-1] + 0.5 * usual - 1e-6:
+            return False
+        after = int(np.searchsorted(heights, k))
+        if after < len(heights) and heights[after] == k:
+            return self.planes[heights[after]]
+        if after in (0, len(heights)):
+            return self.planes[heights[min(after, len(heights) - 1)]]
+        low, high = heights[after - 1], heights[after]
+        weight = (k - low) / (high - low)
+        return (1.0 - weight) * self._distance(low) + weight * self._distance(high) > 0.0
+
+    def _distance(self, height: float) -> NDArray[np.float64]:
+        if height not in self.distances:
+            self.distances[height] = _signed_distance(self.planes[height], self.spacing)
+        return self.distances[height]
+
+
+def _signed_distance(inside: NDArray[np.bool_], spacing: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance to the outline, mm, positive inside. Half a voxel each way: the outline lies between voxel centres."""
+    if not inside.any():
+        return np.full(inside.shape, -1e6)
+    half = 0.5 * float(spacing.min())
+    within = ndimage.distance_transform_edt(inside, sampling=spacing) - half
+    without = ndimage.distance_transform_edt(~inside, sampling=spacing) - half
+    return np.where(inside, within, -without)

@@ -1,0 +1,151 @@
+"""Label volumes as NIfTI files, the way ITK-SNAP writes them."""
+
+from __future__ import annotations
+
+import logging
+import math
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import nibabel as nib
+import numpy as np
+from nibabel import imageglobals
+from nibabel.filebasedimages import ImageFileError
+from nibabel.spatialimages import HeaderDataError
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.imaging.labels import LABELS
+from palpate.imaging.volume import Volume
+
+# NIfTI's world is RAS, patient coordinates here are LPS (DICOM): x and y change sign.
+RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
+_SCANNER_COORDINATES = 1
+_MILLIMETRES = 2
+_OTHER_UNITS = {1: "meter", 3: "micron"}
+MOST_VOXELS = 10**9
+
+# nibabel tells of odd headers on standard error; what matters is checked here.
+imageglobals.logger.setLevel(logging.CRITICAL)
+
+
+def read_labels(path: Path, values: Mapping[int, int] | None = None) -> Volume:
+    """The label volume (uint8, values of LABELS) of a NIfTI file, on the file's own grid.
+
+    values : what each number of the file means, file value -> value of LABELS, where a label description file says
+        that it differs from LABELS (``itksnap.label_values``).
+
+    Raises InputError naming the file when it is no NIfTI, not 3D, empty, without a placement in the patient, sheared,
+    or holds a value that is no label.
+    """
+    image = _open(path)
+    array, affine = _pixels(image, path), _placement(image, path)
+    if not np.array_equal(array, np.rint(array)):
+        raise InputError(
+            f"{path} holds values that are not whole numbers; a label volume is needed, not a CT or a probability"
+        )
+    present = np.unique(array)
+    meaning = dict(values) if values else {value: value for value in LABELS}
+    meaning.setdefault(0, 0)
+    unknown = [int(value) for value in present if int(value) not in meaning]
+    if unknown:
+        known = ", ".join(f"{value} {LABELS[meaning[value]]}" for value in sorted(meaning))
+        raise InputError(
+            f"{path} holds the value {unknown[0]}, which is no label ({known}); relabel it or name it in labels.txt"
+        )
+    table = np.array([meaning[int(value)] for value in present], dtype=np.uint8)
+    labels = table[np.searchsorted(present, array)]
+    if not labels.any():
+        raise InputError(f"{path} holds no label, only 0 (outside); save the segmentation again")
+    return Volume(labels, affine)
+
+
+def write_labels(path: Path, labels: Volume) -> None:
+    """Writes a label volume as ITK-SNAP would: uint8, RAS affine in both sform and qform, mm."""
+    write_nifti(path, labels.with_array(labels.array.astype(np.uint8)))
+
+
+def write_nifti(path: Path, volume: Volume) -> None:
+    """Writes any volume (labels, CT in HU, a map) as NIfTI at ``path``; the suffix decides on compression."""
+    affine = RAS_TO_LPS @ volume.affine
+    image = nib.Nifti1Image(volume.array, affine)
+    image.header.set_xyzt_units("mm")
+    image.set_sform(affine, code=_SCANNER_COORDINATES)
+    image.set_qform(affine, code=_SCANNER_COORDINATES)
+    nib.save(image, path)
+
+
+def read_nifti(path: Path) -> Volume:
+    """Any 3D NIfTI (a CT in HU, a map) on its own grid, in LPS. Raises InputError as ``read_labels`` does."""
+    image = _open(path)
+    return Volume(_pixels(image, path), _placement(image, path))
+
+
+def _open(path: Path) -> Any:
+    if not path.is_file():
+        raise InputError(f"{path} is not there; give the path of a NIfTI file (.nii or .nii.gz)")
+    try:
+        image = nib.load(path)
+    except (ImageFileError, HeaderDataError, OSError, EOFError, OverflowError, ValueError, zlib.error) as error:
+        raise InputError(f"{path} is not a readable NIfTI file; save it again as .nii.gz") from error
+    if not isinstance(image, nib.Nifti1Image):
+        raise InputError(f"{path} is {type(image).__name__}, not NIfTI; save it as .nii.gz")
+    return image
+
+
+def _pixels(image: Any, path: Path) -> NDArray[Any]:
+    shape = image.shape
+    while len(shape) > 3 and shape[-1] == 1:
+        shape = shape[:-1]
+    if len(shape) != 3 or min(shape) < 1 or math.prod(shape) > MOST_VOXELS:
+        raise InputError(
+            f"{path} has shape {image.shape}; one 3D volume is needed; save one time point or component only"
+        )
+    try:
+        array = np.asarray(image.dataobj).reshape(shape)
+    except (OSError, EOFError, OverflowError, ValueError, zlib.error) as error:
+        raise InputError(f"{path} ends before its voxels do; copy or save it again") from error
+    if array.dtype.kind not in "iuf":
+        raise InputError(
+            f"{path} holds voxels of type {array.dtype}; single numbers are needed; save it as a label volume"
+        )
+    if not np.isfinite(array).all():
+        raise InputError(f"{path} holds voxels that are not finite; save it again")
+    return array
+
+
+def _placement(image: Any, path: Path) -> NDArray[np.float64]:
+    header = image.header
+    try:
+        sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
+    except (HeaderDataError, ValueError) as error:
+        raise InputError(f"{path} has a damaged placement in the patient; save it again with ITK-SNAP") from error
+    if sform is None and qform is None:
+        raise InputError(
+            f"{path} does not say where it lies in the patient (sform and qform codes 0); save it with ITK-SNAP"
+        )
+    unit = int(header["xyzt_units"]) & 7
+    if unit not in (0, _MILLIMETRES):
+        name = _OTHER_UNITS.get(unit, f"unit code {unit}")
+        raise InputError(f"{path} is not in mm ({name}); save it with ITK-SNAP, which writes mm")
+    affine = np.array(qform if sform is None else sform, dtype=np.float64)
+    columns = affine[:3, :3]
+    lengths = np.linalg.norm(columns, axis=0)
+    if not np.isfinite(affine).all() or lengths.min() < 1e-3:
+        raise InputError(f"{path} has voxel edges of {lengths.tolist()} mm; each must be above 0.001; save it again")
+    if np.abs((columns / lengths).T @ (columns / lengths) - np.eye(3)).max() > 1e-3:
+        raise InputError(f"{path} has a sheared grid; resample it onto a right-angled one")
+    if sform is not None and qform is not None:
+        _check_agreement(sform, qform, np.array([*image.shape[:3], 1.0]), float(lengths.min()), path)
+    return RAS_TO_LPS @ affine
+
+
+def _check_agreement(sform: NDArray[Any], qform: NDArray[Any], corner: NDArray[Any], voxel: float, path: Path) -> None:
+    origin = np.array([0.0, 0.0, 0.0, 1.0])
+    apart = max(float(np.linalg.norm((sform - qform) @ point)) for point in (origin, corner))
+    if apart > 0.5 * voxel:
+        raise InputError(
+            f"{path} has two placements (sform, qform) that lie {apart:.1f} mm apart; save it with ITK-SNAP"
+        )

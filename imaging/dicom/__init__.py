@@ -1,0 +1,1 @@
+"""DICOM series: choice, geometry, pixels, pairs, writing."""

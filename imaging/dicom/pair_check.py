@@ -1,0 +1,58 @@
+"""Whether two CT series are two scans of one patient."""
+
+from __future__ import annotations
+
+from datetime import date
+
+import numpy as np
+
+from palpate.core.errors import InputError
+from palpate.imaging.dicom.series import SeriesFacts
+from palpate.imaging.volume import Volume
+
+# Beyond this the anatomy may have changed by itself.
+FAR_APART_DAYS = 92
+
+
+def check_pair(
+    rest: tuple[Volume, SeriesFacts], deformed: tuple[Volume, SeriesFacts], same_patient: bool = False
+) -> list[str]:
+    """Notes on a pair of scans.
+
+    same_patient : the caller vouches for it, where the scans' patient numbers or names differ.
+
+    Raises InputError when both are the same scan, or of two patients.
+    """
+    (rest_volume, rest_facts), (deformed_volume, deformed_facts) = rest, deformed
+    folders = f"{rest_facts.paths[0].parent} and {deformed_facts.paths[0].parent}"
+    shared = set(zip(rest_facts.sop_uids, rest_facts.frames, strict=True)) & set(
+        zip(deformed_facts.sop_uids, deformed_facts.frames, strict=True)
+    )
+    if rest_facts.series_uid == deformed_facts.series_uid or shared:
+        raise InputError(f"{folders} hold the same scan; give a scan at rest and another one with the organ deformed")
+    if np.array_equal(rest_volume.array, deformed_volume.array):
+        raise InputError(
+            f"{folders} hold the same voxels under two names; give a scan at rest and another one with the organ deformed"
+        )
+    known = (rest_facts.patient_hash, deformed_facts.patient_hash)
+    notes = []
+    if None in known:
+        notes.append("a scan does not name its patient: that both are of one patient was not checked")
+    elif known[0] != known[1] and not same_patient:
+        raise InputError(
+            f"{folders} are of two patients by number or name; give two scans of one patient, or --same-patient if they are"
+        )
+    days = _days_apart(rest_facts.study_date, deformed_facts.study_date)
+    if days is not None and days > FAR_APART_DAYS:
+        notes.append(f"the scans were made {days} days apart: the anatomy may have changed by itself")
+    return notes
+
+
+def _days_apart(first: str | None, second: str | None) -> int | None:
+    if first is None or second is None:
+        return None
+    try:
+        days = [date(int(text[:4]), int(text[4:6]), int(text[6:])) for text in (first, second)]
+    except ValueError:
+        return None
+    return abs((days[1] - days[0]).days)

@@ -1,0 +1,1 @@
+"""Rigid alignment of two scans on bone."""
