@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.pelvis import segment_pelvis
-from palpate.segmentation.organs.prompts import ORGANS, Prompts
+from palpate.segmentation.pelvis import segment_pelvis
+from palpate.segmentation.prompts import ORGANS, Prompts
 
 FloatArray = NDArray[np.float64]
 MODES = ("auto", "click", "extremes")

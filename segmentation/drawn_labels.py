@@ -16,7 +16,7 @@ from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.organs.working_grid import mask_on
+from palpate.segmentation.working_grid import mask_on
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,13 +23,13 @@ from palpate.segmentation.contoured_scan import ContouredScan
 from palpate.segmentation.drawn_labels import drawn_of_volume
 from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
 from palpate.segmentation.meshing_quality import SLIVER_DEG
-from palpate.segmentation.organs.pelvis import segment_pelvis
-from palpate.segmentation.organs.split import midline_normal, split_plane
-from palpate.segmentation.organs.tissue import region_of_interest
+from palpate.segmentation.pelvis import segment_pelvis
+from palpate.segmentation.prostate.halves import midline_normal, split_plane
 from palpate.segmentation.segment_report import SegmentedState
 from palpate.segmentation.segment_step import SegmentOptions, labels_of
 from palpate.segmentation.smooth_field import FloatArray, IntArray
 from palpate.segmentation.surfaces import organ_surfaces
+from palpate.segmentation.tissue import region_of_interest
 
 WANTED_ANGLE_DEG, WANTED_VOLUME, WANTED_VOXELS, WANTED_SECONDS = SLIVER_DEG, 0.02, 0.5, 60.0
 # Voxels are split to about this for distances from their outline.

@@ -13,9 +13,9 @@ from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.segmentation.case import STATES
 from palpate.segmentation.drawn_labels import Drawn
-from palpate.segmentation.organs.pelvis import DOUBTFUL, Segmentation
-from palpate.segmentation.organs.split import Plane
-from palpate.segmentation.organs.working_grid import bounds
+from palpate.segmentation.pelvis import DOUBTFUL, Segmentation
+from palpate.segmentation.prostate.halves import Plane
+from palpate.segmentation.working_grid import bounds
 
 # A prostate whose volume differs by more than this share between the states was not drawn alike: it is incompressible.
 VOLUME_CHANGE = 0.15

@@ -15,15 +15,15 @@ from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
+from palpate.segmentation.bone.motion import bone_motions, motion_notes
 from palpate.segmentation.case import STATES, CaseFolder
 from palpate.segmentation.drawn_labels import drawn_labels
 from palpate.segmentation.import_alone import is_alone
-from palpate.segmentation.organs.bone_motion import bone_motions, motion_notes
-from palpate.segmentation.organs.pelvis import segment_pelvis
-from palpate.segmentation.organs.prompts import Prompts, check_inside
-from palpate.segmentation.organs.split import Plane, halves, midline_normal, split_plane
-from palpate.segmentation.organs.tissue import cropped, label_array, region_of_interest
+from palpate.segmentation.pelvis import segment_pelvis
+from palpate.segmentation.prompts import Prompts, check_inside
+from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
 from palpate.segmentation.segment_report import SegmentedState, notes_on, state_report
+from palpate.segmentation.tissue import cropped, label_array, region_of_interest
 
 STEP = "segment"
 OUTPUTS = (

@@ -12,13 +12,13 @@ from palpate.imaging.contours.user_labels import read_user_labels
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.grid import in_lps_order
 from palpate.segmentation.drawn_labels import drawn_of
-from palpate.segmentation.organs.pelvis import segment_pelvis
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.split import midline_normal, split_plane
-from palpate.segmentation.organs.tissue import region_of_interest
+from palpate.segmentation.pelvis import segment_pelvis
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.prostate.halves import midline_normal, split_plane
 from palpate.segmentation.segment_report import SegmentedState
 from palpate.segmentation.segment_step import SegmentOptions, labels_of
 from palpate.segmentation.simulate_source import VolumeSource
+from palpate.segmentation.tissue import region_of_interest
 
 
 @dataclass(frozen=True)

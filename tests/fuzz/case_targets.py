@@ -29,7 +29,7 @@ from palpate.segmentation.body_case import MESH, body_inputs, body_problem
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.mesh_file import load_mesh, save_mesh
-from palpate.segmentation.organs.monai_bundle import bundle_plan
+from palpate.segmentation.models.monai_bundle import bundle_plan
 
 # The good file, what reads it and raises InputError only, and whether it is text.
 Made = tuple[Path, Callable[[], object], bool]

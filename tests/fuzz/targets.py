@@ -27,7 +27,7 @@ from palpate.imaging.volume import Volume
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.landmarks import read_landmarks
-from palpate.segmentation.organs.prompts import parse_prompts
+from palpate.segmentation.prompts import parse_prompts
 from palpate.segmentation.simulate_spec import load_spec, parse_spec
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom
-from palpate.segmentation.organs.pelvis import Segmentation, segment_pelvis
+from palpate.segmentation.pelvis import Segmentation, segment_pelvis
 from palpate.segmentation.scanner import Scanner
 
 SPACING = np.array([1.6, 1.6, 2.5])

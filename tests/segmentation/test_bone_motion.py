@@ -9,8 +9,8 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from palpate.imaging.labels import BONE_PART_VALUES
-from palpate.segmentation.organs.bone_motion import bone_motions, motion_notes
-from palpate.segmentation.organs.bone_parts import BoneParts
+from palpate.segmentation.bone.motion import bone_motions, motion_notes
+from palpate.segmentation.bone.parts import BoneParts
 
 SHIFT, TURN_DEG = np.array([0.0, 3.0, -1.5]), 3.0
 

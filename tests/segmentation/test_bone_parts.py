@@ -11,14 +11,14 @@ from organ_scans import found, truth, truth_of
 from palpate.imaging.labels import BONE_PART_VALUES, BONE_PARTS
 from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom, phantom_anatomy
+from palpate.segmentation.bone.femoral_heads import find_heads
+from palpate.segmentation.bone.lumbosacral_disc import above_sacrum
+from palpate.segmentation.bone.parts import bone_parts
 from palpate.segmentation.contoured_scan import contoured_scan
 from palpate.segmentation.dice import dice
-from palpate.segmentation.organs.bone_parts import bone_parts
-from palpate.segmentation.organs.femoral_heads import find_heads
-from palpate.segmentation.organs.lumbosacral import above_sacrum
-from palpate.segmentation.organs.pelvis import Segmentation
-from palpate.segmentation.organs.scene import make_scene
-from palpate.segmentation.organs.working_grid import mask_on
+from palpate.segmentation.pelvis import Segmentation
+from palpate.segmentation.search_region import make_scene
+from palpate.segmentation.working_grid import mask_on
 
 # Order of the phantom's solids.
 PUBIS, SACRUM, HIP_LEFT, FEMUR_LEFT, HIP_RIGHT, FEMUR_RIGHT = range(6)

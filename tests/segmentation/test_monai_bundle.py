@@ -13,7 +13,7 @@ import pytest
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.learned import learned_masks
+from palpate.segmentation.models.learned import learned_masks
 
 METADATA = {
     "network_data_format": {"outputs": {"pred": {"channel_def": {"0": "background", "1": "Prostate", "2": "bladder"}}}}

@@ -9,13 +9,13 @@ import pytest
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
-from palpate.segmentation.organs.prompts import Prompts, check_inside, parse_prompts
-from palpate.segmentation.organs.split import Plane, halves, midline_normal, split_plane
-from palpate.segmentation.organs.star import ellipsoid_radii, sphere, star
-from palpate.segmentation.organs.surface_mesh import shell_of_mask
-from palpate.segmentation.organs.tissue import cropped, label_array, region_of_interest
-from palpate.segmentation.organs.working_grid import upright
+from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
+from palpate.segmentation.methods.star_surface import ellipsoid_radii, sphere, star
+from palpate.segmentation.methods.surface_mesh import shell_of_mask
+from palpate.segmentation.prompts import Prompts, check_inside, parse_prompts
+from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
+from palpate.segmentation.tissue import cropped, label_array, region_of_interest
+from palpate.segmentation.working_grid import upright
 
 
 def test_optimal_surface_is_the_best_of_all_surfaces() -> None:

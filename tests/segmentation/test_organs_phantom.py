@@ -10,11 +10,11 @@ from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER, BONE, RECTUM
 from palpate.imaging.volume import Volume
 from palpate.segmentation import phantom, phantom_anatomy
+from palpate.segmentation.bladder.bladder import find_bladder
 from palpate.segmentation.dice import click_of, dice
-from palpate.segmentation.organs.bladder import find_bladder
-from palpate.segmentation.organs.pelvis import segment_pelvis
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.prostate import find_prostate
+from palpate.segmentation.pelvis import segment_pelvis
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.prostate.prostate import find_prostate
 from palpate.segmentation.surfaces import wall_surface
 
 LABELS = {"prostate": (1, 2), "bladder": (BLADDER,), "rectum": (RECTUM,)}

@@ -16,12 +16,12 @@ from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER
 from palpate.imaging.volume import Volume
 from palpate.segmentation import dice as dice_module
+from palpate.segmentation import pelvis
 from palpate.segmentation.contoured_scan import ContouredScan, contoured_scan
-from palpate.segmentation.organs import pelvis
-from palpate.segmentation.organs.learned import learned_masks
-from palpate.segmentation.organs.random_walk import walk
-from palpate.segmentation.organs.six_points import ellipsoid_of
-from palpate.segmentation.organs.star import sphere
+from palpate.segmentation.methods.extreme_points import ellipsoid_of
+from palpate.segmentation.methods.random_walker import walk
+from palpate.segmentation.methods.star_surface import sphere
+from palpate.segmentation.models.learned import learned_masks
 from palpate.segmentation.segment_study import _rank_correlation, segmentation_study, study_text
 
 SHEAR = np.array([[400.0, 90.0, -60.0], [90.0, 225.0, 50.0], [-60.0, 50.0, 300.0]])
@@ -62,7 +62,7 @@ def test_a_prior_rules_where_the_picture_is_silent() -> None:
 
 
 def test_six_points_give_back_their_ellipsoid(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("palpate.segmentation.organs.six_points.TILT_TRUST", 1.0)
+    monkeypatch.setattr("palpate.segmentation.methods.extreme_points.TILT_TRUST", 1.0)
     order = np.random.default_rng(4).permutation(6)
     found_one = ellipsoid_of(_points_of(SHEAR)[order])
     assert found_one.centre == pytest.approx(CENTRE)

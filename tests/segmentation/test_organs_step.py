@@ -17,11 +17,11 @@ from palpate.segmentation import segment_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.dice import dice, dice_table, extremes_of
-from palpate.segmentation.organs.pelvis import Segmentation
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.scene import Found
-from palpate.segmentation.organs.working_grid import mask_on
+from palpate.segmentation.pelvis import Segmentation
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.search_region import Found
 from palpate.segmentation.segment_step import SegmentOptions, run_segment
+from palpate.segmentation.working_grid import mask_on
 
 # The test phantom's scan is smaller than the region that a whole pelvis is modelled in.
 NEAR = SegmentOptions(margin_mm=(34.0, 34.0, 30.0))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.segmentation.organs.bladder_region import Urine, _calm
-from palpate.segmentation.organs.prostate_walk import deep_in
-from palpate.segmentation.organs.six_points import POWER, ellipsoid_of
+from palpate.segmentation.bladder.urine import Urine, _calm
+from palpate.segmentation.methods.extreme_points import POWER, ellipsoid_of
+from palpate.segmentation.prostate.random_walk_fit import deep_in
 
 STEP_MM = 1.25
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from palpate.core.errors import InputError
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.organs.prompts import Prompts, parse_prompts
+from palpate.segmentation.prompts import Prompts, parse_prompts
 from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded

@@ -7,7 +7,7 @@ from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
-from palpate.segmentation.organs.prompts import SEED_NAMES
+from palpate.segmentation.prompts import SEED_NAMES
 from palpate.ui.desktop.controller import Controller
 from palpate.ui.desktop.panel_parts import Choice, combo, group, slider
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
-from palpate.segmentation.organs.prompts import SEED_NAMES
+from palpate.segmentation.prompts import SEED_NAMES
 from palpate.ui.desktop.strokes import Drag, erased_to, footprint
 from palpate.ui.pictures.planes import Plane
 

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from palpate.imaging.labels import BONE_PART_VALUES
-from palpate.segmentation.organs.bone_parts import BoneParts
-from palpate.segmentation.organs.surface_mesh import shell_of_mask
+from palpate.segmentation.bone.parts import BoneParts
+from palpate.segmentation.methods.surface_mesh import shell_of_mask
 
 FloatArray = NDArray[np.float64]
 

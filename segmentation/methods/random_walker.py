@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
-from palpate.segmentation.organs.working_grid import Mask
+from palpate.segmentation.working_grid import Mask
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from scipy import ndimage, optimize
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.working_grid import Mask
+from palpate.segmentation.working_grid import Mask
 
 FloatArray = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.body import body_mask, without_surroundings
-from palpate.segmentation.organs.bone import bone_mask
-from palpate.segmentation.organs.landmarks import Pelvis, find_pelvis
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.working_grid import (
+from palpate.segmentation.body import body_mask, without_surroundings
+from palpate.segmentation.bone.bone import bone_mask
+from palpate.segmentation.bone.landmarks import Pelvis, find_pelvis
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.working_grid import (
     COARSE_MM,
     FINE_MM,
     LOW_HU,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.segmentation.organs.scene import Scene
-from palpate.segmentation.organs.star import sphere
+from palpate.segmentation.methods.star_surface import sphere
+from palpate.segmentation.search_region import Scene
 
 FloatArray = NDArray[np.float64]
 

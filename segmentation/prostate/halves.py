@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import PROSTATE_LEFT, PROSTATE_RIGHT
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.landmarks import Pelvis
+from palpate.segmentation.bone.landmarks import Pelvis
 
 FloatArray = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.landmarks import Pelvis
-from palpate.segmentation.organs.star import sphere
+from palpate.segmentation.bone.landmarks import Pelvis
+from palpate.segmentation.methods.star_surface import sphere
 
 FloatArray = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.bladder_region import urine_of, urine_region
-from palpate.segmentation.organs.edges import mask_to_edges
-from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.scene import Found, Scene
-from palpate.segmentation.organs.surface_mesh import Shell, profiles, shell_of_mask
-from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest, opened
+from palpate.segmentation.bladder.urine import urine_of, urine_region
+from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
+from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
+from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_mask
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.search_region import Found, Scene
+from palpate.segmentation.working_grid import Mask, blurred, dilated, eroded, largest, opened
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.working_grid import AIR_HU, Mask, eroded, largest
+from palpate.segmentation.working_grid import AIR_HU, Mask, eroded, largest
 
 SKIN_HU = -250.0
 # Table tops and their padding are thinner than twice this, and touch the body with less.

@@ -11,14 +11,14 @@ import numpy as np
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.bladder import find_bladder
-from palpate.segmentation.organs.bone_parts import BoneParts, bone_parts
-from palpate.segmentation.organs.learned import learned_masks
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.prostate import find_prostate
-from palpate.segmentation.organs.rectum import find_rectum
-from palpate.segmentation.organs.scene import Found, Scene, make_scene
-from palpate.segmentation.organs.working_grid import Mask, mask_on
+from palpate.segmentation.bladder.bladder import find_bladder
+from palpate.segmentation.bone.parts import BoneParts, bone_parts
+from palpate.segmentation.models.learned import learned_masks
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.prostate.prostate import find_prostate
+from palpate.segmentation.rectum.rectum import find_rectum
+from palpate.segmentation.search_region import Found, Scene, make_scene
+from palpate.segmentation.working_grid import Mask, mask_on
 
 # Below this a label wants a person's eye.
 DOUBTFUL = 0.35

@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
-from palpate.segmentation.organs.surface_mesh import Shell
+from palpate.segmentation.methods.surface_mesh import Shell
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.special import expit
 
-from palpate.segmentation.organs.random_walk import walk
-from palpate.segmentation.organs.scene import Scene
-from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, largest, opened
+from palpate.segmentation.methods.random_walker import walk
+from palpate.segmentation.search_region import Scene
+from palpate.segmentation.working_grid import Mask, blurred, dilated, largest, opened
 
 # The least and most above urine's HU that is half-way to its neighbours.
 ABOVE_HU = (10.0, 15.0)

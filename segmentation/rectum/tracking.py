@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import label, regionprops
 
-from palpate.segmentation.organs.optimal_surface import fall, optimal_surface, region_cost
-from palpate.segmentation.organs.scene import Scene
-from palpate.segmentation.organs.working_grid import GAS_HU, Mask, opened
+from palpate.segmentation.methods.optimal_surface import fall, optimal_surface, region_cost
+from palpate.segmentation.search_region import Scene
+from palpate.segmentation.working_grid import GAS_HU, Mask, opened
 
 FloatArray = NDArray[np.float64]
 

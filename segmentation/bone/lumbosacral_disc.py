@@ -8,8 +8,8 @@ from scipy import ndimage
 
 from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.landmarks import Pelvis
-from palpate.segmentation.organs.working_grid import Mask
+from palpate.segmentation.bone.landmarks import Pelvis
+from palpate.segmentation.working_grid import Mask
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from scipy import ndimage
 from skimage.filters import apply_hysteresis_threshold
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.working_grid import Mask
+from palpate.segmentation.working_grid import Mask
 
 # Cortex reaches the higher level somewhere in every bone; the lower one is half-way from muscle to cortex.
 SURE_HU, EDGE_HU = 260.0, 110.0

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.roi_names import organ_of
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.working_grid import AIR_HU, bounds
+from palpate.segmentation.working_grid import AIR_HU, bounds
 
 _ORGANS = ("prostate", "bladder", "rectum")
 # What loads, labels or converts, without changing a value: nothing to do here.

@@ -15,7 +15,7 @@ from skimage.measure import marching_cubes
 from vtk.util.numpy_support import vtk_to_numpy
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.working_grid import Mask
+from palpate.segmentation.working_grid import Mask
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.optimal_surface import crossing
-from palpate.segmentation.organs.scene import Scene
-from palpate.segmentation.organs.surface_mesh import Shell, profiles, shell_of_mask
-from palpate.segmentation.organs.working_grid import Mask, blurred
+from palpate.segmentation.methods.optimal_surface import crossing
+from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_mask
+from palpate.segmentation.search_region import Scene
+from palpate.segmentation.working_grid import Mask, blurred
 
 FloatArray = NDArray[np.float64]
 

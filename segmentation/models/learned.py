@@ -13,7 +13,7 @@ import numpy as np
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.monai_bundle import monai_masks
+from palpate.segmentation.models.monai_bundle import monai_masks
 
 # TotalSegmentator's classes for each of our organs. It has no rectum of its own: its colon is more than that.
 _TOTAL = {"prostate": "prostate", "bladder": "urinary_bladder"}

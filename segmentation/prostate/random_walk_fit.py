@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.special import expit
 
-from palpate.segmentation.organs.random_walk import walk
-from palpate.segmentation.organs.scene import Scene
-from palpate.segmentation.organs.six_points import Ellipsoid
-from palpate.segmentation.organs.working_grid import Mask, blurred, dilated, eroded, largest, opened
+from palpate.segmentation.methods.extreme_points import Ellipsoid
+from palpate.segmentation.methods.random_walker import walk
+from palpate.segmentation.search_region import Scene
+from palpate.segmentation.working_grid import Mask, blurred, dilated, eroded, largest, opened
 
 FloatArray = NDArray[np.float64]
 

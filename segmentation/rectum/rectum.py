@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.organs import rectum_track as track
-from palpate.segmentation.organs.edges import mask_to_edges
-from palpate.segmentation.organs.optimal_surface import crossing, optimal_surface, region_cost
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.rectum_track import ANGLES, RADII, RADIUS_STEP, UNIT, Track
-from palpate.segmentation.organs.scene import Found, Scene
-from palpate.segmentation.organs.surface_mesh import Shell
-from palpate.segmentation.organs.working_grid import Mask, blurred
+from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
+from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
+from palpate.segmentation.methods.surface_mesh import Shell
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.rectum import tracking as track
+from palpate.segmentation.rectum.tracking import ANGLES, RADII, RADIUS_STEP, UNIT, Track
+from palpate.segmentation.search_region import Found, Scene
+from palpate.segmentation.working_grid import Mask, blurred
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -15,10 +15,10 @@ from skimage.segmentation import watershed
 
 from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.imaging.volume import Volume
-from palpate.segmentation.organs.femoral_heads import SIDES, Head, find_heads
-from palpate.segmentation.organs.landmarks import Pelvis
-from palpate.segmentation.organs.lumbosacral import above_sacrum
-from palpate.segmentation.organs.working_grid import Mask
+from palpate.segmentation.bone.femoral_heads import SIDES, Head, find_heads
+from palpate.segmentation.bone.landmarks import Pelvis
+from palpate.segmentation.bone.lumbosacral_disc import above_sacrum
+from palpate.segmentation.working_grid import Mask
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal
 
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.scene import Scene
-from palpate.segmentation.organs.six_points import POWER, Ellipsoid
-from palpate.segmentation.organs.star import ellipsoid_radii, star
-from palpate.segmentation.organs.working_grid import GAS_HU, Mask
+from palpate.segmentation.methods.extreme_points import POWER, Ellipsoid
+from palpate.segmentation.methods.star_surface import ellipsoid_radii, star
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.search_region import Scene
+from palpate.segmentation.working_grid import GAS_HU, Mask
 
 FloatArray = NDArray[np.float64]
 

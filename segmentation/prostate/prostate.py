@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.segmentation.organs.edges import moved_to_edges
-from palpate.segmentation.organs.optimal_surface import fall, optimal_surface, region_cost
-from palpate.segmentation.organs.prompts import Prompts
-from palpate.segmentation.organs.prostate_guess import (
+from palpate.segmentation.methods.extreme_points import POWER, ellipsoid_of
+from palpate.segmentation.methods.optimal_surface import fall, optimal_surface, region_cost
+from palpate.segmentation.methods.star_surface import ellipsoid_radii, sphere, star
+from palpate.segmentation.methods.subvoxel_edges import moved_to_edges
+from palpate.segmentation.methods.surface_mesh import Shell, shell_of_mask
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.prostate.initial_ellipsoid import (
     USUAL_HU,
     Guess,
     first_guess,
@@ -19,12 +22,9 @@ from palpate.segmentation.organs.prostate_guess import (
     typical_hu,
     valleys_of,
 )
-from palpate.segmentation.organs.prostate_walk import between, block, deep_in, walked
-from palpate.segmentation.organs.scene import Found, Scene
-from palpate.segmentation.organs.six_points import POWER, ellipsoid_of
-from palpate.segmentation.organs.star import ellipsoid_radii, sphere, star
-from palpate.segmentation.organs.surface_mesh import Shell, shell_of_mask
-from palpate.segmentation.organs.working_grid import Mask, blurred, largest
+from palpate.segmentation.prostate.random_walk_fit import between, block, deep_in, walked
+from palpate.segmentation.search_region import Found, Scene
+from palpate.segmentation.working_grid import Mask, blurred, largest
 
 FloatArray = NDArray[np.float64]
 

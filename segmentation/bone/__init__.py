@@ -1,0 +1,1 @@
+"""Bones on CT: what is bone, its parts, their motion between scans, landmarks."""

@@ -1,0 +1,1 @@
+"""The prostate on CT, and its halves."""

@@ -1,0 +1,1 @@
+"""The rectum on CT."""
