@@ -22,9 +22,9 @@ from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import organ_surfaces
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.redrawn import redrawn_labels
-from palpate.segmentation.surfaces import organ_surfaces
 
 # What of a case the scene was made from: with another of them it is another scene.
 _SCENE = ("mesh.npz", "case.json")

@@ -15,10 +15,10 @@ from palpate.core.gap.bodies.problem import BODY, BodyProblem, BodyState, PointL
 from palpate.core.mesh import TetMesh
 from palpate.core.observe.distance_field import signed_distance
 from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.meshing.smooth_distance import FloatArray, IntArray
+from palpate.meshing.tetwild import Soup, tetrahedralize
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.landmarks import read_landmarks
-from palpate.segmentation.smooth_field import FloatArray, IntArray
-from palpate.segmentation.tetwild import Soup, tetrahedralize
 
 # Cells a body is meshed with, about; they are quadratic.
 _CELLS = 700

@@ -15,14 +15,14 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.labels import BONE
+from palpate.meshing.label_surfaces import TriSurface, wall_surface
+from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.segmentation import mesh_step
 from palpate.segmentation.body_case import body_inputs, body_problem, is_body
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.identify_step import further_files, problem_of, state_problems
 from palpate.segmentation.mesh_step import elsewhere_of, load_surfaces
-from palpate.segmentation.meshing import MeshOptions, mesh_labels
 from palpate.segmentation.more_states import further_states, state_elsewhere, state_labels
-from palpate.segmentation.surfaces import TriSurface, wall_surface
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 DIAGNOSIS = "diagnosis.json"

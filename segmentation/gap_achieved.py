@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.core.observe.closest_point import closest_points
 from palpate.core.observe.noise import noise_modes
 from palpate.core.observe.triangle_tree import TriangleTree
-from palpate.segmentation.smooth_field import FloatArray
+from palpate.meshing.smooth_distance import FloatArray
 
 # What changes along the surface faster than this, mm, is voxels, and left out; share of the variance of so smooth a field that is kept.
 _LENGTH_MM, _SHARE = 7.0, 0.99

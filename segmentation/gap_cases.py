@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
+from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.segmentation.atomic import atomic_path
 from palpate.segmentation.gap_drawn import write_case
 from palpate.segmentation.gap_floor import noise_floor_mm, noise_whose_floor_is
@@ -27,7 +28,6 @@ from palpate.segmentation.gap_truth.hidden import LIBRARY
 from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.gap_truth.seen import true_surfaces
 from palpate.segmentation.gap_truth.strength import TooWeak
-from palpate.segmentation.meshing import MeshOptions, mesh_labels
 
 # Of the mesher's random numbers: no mesh of a diagnosis has it.
 _SEED = 77

@@ -13,6 +13,7 @@ from scipy import ndimage
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.gap_patient import Made
@@ -23,7 +24,6 @@ from palpate.segmentation.gap_truth.states import Shown, backward
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv
 from palpate.segmentation.simulate_contours import drawn_labels
 from palpate.segmentation.simulate_source import LabelArray, labels_on
-from palpate.segmentation.smooth_field import FloatArray
 
 Labels = Callable[[FloatArray], LabelArray]
 # Correlation length of the contours' noise, mm.

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.imaging.labels import ORGAN_LABELS
+from palpate.meshing.mesh_labels import MeshedCase
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.anatomy import Carried, Patient
@@ -19,10 +21,8 @@ from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, shown, shown_further
 from palpate.segmentation.gap_truth.strength import strength
-from palpate.segmentation.meshing import MeshedCase
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec, moved_walls
-from palpate.segmentation.smooth_field import FloatArray
 
 # The walls' motions, and the displacement (n, 3) mm of a plain body that was not deformed at rest.
 PlainState = tuple[Mapping[str, WallMotion], FloatArray]

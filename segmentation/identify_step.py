@@ -19,14 +19,14 @@ from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import LABELS
+from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
+from palpate.meshing.partition import HOLE_NAMES
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.mesh_step import ORGAN_NAME, elsewhere_of, load_meshed, load_surfaces
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
-from palpate.segmentation.partition import HOLE_NAMES
 from palpate.segmentation.repeat_step import FILE as NOISE_FILE
 from palpate.segmentation.repeat_step import measured_noise
-from palpate.segmentation.surfaces import TriSurface, organ_surfaces, wall_surface
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 # Standard deviation of a contour when nobody says: about what two observers of one CT differ by (DESIGN.md).

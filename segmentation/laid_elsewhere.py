@@ -18,8 +18,8 @@ from palpate.core.errors import InputError
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_labels
 from palpate.imaging.volume import Volume
+from palpate.meshing.smooth_distance import FloatArray, SmoothField, signed_distance
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.smooth_field import FloatArray, SmoothField, signed_distance
 
 # The region's edge may lie as far apart as this, rms mm, in scans that are aligned; contours and free edges do (1.0 mm were seen).
 _IN_PLACE_MM = 1.2

@@ -12,13 +12,13 @@ from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
+from palpate.meshing.mesh_file import Recipe, load_mesh, mesh_arrays, recipe_hash
+from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
+from palpate.meshing.partition import HOLE_NAMES
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.import_alone import is_alone
 from palpate.segmentation.laid_elsewhere import Elsewhere, elsewhere_in
-from palpate.segmentation.mesh_file import Recipe, load_mesh, mesh_arrays, recipe_hash
-from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
-from palpate.segmentation.partition import HOLE_NAMES
-from palpate.segmentation.surfaces import TriSurface, organ_surfaces, wall_surface
 
 OUTPUTS = ("mesh.npz", "surfaces.npz", "mesh.json", "mesh.vtu")
 ORGAN_NAME = "organ"

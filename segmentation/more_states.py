@@ -23,10 +23,10 @@ from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_ct, align_labels
 from palpate.imaging.volume import Volume
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.laid_elsewhere import Elsewhere, elsewhere_in
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv, read_landmarks
-from palpate.segmentation.smooth_field import FloatArray
 
 
 @dataclass(frozen=True)

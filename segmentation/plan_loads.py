@@ -13,8 +13,8 @@ from palpate.core.fem.terms.loads import body_force, traction
 from palpate.core.fem.terms.pressure import FollowerPressure
 from palpate.core.identify.loaded import Loads
 from palpate.core.problem import IdentificationProblem
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 # 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
 _WEIGHT = 1e-6

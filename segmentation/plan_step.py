@@ -16,14 +16,14 @@ from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import BLADDER, LABEL_VALUES, LABELS, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface, organ_surfaces
+from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.identify_step import facts_of
-from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
 from palpate.segmentation.plan_loads import LOADS, NOTES
 from palpate.segmentation.simulate_motion import MovedWall
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec, moved_walls
-from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.surfaces import TriSurface, organ_surfaces
 
 # What can be planned: name -> unit, amounts tried when none are given, and words.
 DEFORMATIONS: Mapping[str, tuple[str, tuple[float, ...], str]] = {

@@ -12,9 +12,9 @@ from palpate.core.errors import InputError
 from palpate.core.observe.repeat import repeat_of
 from palpate.core.problem import Surface
 from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import organ_surfaces
 from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.redrawn import redrawn_labels
-from palpate.segmentation.surfaces import organ_surfaces
 
 FILE = "noise.json"
 

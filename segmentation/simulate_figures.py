@@ -10,8 +10,8 @@ import numpy as np
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton import Equilibrium
 from palpate.core.fem.space import Space
-from palpate.segmentation.meshing import MeshedCase
-from palpate.segmentation.smooth_field import FloatArray
+from palpate.meshing.mesh_labels import MeshedCase
+from palpate.meshing.smooth_distance import FloatArray
 
 
 def organ_strain(F: FloatArray, weight: FloatArray) -> dict[str, float]:

@@ -18,11 +18,11 @@ from palpate.core.laws.linear import LINEAR, bulk_modulus
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_parameters
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
-from palpate.segmentation.meshing import MeshedCase
+from palpate.meshing.mesh_labels import MeshedCase
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.simulate_figures import organ_strain, smallest_volume_ratio, solver_figures
 from palpate.segmentation.simulate_glide import Glide
 from palpate.segmentation.simulate_motion import MovedWall
-from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 ELEMENT = "p2"
 ORGAN_POISSON_RATIO = 0.495

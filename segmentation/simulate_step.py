@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
+from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder, check_new_case
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.meshing import MeshOptions, mesh_labels
 from palpate.segmentation.scanner import Scanner
 from palpate.segmentation.simulate_ct import CtSource, ct_source
 from palpate.segmentation.simulate_solve import solve_deformed
@@ -24,7 +25,6 @@ from palpate.segmentation.simulate_truth import surface_truth, truth_of, write_a
 from palpate.segmentation.simulate_walls import moved_walls
 from palpate.segmentation.simulate_warp import BackwardMap
 from palpate.segmentation.simulate_write import SimulatedPair, write_label_case, write_scans
-from palpate.segmentation.smooth_field import FloatArray
 
 GRAVITY_SUPINE = (0.0, 9.81, 0.0)
 

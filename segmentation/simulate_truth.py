@@ -10,10 +10,10 @@ import numpy as np
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.atomic import atomic_path, writing
 from palpate.segmentation.simulate_solve import DeformedState, Stiffness
-from palpate.segmentation.smooth_field import FloatArray, IntArray
-from palpate.segmentation.surfaces import TriSurface
 
 SURFACE_POINTS = 500
 

@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM
 from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface, wall_surface
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.simulate_motion import BagMotion, Faded, MovedWall, TubeMotion, interpolated
-from palpate.segmentation.smooth_field import FloatArray
-from palpate.segmentation.surfaces import TriSurface, wall_surface
 
 
 @dataclass(frozen=True)

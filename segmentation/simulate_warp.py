@@ -12,8 +12,8 @@ import pyvista as pv
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.simulate_motion import WallMotion
-from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 # A quadratic cell as eight linear ones; nodes 4 to 9 are the mid-edges 01, 12, 02, 03, 13, 23.
 _EIGHT = np.array(

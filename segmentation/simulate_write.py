@@ -12,13 +12,13 @@ from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.simulate_contours import drawn_labels
 from palpate.segmentation.simulate_solve import DeformedState
 from palpate.segmentation.simulate_source import PhantomSource, Source
 from palpate.segmentation.simulate_spec import SimulationSpec
 from palpate.segmentation.simulate_warp import BackwardMap
-from palpate.segmentation.smooth_field import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

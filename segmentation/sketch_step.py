@@ -23,7 +23,7 @@ from palpate.core.sketch.residual import Target
 from palpate.core.sketch.swarm_fit import SwarmFitOptions, swarm_fit
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.drawings.drawing import Drawing, read_drawing
-from palpate.segmentation.drawing_mesh import mesh_figure
+from palpate.meshing.extrude import mesh_figure
 from palpate.segmentation.sketch_summary import summary_of
 
 # Cells of a figure of one colour, whose shape alone matters, and of one of several: measured, a ratio found with 600 is off by 11 %

@@ -22,13 +22,13 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.surfaces.surface_files import ReadSurface, read_closed_surface
 from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface
+from palpate.meshing.mesh_labels import MeshOptions
 from palpate.segmentation import mesh_step
 from palpate.segmentation.case import STATES, CaseFolder, check_new_case, file_sha256
 from palpate.segmentation.identify_step import problem_of
 from palpate.segmentation.import_write import open_or_create, write_landmarks
 from palpate.segmentation.landmarks import Landmarks, read_landmarks
-from palpate.segmentation.meshing import MeshOptions
-from palpate.segmentation.surfaces import TriSurface
 
 STEP = "import"
 SUMMARY = "surfaces.json"

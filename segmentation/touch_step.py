@@ -12,10 +12,10 @@ from palpate.core.touch.body import SUPPORTS, Body
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import LABELS, ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
+from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.identified import identified_shear
 from palpate.segmentation.identify_step import facts_of
-from palpate.segmentation.meshing import MeshOptions, mesh_labels
 
 # The mesher wants tissue around the organ; what it makes of it is thrown away.
 _AROUND_MM = 14.0

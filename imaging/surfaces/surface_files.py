@@ -12,7 +12,7 @@ import pyvista as pv
 from palpate.core.errors import InputError
 from palpate.imaging.surfaces.ply import read_ply
 from palpate.imaging.surfaces.self_intersections import crossings
-from palpate.segmentation.surfaces import TriSurface
+from palpate.meshing.label_surfaces import TriSurface
 
 SUFFIXES = (".stl", ".obj", ".ply")
 # Extents, mm, beyond which a surface is hardly in mm.

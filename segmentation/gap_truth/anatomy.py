@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.imaging.volume import Volume
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_source import LabelArray
-from palpate.segmentation.smooth_field import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.gap_truth.simulated import Simulated
-from palpate.segmentation.smooth_field import FloatArray
 
 
 def either(size: float, rng: np.random.Generator) -> float:

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from palpate.imaging.labels import ORGAN_LABELS
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.gap_truth.body import Body
 from palpate.segmentation.gap_truth.newton import slopes_in
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, equilibrium_near, held_nodes
-from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 # What an effect does along the organ's normal in one state, (k,), and what the two stiffnesses do, (k, 2) per ln G; both times
 # the square root of each node's share of the surface.

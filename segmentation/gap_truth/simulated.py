@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.gap_truth.anatomy import Rigid
 from palpate.segmentation.gap_truth.body import Body, Laws
 from palpate.segmentation.gap_truth.laws import Organ, Tissue
-from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 TISSUE_G, TISSUE_NU, ORGAN_NU = 20.0, 0.49, 0.495
 

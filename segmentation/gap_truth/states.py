@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.core.errors import ConvergenceError
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.gap_truth.body import Body, Laws
 from palpate.segmentation.gap_truth.newton import equilibrium, has_grown
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.simulate_motion import WallMotion
 from palpate.segmentation.simulate_warp import BackwardMap
-from palpate.segmentation.smooth_field import FloatArray, IntArray
 
 # How far from bone the region's edge and the hollows' walls are drawn along with it.
 _DRAWN_MM = 10.0

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from palpate.core.worker.executors import one_thread
+from palpate.meshing.mesh_labels import MeshOptions
 from palpate.segmentation import diagnose_step, mesh_step
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.meshing import MeshOptions
 
 
 def main() -> None:

@@ -25,10 +25,10 @@ from palpate.imaging.dicom.series import read_series
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.imaging.volume import Volume
+from palpate.meshing.mesh_file import load_mesh, save_mesh
 from palpate.segmentation.body_case import MESH, body_inputs, body_problem
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.mesh_file import load_mesh, save_mesh
 from palpate.segmentation.models.monai_bundle import bundle_plan
 
 # The good file, what reads it and raises InputError only, and whether it is text.

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 
 from palpate.core.errors import InputError
 from palpate.imaging.drawings.drawing import read_drawing
-from palpate.segmentation.drawing_mesh import mesh_figure
+from palpate.meshing.extrude import mesh_figure
 
 CANVAS = 400
 # Neither axis is a mirror: a foot to the right, an ear to the left, a hole off the middle.

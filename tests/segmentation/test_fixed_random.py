@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from palpate.segmentation.fixed_random import fix_random_device
-from palpate.segmentation.tetwild import Soup, tetrahedralize
+from palpate.meshing.tetwild import Soup, tetrahedralize
+from palpate.meshing.tetwild_seed import fix_random_device
 
 
 def soup() -> Soup:

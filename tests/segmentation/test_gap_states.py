@@ -15,6 +15,7 @@ from synthetic_case import HALF, RADIUS
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.imaging.volume import Volume
+from palpate.meshing.mesh_labels import MeshedCase
 from palpate.segmentation import gap_cases, gap_patient
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.gap_cases import make_case
@@ -27,7 +28,6 @@ from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm
 from palpate.segmentation.identify_step import state_problems
 from palpate.segmentation.landmarks import read_landmarks
-from palpate.segmentation.meshing import MeshedCase
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
 from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 

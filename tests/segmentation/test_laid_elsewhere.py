@@ -12,13 +12,13 @@ from voxel_shapes import Shape, ball, grid, paint, tube
 
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
+from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
+from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation import diagnose_step, mesh_step
 from palpate.segmentation.case import CaseFacts, CaseFolder
 from palpate.segmentation.identify_step import problem_of
 from palpate.segmentation.laid_elsewhere import laid_elsewhere
-from palpate.segmentation.meshing import MeshedCase, MeshOptions
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
-from palpate.segmentation.smooth_field import FloatArray
 
 ELSEWHERE = np.eye(4)
 ELSEWHERE[:3, :3] = Rotation.from_euler("xyz", [4.0, -3.0, 6.0], degrees=True).as_matrix()

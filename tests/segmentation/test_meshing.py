@@ -14,11 +14,11 @@ from voxel_shapes import ball, distance, grid, paint, prostate, tube
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.imaging.volume import Volume
-from palpate.segmentation import meshing
-from palpate.segmentation.mesh_cells import face_neighbours, parts_of
-from palpate.segmentation.meshing import MeshedCase, MeshOptions, mesh_labels
-from palpate.segmentation.meshing_quality import dihedral_angles, radius_ratio
-from palpate.segmentation.smooth_field import FloatArray
+from palpate.meshing import mesh_labels as meshing
+from palpate.meshing.cells import face_neighbours, parts_of
+from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
+from palpate.meshing.quality import dihedral_angles, radius_ratio
+from palpate.meshing.smooth_distance import FloatArray
 
 SPACING = (1.2, 1.2, 2.0)
 RECTUM = tube(7.0, y=21.5, bend=0.002)
@@ -146,7 +146,7 @@ def test_other_labels_are_not_taken_from_the_cache(labels: Volume, cache: Path, 
 
 
 def test_a_mesher_that_dies_is_told_in_one_line(labels: Volume, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("palpate.segmentation.tetwild.sys.executable", "/bin/false")
+    monkeypatch.setattr("palpate.meshing.tetwild.sys.executable", "/bin/false")
     with pytest.raises(ConvergenceError, match="the mesher ended with status 1"):
         mesh_labels(labels, MeshOptions(edge_mm=9.0))
 

@@ -19,10 +19,10 @@ from palpate.core.observe.triangle_tree import TriangleTree
 from palpate.core.problem import IdentificationProblem, Surface
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
+from palpate.meshing.mesh_file import mesh_arrays
 from palpate.segmentation import identify_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.mesh_file import mesh_arrays
 from palpate.segmentation.mesh_step import surface_arrays
 from palpate.segmentation.more_states import NewState, add_state, further_states
 from palpate.ui.cli import further_states as options

@@ -12,9 +12,9 @@ from made_up_body import body
 from voxel_shapes import ball, paint
 
 from palpate.core.errors import InputError
+from palpate.meshing.partition import make_partition
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.partition import make_partition
 from palpate.segmentation.simulate_spec import load_spec, parse_spec
 from palpate.segmentation.simulate_step import run_simulate
 

@@ -7,7 +7,7 @@ import pytest
 
 from palpate.core.errors import ConvergenceError
 from palpate.core.mesh import TetMesh
-from palpate.segmentation.meshing import MeshedCase
+from palpate.meshing.mesh_labels import MeshedCase
 from palpate.segmentation.simulate_figures import smallest_volume_ratio
 
 

@@ -13,7 +13,8 @@ from palpate.core.errors import InputError
 from palpate.core.identify.surface_start import aligned
 from palpate.core.problem import Surface, SurfacePair
 from palpate.imaging.surfaces.surface_files import read_closed_surface
-from palpate.segmentation import identify_step, meshing
+from palpate.meshing import mesh_labels
+from palpate.segmentation import identify_step
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.surface_import import SurfaceImportOptions, run_surface_import
 
@@ -134,7 +135,7 @@ def test_volumes_that_differ_too_much_are_refused_and_nothing_is_written(tmp_pat
 
 
 def test_a_pair_becomes_a_case_that_says_what_it_cannot_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(meshing, "MESH_ATTEMPTS", 1)  # any mesh will do here
+    monkeypatch.setattr(mesh_labels, "MESH_ATTEMPTS", 1)  # any mesh will do here
     marks = np.array([[4.0, 3.0, 2.0], [-6.0, 2.0, -3.0], [1.0, -6.0, 1.0]])
     mesh = pear(40)
     moved = pv.PolyData.from_regular_faces(squeezed(mesh.points), mesh.regular_faces)

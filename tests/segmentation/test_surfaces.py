@@ -8,8 +8,8 @@ from voxel_shapes import FloatArray, ball, distance, grid, paint, prostate, tube
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.extend_labels import crop, extend_labels, without_specks
-from palpate.segmentation.surfaces import TriSurface, organ_surfaces, wall_surface
+from palpate.meshing.extend_labels import crop, extend_labels, without_specks
+from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
 
 HALF = (32.0, 28.0, 30.0)
 

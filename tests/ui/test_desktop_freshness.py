@@ -12,9 +12,9 @@ import pytest
 from phantoms import labels, result, write_case
 
 from palpate.core.errors import Cancelled, InputError
+from palpate.meshing.mesh_labels import MeshOptions
 from palpate.segmentation import diagnose_step, identify_step, mesh_step
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.meshing import MeshOptions
 from palpate.ui.desktop import freshness
 from palpate.ui.desktop.freshness import FileHashes, Freshness, judged
 from palpate.ui.desktop.open_case import OpenCase

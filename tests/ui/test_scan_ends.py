@@ -9,7 +9,7 @@ from phantoms import CENTRE, affine, shape
 
 from palpate.imaging.labels import BLADDER, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.segmentation.surfaces import TriSurface, wall_surface
+from palpate.meshing.label_surfaces import TriSurface, wall_surface
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import CORONAL, SAGITTAL, Plane, Window, reached
 from palpate.ui.pictures.slice_axes import WALLS, draw_outlines

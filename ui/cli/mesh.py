@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from palpate.meshing.mesh_labels import MeshOptions
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.meshing import MeshOptions
 from palpate.ui.cli.arguments import add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded

@@ -171,7 +171,7 @@ def _scans(args: argparse.Namespace) -> list[ContouredScan]:
 
 
 def _meshing(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from palpate.segmentation.meshing import MeshOptions
+    from palpate.meshing.mesh_labels import MeshOptions
     from palpate.segmentation.meshing_study import meshing_study
 
     return meshing_study(_scans(args), MeshOptions(target_tets=args.tets), progress)

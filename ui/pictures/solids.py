@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation.surfaces import TriSurface
+from palpate.meshing.label_surfaces import TriSurface
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.offscreen import render
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.imaging.labels import LABELS
+from palpate.meshing.mesh_labels import MeshedCase
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.mesh_step import load_meshed
-from palpate.segmentation.meshing import MeshedCase
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.interactive import MovingBody, deformation_page
 from palpate.ui.pictures.solids import AROUND, UNTOLD

@@ -12,15 +12,15 @@ import numpy as np
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
 from palpate.imaging.labels import OUTSIDE
 from palpate.imaging.volume import Volume
-from palpate.segmentation.mesh_cells import KEPT, clean_labels, face_neighbours, label_cells
-from palpate.segmentation.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
-from palpate.segmentation.meshing_fit import FLOOR_DEG, Interface, fit_interfaces, interface_report, interfaces_of
-from palpate.segmentation.meshing_improve import improve_cells, tangent_limits
-from palpate.segmentation.meshing_quality import describe
-from palpate.segmentation.meshing_soup import make_scene
-from palpate.segmentation.partition import HOLE_NAMES, Partition, make_partition
-from palpate.segmentation.smooth_field import FloatArray, IntArray
-from palpate.segmentation.tetwild import tetrahedralize
+from palpate.meshing.cells import KEPT, clean_labels, face_neighbours, label_cells
+from palpate.meshing.improve import improve_cells, tangent_limits
+from palpate.meshing.interface_fit import FLOOR_DEG, Interface, fit_interfaces, interface_report, interfaces_of
+from palpate.meshing.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
+from palpate.meshing.mesher_input import make_scene
+from palpate.meshing.partition import HOLE_NAMES, Partition, make_partition
+from palpate.meshing.quality import describe
+from palpate.meshing.smooth_distance import FloatArray, IntArray
+from palpate.meshing.tetwild import tetrahedralize
 
 # Meshed again, once, when the number of cells is further from what is wanted than this factor.
 COUNT_TOLERANCE = 1.3

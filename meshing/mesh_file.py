@@ -16,7 +16,7 @@ from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
-from palpate.segmentation.smooth_field import IntArray
+from palpate.meshing.smooth_distance import IntArray
 
 # Raised when the way of meshing changes, so that meshes kept from before are not taken for new ones.
 RECIPE_VERSION = 3

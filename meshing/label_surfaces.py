@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.extend_labels import crop, extend_labels, without_specks
-from palpate.segmentation.smooth_field import SIGMA_MM, FloatArray, IntArray, SmoothField, smooth_field
+from palpate.meshing.extend_labels import crop, extend_labels, without_specks
+from palpate.meshing.smooth_distance import SIGMA_MM, FloatArray, IntArray, SmoothField, smooth_field
 
 # Room around a label, so that cropping does not touch its smoothing.
 MARGIN_MM = 14.0

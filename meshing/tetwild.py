@@ -1,7 +1,7 @@
 """fTetWild, called in a process of its own.
 
 The library writes to standard output from C++ and can only be stopped by ending its process. Run as
-``python -m palpate.segmentation.tetwild IN.npz OUT.npz``.
+``python -m palpate.meshing.tetwild IN.npz OUT.npz``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import ConvergenceError
-from palpate.segmentation.fixed_random import fix_random_device
-from palpate.segmentation.smooth_field import FloatArray, IntArray
+from palpate.meshing.smooth_distance import FloatArray, IntArray
+from palpate.meshing.tetwild_seed import fix_random_device
 
 # The mesher stops at this energy (its default is 10) and the last bad cells are mended afterwards: a third faster, and
 # the finished cells are no worse. From 16 up they are.
@@ -55,7 +55,7 @@ def tetrahedralize(soup: Soup, timeout_s: float = 600.0) -> tuple[FloatArray, In
         given, made = Path(folder, "in.npz"), Path(folder, "out.npz")
         arrays: dict[str, Any] = {name: np.asarray(value) for name, value in vars(soup).items()}
         np.savez(given, **arrays)
-        command = [sys.executable, "-m", "palpate.segmentation.tetwild", str(given), str(made)]
+        command = [sys.executable, "-m", "palpate.meshing.tetwild", str(given), str(made)]
         try:
             done = subprocess.run(command, capture_output=True, timeout=timeout_s, check=False)
         except subprocess.TimeoutExpired as late:

@@ -9,8 +9,8 @@ from scipy.sparse.csgraph import connected_components
 
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
-from palpate.segmentation.partition import HOLE_NAMES, Partition
-from palpate.segmentation.smooth_field import FloatArray, IntArray
+from palpate.meshing.partition import HOLE_NAMES, Partition
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 
 KEPT = (*ORGAN_LABELS, SURROUNDING_TISSUE)
 # Barycentric points at which a cell is asked what it is: its centroid and four towards the corners.

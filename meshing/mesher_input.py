@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
-from palpate.segmentation.partition import ORGAN, Partition
-from palpate.segmentation.smooth_field import FloatArray, IntArray, SmoothField
-from palpate.segmentation.tetwild import Soup
+from palpate.meshing.partition import ORGAN, Partition
+from palpate.meshing.smooth_distance import FloatArray, IntArray, SmoothField
+from palpate.meshing.tetwild import Soup
 
 # Wished edge of each surface as a multiple of the organ's.
 EDGE_FACTOR = {ORGAN: 1.0, BLADDER: 1.15, RECTUM: 1.15, BONE: 1.7, OUTSIDE: 2.8}

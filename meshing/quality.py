@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
 from palpate.imaging.volume import Volume
-from palpate.segmentation.smooth_field import FloatArray, IntArray
+from palpate.meshing.smooth_distance import FloatArray, IntArray
 
 SLIVER_DEG = 10.0
 

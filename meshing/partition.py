@@ -11,9 +11,9 @@ from scipy import ndimage
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER, BONE, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.segmentation.extend_labels import crop, extend_labels, padded, without_specks
-from palpate.segmentation.smooth_field import CLIP_MM, FloatArray, IntArray, SmoothField, smooth_field
-from palpate.segmentation.surfaces import MARGIN_MM, region_fields
+from palpate.meshing.extend_labels import crop, extend_labels, padded, without_specks
+from palpate.meshing.label_surfaces import MARGIN_MM, region_fields
+from palpate.meshing.smooth_distance import CLIP_MM, FloatArray, IntArray, SmoothField, smooth_field
 
 HOLE_NAMES = {label: LABELS[label] for label in (BONE, BLADDER, RECTUM)}
 # Grid step of each field in mm: fine where the mesh is fine. -1 stands for the whole organ.

@@ -1,0 +1,1 @@
+"""Labels to surfaces to one conforming mesh."""
