@@ -14,8 +14,8 @@ from palpate.imaging.dicom.series import read_series
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
-from palpate.segmentation import phantom
-from palpate.segmentation.scanner import Scanner
+from palpate.simulate.phantom import phantom
+from palpate.simulate.scanner import Scanner
 
 _VALUES = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,), "bone": (BONE,)}
 PHANTOM = "phantom"

@@ -22,8 +22,8 @@ from palpate.segmentation.gap_truth.seen import marked, read_marks
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, backward
 from palpate.segmentation.landmarks import Landmarks, landmarks_csv
-from palpate.segmentation.simulate_contours import drawn_labels
-from palpate.segmentation.simulate_source import LabelArray, labels_on
+from palpate.simulate.contour_errors import drawn_labels
+from palpate.simulate.source import LabelArray, labels_on
 
 Labels = Callable[[FloatArray], LabelArray]
 # Correlation length of the contours' noise, mm.

@@ -21,8 +21,8 @@ from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, shown, shown_further
 from palpate.segmentation.gap_truth.strength import strength
-from palpate.segmentation.simulate_motion import WallMotion
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec, moved_walls
+from palpate.simulate.wall_motion import WallMotion
+from palpate.simulate.walls import BladderSpec, RectumSpec, moved_walls
 
 # The walls' motions, and the displacement (n, 3) mm of a plain body that was not deformed at rest.
 PlainState = tuple[Mapping[str, WallMotion], FloatArray]

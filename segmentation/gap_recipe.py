@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.segmentation.gap_truth.hidden import OWN_SHARE
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
+from palpate.simulate.walls import BladderSpec, RectumSpec
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
+from palpate.simulate.walls import BladderSpec, RectumSpec
 
 # Pelves, of each of which many patients are made by stretching, and the range of their two stiffnesses.
 BUILDS, SHEAR_MODULI_KPA = 4, (6.0, 60.0)

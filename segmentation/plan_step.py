@@ -22,8 +22,8 @@ from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.identify_step import facts_of
 from palpate.segmentation.plan_loads import LOADS, NOTES
-from palpate.segmentation.simulate_motion import MovedWall
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec, moved_walls
+from palpate.simulate.wall_motion import MovedWall
+from palpate.simulate.walls import BladderSpec, RectumSpec, moved_walls
 
 # What can be planned: name -> unit, amounts tried when none are given, and words.
 DEFORMATIONS: Mapping[str, tuple[str, tuple[float, ...], str]] = {

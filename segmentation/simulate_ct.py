@@ -17,8 +17,8 @@ from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.prostate.halves import midline_normal, split_plane
 from palpate.segmentation.segment_report import SegmentedState
 from palpate.segmentation.segment_step import SegmentOptions, labels_of
-from palpate.segmentation.simulate_source import VolumeSource
 from palpate.segmentation.tissue import region_of_interest
+from palpate.simulate.source import VolumeSource
 
 
 @dataclass(frozen=True)

@@ -29,9 +29,9 @@ from typing import Any
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABEL_VALUES, LABELS, ORGAN_LABELS
 from palpate.segmentation.simulate_ct import CtSource
-from palpate.segmentation.simulate_solve import Stiffness
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
 from palpate.segmentation.spec_reader import Reader
+from palpate.simulate.solve import Stiffness
+from palpate.simulate.walls import BladderSpec, RectumSpec
 
 OUTPUTS = ("dicom", "labels")
 # Not p1, which locks, and not the element that identifies.

@@ -16,15 +16,15 @@ from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder, check_new_case
 from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.scanner import Scanner
 from palpate.segmentation.simulate_ct import CtSource, ct_source
-from palpate.segmentation.simulate_solve import solve_deformed
-from palpate.segmentation.simulate_source import PhantomSource, Source, case_source, labels_on
 from palpate.segmentation.simulate_spec import ScanSpec, SimulationSpec, parse_spec
 from palpate.segmentation.simulate_truth import surface_truth, truth_of, write_answers
-from palpate.segmentation.simulate_walls import moved_walls
-from palpate.segmentation.simulate_warp import BackwardMap
 from palpate.segmentation.simulate_write import SimulatedPair, write_label_case, write_scans
+from palpate.simulate.inverse_map import BackwardMap
+from palpate.simulate.scanner import Scanner
+from palpate.simulate.solve import solve_deformed
+from palpate.simulate.source import PhantomSource, Source, case_source, labels_on
+from palpate.simulate.walls import moved_walls
 
 GRAVITY_SUPINE = (0.0, 9.81, 0.0)
 

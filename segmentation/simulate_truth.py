@@ -13,7 +13,7 @@ from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import TriSurface
 from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.atomic import atomic_path, writing
-from palpate.segmentation.simulate_solve import DeformedState, Stiffness
+from palpate.simulate.solve import DeformedState, Stiffness
 
 SURFACE_POINTS = 500
 

@@ -14,11 +14,11 @@ from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
 from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.simulate_contours import drawn_labels
-from palpate.segmentation.simulate_solve import DeformedState
-from palpate.segmentation.simulate_source import PhantomSource, Source
 from palpate.segmentation.simulate_spec import SimulationSpec
-from palpate.segmentation.simulate_warp import BackwardMap
+from palpate.simulate.contour_errors import drawn_labels
+from palpate.simulate.inverse_map import BackwardMap
+from palpate.simulate.solve import DeformedState
+from palpate.simulate.source import PhantomSource, Source
 
 
 @dataclass(frozen=True, eq=False)

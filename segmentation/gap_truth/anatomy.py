@@ -9,8 +9,8 @@ import numpy as np
 from palpate.imaging.volume import Volume
 from palpate.meshing.smooth_distance import FloatArray
 from palpate.segmentation.gap_truth.pelvis import Pelvis
-from palpate.segmentation.simulate_motion import WallMotion
-from palpate.segmentation.simulate_source import LabelArray
+from palpate.simulate.source import LabelArray
+from palpate.simulate.wall_motion import WallMotion
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.gap_truth.body import Body, Laws
 from palpate.segmentation.gap_truth.newton import equilibrium, has_grown
 from palpate.segmentation.gap_truth.simulated import Simulated
-from palpate.segmentation.simulate_motion import WallMotion
-from palpate.segmentation.simulate_warp import BackwardMap
+from palpate.simulate.inverse_map import BackwardMap
+from palpate.simulate.wall_motion import WallMotion
 
 # How far from bone the region's edge and the hollows' walls are drawn along with it.
 _DRAWN_MM = 10.0

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from palpate.imaging.volume import Volume
-from palpate.segmentation import phantom
 from palpate.segmentation.pelvis import Segmentation, segment_pelvis
-from palpate.segmentation.scanner import Scanner
+from palpate.simulate.phantom import phantom
+from palpate.simulate.scanner import Scanner
 
 SPACING = np.array([1.6, 1.6, 2.5])
 EXTENT = np.array([350.0, 240.0, 150.0])

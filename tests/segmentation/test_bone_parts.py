@@ -10,7 +10,6 @@ from organ_scans import found, truth, truth_of
 
 from palpate.imaging.labels import BONE_PART_VALUES, BONE_PARTS
 from palpate.imaging.volume import Volume
-from palpate.segmentation import phantom, phantom_anatomy
 from palpate.segmentation.bone.femoral_heads import find_heads
 from palpate.segmentation.bone.lumbosacral_disc import above_sacrum
 from palpate.segmentation.bone.parts import bone_parts
@@ -19,6 +18,7 @@ from palpate.segmentation.dice import dice
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.search_region import make_scene
 from palpate.segmentation.working_grid import mask_on
+from palpate.simulate.phantom import anatomy, phantom
 
 # Order of the phantom's solids.
 PUBIS, SACRUM, HIP_LEFT, FEMUR_LEFT, HIP_RIGHT, FEMUR_RIGHT = range(6)
@@ -29,7 +29,7 @@ def _solid(*numbers: int) -> np.ndarray:
     bone = truth_of(4).array
     points = truth().to_lps(np.argwhere(bone).astype(float)) - phantom.ORIGIN_MM
     result = np.zeros_like(bone)
-    result[bone] = np.any([phantom_anatomy.BONES[i].distance(points) < 0.0 for i in numbers], axis=0)
+    result[bone] = np.any([anatomy.BONES[i].distance(points) < 0.0 for i in numbers], axis=0)
     return result
 
 

@@ -29,7 +29,7 @@ from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm
 from palpate.segmentation.identify_step import state_problems
 from palpate.segmentation.landmarks import read_landmarks
 from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
+from palpate.simulate.walls import BladderSpec, RectumSpec
 
 EMPTIED = (RectumSpec(-2.0), BladderSpec())
 

@@ -7,11 +7,11 @@ import pytest
 
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.segmentation import phantom
-from palpate.segmentation.phantom_anatomy import BLADDER, PROSTATE, PUBIS, RECTUM
-from palpate.segmentation.phantom_shapes import Capsule, Ellipsoid, Solid, Trunk
-from palpate.segmentation.phantom_unions import Shrunk, Union
-from palpate.segmentation.scanner import Scanner, voxel_mean
+from palpate.simulate.phantom import phantom
+from palpate.simulate.phantom.anatomy import BLADDER, PROSTATE, PUBIS, RECTUM
+from palpate.simulate.phantom.solids import Capsule, Ellipsoid, Solid, Trunk
+from palpate.simulate.phantom.unions import Shrunk, Union
+from palpate.simulate.scanner import Scanner, voxel_mean
 
 SPACING = np.array([2.0, 2.0, 3.0])
 

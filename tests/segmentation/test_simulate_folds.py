@@ -8,7 +8,7 @@ import pytest
 from palpate.core.errors import ConvergenceError
 from palpate.core.mesh import TetMesh
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.segmentation.simulate_figures import smallest_volume_ratio
+from palpate.simulate.strain_figures import smallest_volume_ratio
 
 
 def test_the_nearest_wall_is_named_with_its_motion() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
-from palpate.segmentation import phantom
+from palpate.simulate.phantom import phantom
 
 SPACING = np.array([2.5, 2.5, 4.0])
 EXTENT = np.array([350.0, 240.0, 150.0])

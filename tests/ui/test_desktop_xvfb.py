@@ -17,8 +17,8 @@ from desktop_pair import write_pair
 from PIL import Image
 from x_display import needs_xvfb, x_display
 
-from palpate.segmentation import phantom
 from palpate.segmentation.case import CaseFolder
+from palpate.simulate.phantom import phantom
 from palpate.ui.cli.signals import descendants
 
 X, Y, Z = (float(c) for c in phantom.prostate_centroid())

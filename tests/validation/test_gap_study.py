@@ -20,7 +20,7 @@ from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, another, in
 from palpate.segmentation.gap_scores import scores
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
 from palpate.segmentation.gap_truth.strength import Hopeless, TooWeak
-from palpate.segmentation.simulate_walls import BladderSpec, RectumSpec
+from palpate.simulate.walls import BladderSpec, RectumSpec
 from palpate.ui.cli import main as cli
 
 STIFFNESS = {"prostate_left": {"G_kpa": 21.0, "sd_ln_G": 0.2}, "prostate_right": {"G_kpa": 90.0, "sd_ln_G": 0.1}}

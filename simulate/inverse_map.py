@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from palpate.meshing.smooth_distance import FloatArray, IntArray
-from palpate.segmentation.simulate_motion import WallMotion
+from palpate.simulate.wall_motion import WallMotion
 
 # A quadratic cell as eight linear ones; nodes 4 to 9 are the mid-edges 01, 12, 02, 03, 13, 23.
 _EIGHT = np.array(

@@ -16,9 +16,9 @@ from palpate.imaging.labels import (
     RECTUM,
     SURROUNDING_TISSUE,
 )
-from palpate.segmentation import phantom_anatomy as anatomy
-from palpate.segmentation.phantom_shapes import FloatArray, Solid, near
-from palpate.segmentation.phantom_unions import Shrunk
+from palpate.simulate.phantom import anatomy
+from palpate.simulate.phantom.solids import FloatArray, Solid, near
+from palpate.simulate.phantom.unions import Shrunk
 
 # Where the anatomy's zero, about the prostate's centre, lies in the patient: nowhere near the scanner's origin.
 ORIGIN_MM = np.array([-6.5, 11.0, -148.0])

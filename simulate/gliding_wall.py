@@ -10,7 +10,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.observe.distance_field import SignedDistanceField
 from palpate.meshing.smooth_distance import FloatArray, IntArray
-from palpate.segmentation.simulate_motion import MovedWall
+from palpate.simulate.wall_motion import MovedWall
 
 # Stiffness of the constraint over the tissue's shear modulus, 1/mm: gaps stay below 0.01 mm.
 _STIFFNESS = 200.0

@@ -11,7 +11,7 @@ from scipy import ndimage
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.meshing.smooth_distance import FloatArray
-from palpate.segmentation.simulate_source import LabelArray, labels_on
+from palpate.simulate.source import LabelArray, labels_on
 
 # What a person contours; bone and the modelled region are not.
 _DRAWN = (ORGAN_LABELS, (BLADDER,), (RECTUM,))

@@ -5,8 +5,8 @@ Left and right differ everywhere on purpose, so that a mirrored picture or resul
 
 from __future__ import annotations
 
-from palpate.segmentation.phantom_shapes import Capsule, Ellipsoid, Solid, Trunk, Tube
-from palpate.segmentation.phantom_unions import Cut, Shrunk, Union, Without
+from palpate.simulate.phantom.solids import Capsule, Ellipsoid, Solid, Trunk, Tube
+from palpate.simulate.phantom.unions import Cut, Shrunk, Union, Without
 
 SKIN_MM = 1.8
 CORTEX_MM = 2.4

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.segmentation.phantom_shapes import Bounds, FloatArray, Solid, Triple
+from palpate.simulate.phantom.solids import Bounds, FloatArray, Solid, Triple
 
 
 @dataclass(frozen=True)

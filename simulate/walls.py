@@ -15,7 +15,7 @@ from palpate.imaging.labels import BLADDER, LABELS, ORGAN_LABELS, OUTSIDE, RECTU
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import TriSurface, wall_surface
 from palpate.meshing.smooth_distance import FloatArray
-from palpate.segmentation.simulate_motion import BagMotion, Faded, MovedWall, TubeMotion, interpolated
+from palpate.simulate.wall_motion import BagMotion, Faded, MovedWall, TubeMotion, interpolated
 
 
 @dataclass(frozen=True)

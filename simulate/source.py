@@ -18,9 +18,9 @@ from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.meshing.partition import Partition, make_partition
 from palpate.meshing.smooth_distance import FloatArray
-from palpate.segmentation import phantom
 from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.scanner import Scanner, voxel_mean
+from palpate.simulate.phantom import phantom
+from palpate.simulate.scanner import Scanner, voxel_mean
 
 LabelArray = NDArray[np.uint8]
 # Rest positions (n, 3) mm of points (n, 3) mm in the scanner's coordinates.

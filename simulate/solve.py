@@ -20,9 +20,9 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.meshing.mesh_labels import MeshedCase
 from palpate.meshing.smooth_distance import FloatArray, IntArray
-from palpate.segmentation.simulate_figures import organ_strain, smallest_volume_ratio, solver_figures
-from palpate.segmentation.simulate_glide import Glide
-from palpate.segmentation.simulate_motion import MovedWall
+from palpate.simulate.gliding_wall import Glide
+from palpate.simulate.strain_figures import organ_strain, smallest_volume_ratio, solver_figures
+from palpate.simulate.wall_motion import MovedWall
 
 ELEMENT = "p2"
 ORGAN_POISSON_RATIO = 0.495

@@ -1,0 +1,1 @@
+"""A body whose stiffness is known: phantom, wall motion, equilibrium, scanner."""
