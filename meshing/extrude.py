@@ -9,10 +9,10 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 
+from palpate.case.bench_body import mesh_body
 from palpate.core.errors import ConvergenceError
 from palpate.core.mesh import TetMesh
 from palpate.core.sketch.outline import Outline
-from palpate.segmentation.body_case import mesh_body
 
 FloatArray = NDArray[np.float64]
 

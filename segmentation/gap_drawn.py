@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.landmarks import Landmarks, landmarks_csv
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.meshing.smooth_distance import FloatArray
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.gap_patient import Made
 from palpate.segmentation.gap_recipe import Recipe
 from palpate.segmentation.gap_truth.seen import marked, read_marks
 from palpate.segmentation.gap_truth.simulated import Simulated
 from palpate.segmentation.gap_truth.states import Shown, backward
-from palpate.segmentation.landmarks import Landmarks, landmarks_csv
 from palpate.simulate.contour_errors import drawn_labels
 from palpate.simulate.source import LabelArray, labels_on
 

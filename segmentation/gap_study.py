@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from palpate.case.case_folder import file_sha256
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.segmentation.atomic import atomic_path
-from palpate.segmentation.case import file_sha256
 from palpate.segmentation.gap_achieved import achieved
 from palpate.segmentation.gap_cases import make_case
 from palpate.segmentation.gap_recipe import Recipe

@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.case.drawn_labels import drawn_of_volume
+from palpate.case.steps.segment import SegmentOptions, labels_of
+from palpate.case.steps.segment_report import SegmentedState
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, RECTUM
@@ -24,11 +27,8 @@ from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.meshing.quality import SLIVER_DEG
 from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.contoured_scan import ContouredScan
-from palpate.segmentation.drawn_labels import drawn_of_volume
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prostate.halves import midline_normal, split_plane
-from palpate.segmentation.segment_report import SegmentedState
-from palpate.segmentation.segment_step import SegmentOptions, labels_of
 from palpate.segmentation.tissue import region_of_interest
 
 WANTED_ANGLE_DEG, WANTED_VOLUME, WANTED_VOXELS, WANTED_SECONDS = SLIVER_DEG, 0.02, 0.5, 60.0

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.meshing.partition import Partition, make_partition
 from palpate.meshing.smooth_distance import FloatArray
-from palpate.segmentation.case import CaseFolder
 from palpate.simulate.phantom import phantom
 from palpate.simulate.scanner import Scanner, voxel_mean
 

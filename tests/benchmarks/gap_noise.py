@@ -18,6 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import mesh
+from palpate.case.steps.diagnose import data_of
 from palpate.core.gap import wall_motion
 from palpate.core.gap.forces import FreeField
 from palpate.core.gap.noise_fit import NoiseGrid
@@ -25,9 +28,6 @@ from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
 from palpate.core.gap.plain import PlainFit, fit_plain
 from palpate.core.gap.states import factorised
 from palpate.core.worker.executors import one_thread
-from palpate.segmentation import mesh_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.diagnose_step import data_of
 
 SLIDES = (0.0, 0.1, 0.15, 0.2, 0.3, 0.4)
 SIZES: dict[str, tuple[float, ...]] = {
@@ -59,7 +59,7 @@ def plain_of(path: Path) -> PlainFit:
         lone.chmod(0o755)
         case = CaseFolder(lone)
         if not case.has("mesh.json"):
-            mesh_step.run(case)
+            mesh.run(case)
         data = data_of(case)
     fit = fit_plain(data.pairs)
     factorised(fit.point)

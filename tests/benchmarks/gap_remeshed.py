@@ -16,10 +16,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import diagnose, mesh
 from palpate.core.worker.executors import one_thread
 from palpate.meshing.mesh_labels import MeshOptions
-from palpate.segmentation import diagnose_step, mesh_step
-from palpate.segmentation.case import CaseFolder
 
 
 def main() -> None:
@@ -44,8 +44,8 @@ def diagnosed(path: Path, seed: int) -> dict[str, Any]:
         lone = shutil.copytree(path, Path(folder) / path.name, copy_function=shutil.copyfile)
         lone.chmod(0o755)
         case = CaseFolder(lone)
-        mesh_step.run(case, MeshOptions(seed=seed))
-        found = diagnose_step.run(case)
+        mesh.run(case, MeshOptions(seed=seed))
+        found = diagnose.run(case)
     return {
         "verdict": found["verdict"],
         "candidates": found["candidates"],

@@ -15,6 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import mesh
+from palpate.case.steps.diagnose import data_of
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
@@ -23,9 +26,6 @@ from palpate.core.gap.noise_model import slide_responses
 from palpate.core.gap.sight import Sight
 from palpate.core.gap.stage import Stage
 from palpate.core.worker.executors import one_thread
-from palpate.segmentation import mesh_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.diagnose_step import data_of
 from palpate.segmentation.gap_cases import simulated
 from palpate.segmentation.gap_drawn import write_case
 from palpate.segmentation.gap_patient import Made
@@ -65,7 +65,7 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
         path = Path(folder) / recipe.name
         write_case(recipe, made, path)
         case = CaseFolder(path)
-        mesh_step.run(case)
+        mesh.run(case)
         problem = data_of(case).problem
     stage = Stage.of(problem, "p1p1")
     scene, theta = stage.scene(Composition(problem)), np.log(recipe.G)

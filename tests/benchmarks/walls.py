@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import mesh
+from palpate.case.steps.diagnose import data_of
 from palpate.core.errors import ConvergenceError
 from palpate.core.gap.composition import Composition
 from palpate.core.gap.fit import NOTHING, PLAIN, Bench
 from palpate.core.gap.sight import Sight
 from palpate.core.gap.stage import Stage
 from palpate.core.worker.executors import one_thread
-from palpate.segmentation import mesh_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.diagnose_step import data_of
 
 
 def main() -> None:
@@ -44,7 +44,7 @@ def error_mm(data: Path, name: str, element: str) -> float:
         lone = shutil.copytree(data / "cases" / name, Path(folder) / name, copy_function=shutil.copyfile)
         lone.chmod(0o755)
         case = CaseFolder(lone)
-        mesh_step.run(case)
+        mesh.run(case)
         problem = data_of(case).problem
     stage = Stage.of(problem, element)
     sight = Sight.of(stage.observation, None)

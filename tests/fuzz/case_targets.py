@@ -15,6 +15,9 @@ from pydicom.uid import RLELossless
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
 from dicom_samples import save, series, straight
 
+from palpate.case.bench_body import MESH, body_inputs, body_problem
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
 from palpate.core.mesh import TetMesh
@@ -26,9 +29,6 @@ from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_file import load_mesh, save_mesh
-from palpate.segmentation.body_case import MESH, body_inputs, body_problem
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.models.monai_bundle import bundle_plan
 
 # The good file, what reads it and raises InputError only, and whether it is text.

@@ -14,6 +14,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
 from case_targets import MAKERS, Made
 from dicom_samples import enhanced_ct, save, series, straight, structure_set
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.landmarks import read_landmarks
+from palpate.case.steps.simulate.spec import load_spec, parse_spec
 from palpate.imaging.contours.dicom_seg import read_dicom_seg
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, MAIN, Layer, workspace_text
@@ -24,11 +28,7 @@ from palpate.imaging.contours.seg_nrrd import read_seg_nrrd, write_seg_nrrd
 from palpate.imaging.contours.user_labels import read_user_labels
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.landmarks import read_landmarks
 from palpate.segmentation.prompts import parse_prompts
-from palpate.segmentation.simulate_spec import load_spec, parse_spec
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ from phantoms import MARKER, affine  # noqa: E402
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 from vtkmodules.vtkCommonMath import vtkMatrix4x4  # noqa: E402
 
+from palpate.case.case_folder import CaseFolder  # noqa: E402
 from palpate.imaging.labels import LABELS  # noqa: E402
 from palpate.imaging.volume import Volume  # noqa: E402
-from palpate.segmentation.case import CaseFolder  # noqa: E402
 
 HALF_VOXEL = 0.75
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])

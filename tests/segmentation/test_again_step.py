@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 import synthetic_case
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import reidentify
 from palpate.core.errors import InputError
 from palpate.core.identify.job import run
 from palpate.core.observe.distance_field import signed_distance
@@ -19,9 +22,6 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
-from palpate.segmentation import again_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
 from palpate.ui.cli import main as cli
 
 # The deformed scan's own frame: contours are drawn there, the case lies in that of the scan at rest.
@@ -68,9 +68,9 @@ def test_softer_contours_give_a_softer_half_within_a_second(
     problem: IdentificationProblem, identified: CaseFolder, tmp_path: Path
 ) -> None:
     first = identified.file("result.json").read_bytes()
-    same = again_step.run(identified, drawn(problem.organ.deformed, tmp_path / "same.nii.gz"))
+    same = reidentify.run(identified, drawn(problem.organ.deformed, tmp_path / "same.nii.gz"))
     organ = synthetic_case.problem((18.0, 70.0), fine=4).organ.deformed
-    softer = again_step.run(identified, drawn(organ, tmp_path / "softer.nii.gz"))
+    softer = reidentify.run(identified, drawn(organ, tmp_path / "softer.nii.gz"))
     assert (
         same["parameters"]["prostate_left"]["ci95_kpa"][0] < 30.0 < same["parameters"]["prostate_left"]["ci95_kpa"][1]
     )
@@ -102,12 +102,12 @@ def test_another_scene_and_labels_without_an_organ_are_refused(
     other = CaseFolder(shutil.copytree(identified.path, tmp_path / "case"))
     other.save_facts(replace(other.facts, tissue_shear_modulus_kpa=25.0))
     with pytest.raises(InputError, match=r"case\.json is not that of the last identification; run `palpate identify`"):
-        again_step.run(other, labels)
+        reidentify.run(other, labels)
     other.remove("identify/again.npz")
     with pytest.raises(InputError, match="holds no reduced model of this scene"):
-        again_step.run(other, labels)
+        reidentify.run(other, labels)
     write_labels(tmp_path / "empty.nii.gz", Volume(np.full((4, 4, 4), 3, np.uint8), np.eye(4)))
     with pytest.raises(InputError, match="holds no prostate"):
-        again_step.run(identified, tmp_path / "empty.nii.gz")
+        reidentify.run(identified, tmp_path / "empty.nii.gz")
     with pytest.raises(InputError, match="is not there; give the labels drawn on the deformed scan"):
-        again_step.run(identified, tmp_path / "none.nii.gz")
+        reidentify.run(identified, tmp_path / "none.nii.gz")

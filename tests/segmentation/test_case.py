@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.segmentation.atomic import sweep
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
 
 
 @pytest.fixture
@@ -141,7 +141,7 @@ def test_leftovers_of_killed_runs_are_swept(case: CaseFolder) -> None:
     script = f"""
 import os, signal, sys
 from pathlib import Path
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 case = CaseFolder({str(case.path)!r})
 with case.atomic_folder("ct") as temporary:
     (temporary / "old").write_text("old")

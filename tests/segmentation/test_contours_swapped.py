@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from palpate.case.swapped_contours import swapped_note
 from palpate.imaging.labels import BLADDER, PROSTATE_LEFT, RECTUM
 from palpate.imaging.volume import Volume
-from palpate.segmentation.contours_swapped import swapped_note
 
 GRID = np.diag([1.5, 1.5, 2.0, 1.0])
 SHIFT = np.eye(4)

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.steps.simulate.from_ct import CtSource
+from palpate.case.steps.simulate.spec import parse_spec
 from palpate.core.errors import InputError
-from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.simulate_ct import CtSource
-from palpate.segmentation.simulate_spec import parse_spec
 
 DOCS = Path(__file__).parents[2] / "docs"
 

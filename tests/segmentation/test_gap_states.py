@@ -12,12 +12,15 @@ import pytest
 import synthetic_case
 from synthetic_case import HALF, RADIUS
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.deformed_states import further_states, state_labels, state_landmarks
+from palpate.case.landmarks import read_landmarks
+from palpate.case.steps.identify import state_problems
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase
 from palpate.segmentation import gap_cases, gap_patient
-from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.gap_cases import make_case
 from palpate.segmentation.gap_patient import Made
 from palpate.segmentation.gap_recipe import Recipe
@@ -26,9 +29,6 @@ from palpate.segmentation.gap_truth.anatomy import Patient
 from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, OWN_SHARE
 from palpate.segmentation.gap_truth.pelvis import Pelvis
 from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm
-from palpate.segmentation.identify_step import state_problems
-from palpate.segmentation.landmarks import read_landmarks
-from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
 from palpate.simulate.walls import BladderSpec, RectumSpec
 
 EMPTIED = (RectumSpec(-2.0), BladderSpec())

@@ -13,13 +13,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ui"))
 from dicom_cases import pair
 from phantoms import affine
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import mesh
+from palpate.case.steps.import_scans.options import ImportOptions
+from palpate.case.steps.import_scans.pair import run_import
+from palpate.case.steps.import_scans.rest_only import import_alone
+from palpate.case.steps.segment import run_segment
 from palpate.core.errors import InputError
-from palpate.segmentation import mesh_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.import_alone import import_alone
-from palpate.segmentation.import_given import ImportOptions
-from palpate.segmentation.import_step import run_import
-from palpate.segmentation.segment_step import run_segment
 from palpate.ui.cli import main as cli
 
 
@@ -37,7 +37,7 @@ def test_a_label_volume_alone_is_enough_for_segment_and_tells_mesh_what_it_is(
     np.testing.assert_array_equal(case.labels("rest").array, scans.labels("rest").array)
     assert run_segment(case)["states"] == {"rest": {"source": "label volumes"}}
     with pytest.raises(InputError, match="holds the scan at rest alone; `palpate plan` works on it"):
-        mesh_step.run(case)
+        mesh.run(case)
 
 
 def test_the_second_scan_joins_it_later(scans: CaseFolder, tmp_path: Path) -> None:

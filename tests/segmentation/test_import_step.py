@@ -16,16 +16,16 @@ import pytest
 from bone_scans import bone_labels, largest_error, moving, scan
 from dicom_samples import structure_set
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.import_scans.options import ImportOptions
+from palpate.case.steps.import_scans.pair import run_import
+from palpate.case.steps.import_scans.write import gravity_of
 from palpate.core.errors import InputError
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.contours.user_labels import read_user_labels
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.import_given import ImportOptions
-from palpate.segmentation.import_step import run_import
-from palpate.segmentation.import_write import gravity_of
 
 TRUTH = moving((2.0, -1.0, 3.0), (4.0, 2.0, -6.0))
 

@@ -10,15 +10,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from voxel_shapes import Shape, ball, grid, paint, tube
 
+from palpate.case.case_folder import CaseFacts, CaseFolder
+from palpate.case.deformed_states import further_states, state_labels, state_landmarks
+from palpate.case.rigid_offset import laid_elsewhere
+from palpate.case.steps import diagnose
+from palpate.case.steps import mesh as mesh_step
+from palpate.case.steps.identify import problem_of
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
 from palpate.meshing.smooth_distance import FloatArray
-from palpate.segmentation import diagnose_step, mesh_step
-from palpate.segmentation.case import CaseFacts, CaseFolder
-from palpate.segmentation.identify_step import problem_of
-from palpate.segmentation.laid_elsewhere import laid_elsewhere
-from palpate.segmentation.more_states import further_states, state_labels, state_landmarks
 
 ELSEWHERE = np.eye(4)
 ELSEWHERE[:3, :3] = Rotation.from_euler("xyz", [4.0, -3.0, 6.0], degrees=True).as_matrix()
@@ -134,7 +135,7 @@ def test_surfaces_and_points_of_all_states_come_to_lie_in_the_frame_at_rest(tmp_
     points = state_landmarks(case, further)
     assert points is not None
     np.testing.assert_allclose(points.deformed, MARK, atol=0.2)
-    first, second = diagnose_step.laid_on_bones(case)
+    first, second = diagnose.laid_on_bones(case)
     assert first.startswith("the deformed scan lay ") and "palpate import" in first
     assert second.startswith("the scan 'another day' lay ")
 
@@ -145,14 +146,14 @@ def test_a_case_that_was_imported_is_left_as_it_is(tmp_path: Path, no_mesher: No
     case.write_json("import.json", {})
     mesh_step.run(case)
     np.testing.assert_allclose(problem_of(case).landmarks[:, 3:], by(ELSEWHERE, MARK), atol=1e-9)
-    assert diagnose_step.laid_on_bones(case) == []
+    assert diagnose.laid_on_bones(case) == []
 
 
 def test_a_scan_moved_rigidly_has_no_gap(tmp_path: Path) -> None:
     """The scan at rest, taken once more with the patient lying elsewhere."""
     case = make_case(tmp_path / "case", pelvis().moved(ELSEWHERE), by(ELSEWHERE, MARK))
     mesh_step.run(case, MeshOptions(target_tets=1500))
-    found = diagnose_step.run(case)
+    found = diagnose.run(case)
     assert found["verdict"] == "none"
     assert found["gap"]["rms_mm"] < 0.15
     assert any("was laid on its bones first" in flag for flag in found["flags"])

@@ -10,13 +10,13 @@ import pytest
 import pyvista as pv
 from voxel_shapes import ball, grid, paint, tube
 
+from palpate.case.case_folder import CaseFacts, CaseFolder, file_sha256
+from palpate.case.steps import mesh as mesh_step
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_file import Recipe, recipe_hash
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
-from palpate.segmentation import mesh_step
-from palpate.segmentation.case import CaseFacts, CaseFolder, file_sha256
 
 SHIFT_MM = 3.0
 

@@ -12,6 +12,11 @@ import numpy as np
 import pytest
 import synthetic_case
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.deformed_states import NewState, add_state, further_states
+from palpate.case.steps import identify
+from palpate.case.steps.mesh import surface_arrays
 from palpate.core.errors import InputError
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.observe.distance_field import signed_distance
@@ -20,16 +25,11 @@ from palpate.core.problem import IdentificationProblem, Surface
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_file import mesh_arrays
-from palpate.segmentation import identify_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.mesh_step import surface_arrays
-from palpate.segmentation.more_states import NewState, add_state, further_states
 from palpate.ui.cli import further_states as options
 from palpate.ui.cli.arguments import Parser, UsageError
 
 TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
-QUICK = identify_step.IdentifyStepOptions(
+QUICK = identify.IdentifyStepOptions(
     IdentifyOptions(method="gauss-newton", element="p1p1", starts=1, stiffness_map=False)
 )
 
@@ -83,11 +83,11 @@ def spread(result: dict[str, Any]) -> np.ndarray:
 
 
 def test_a_second_state_makes_the_stiffness_surer_and_is_noticed(case: CaseFolder, second: Path) -> None:
-    alone = identify_step.run(case, QUICK)
+    alone = identify.run(case, QUICK)
     added = add_state(case, NewState(second))
     assert (added.labels, further_states(case)) == ("deformed_2.nii.gz", (added,))
     assert add_state(case, NewState(second)) == added and len(further_states(CaseFolder(case.path))) == 1
-    both = identify_step.run(case, QUICK)
+    both = identify.run(case, QUICK)
     assert (spread(both) < 0.8 * spread(alone)).all()
     for name, found in both["parameters"].items():
         assert found["ci95_kpa"][0] < TRUTH[name] < found["ci95_kpa"][1]
@@ -99,8 +99,8 @@ def test_landmarks_come_along_in_the_rest_frame(case: CaseFolder, second: Path, 
     marks.write_text("name,rest_x,rest_y,rest_z,deformed_x,deformed_y,deformed_z\nseed,1,2,3,1,0.5,3\n")
     state = add_state(case, NewState(second, landmarks=marks))
     assert state.landmarks == "landmarks_2.csv"
-    first = identify_step.problem_of(case)
-    (problem,) = identify_step.state_problems(case, first)
+    first = identify.problem_of(case)
+    (problem,) = identify.state_problems(case, first)
     np.testing.assert_allclose(problem.landmarks, [[1, 2, 3, 1, 0.5, 3]])
     assert problem.mesh is first.mesh and problem.organ.rest is first.organ.rest
     # The larger push takes the wall and the organ further along -y.

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from organ_scans import found, scan, truth, truth_of
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import segment
+from palpate.case.steps.segment import SegmentOptions, run_segment
 from palpate.core.errors import InputError
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
 from palpate.segmentation import dice as dice_module
-from palpate.segmentation import segment_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
 from palpate.segmentation.dice import dice, dice_table, extremes_of
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found
-from palpate.segmentation.segment_step import SegmentOptions, run_segment
 from palpate.segmentation.working_grid import mask_on
 
 # The test phantom's scan is smaller than the region that a whole pelvis is modelled in.
@@ -35,7 +35,7 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
         made.file(f"{state}_ct").mkdir()
         made.file(f"{state}_ct").joinpath("0001.dcm").write_text(state)
     monkeypatch.setattr(CaseFolder, "ct", lambda self, state: scan())
-    monkeypatch.setattr(segment_step, "segment_pelvis", _segment_again)
+    monkeypatch.setattr(segment, "segment_pelvis", _segment_again)
     return made
 
 
@@ -90,7 +90,7 @@ def _at(labels: Volume, grid: Volume) -> np.ndarray:
 
 def test_nothing_is_done_twice(case: CaseFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     first = run_segment(case, NEAR)
-    monkeypatch.setattr(segment_step, "segment_pelvis", lambda *a, **k: pytest.fail("segmented again"))
+    monkeypatch.setattr(segment, "segment_pelvis", lambda *a, **k: pytest.fail("segmented again"))
     assert run_segment(case, NEAR) == first
     # Another margin is another result.
     with pytest.raises(pytest.fail.Exception, match="segmented again"):

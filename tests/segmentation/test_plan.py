@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from made_up_body import body
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import plan as plan_step
+from palpate.case.steps.identify import facts_of
+from palpate.case.steps.plan import PlanOptions
+from palpate.case.steps.plan_loads import LOADS
 from palpate.core.errors import InputError
 from palpate.core.identify.loaded import Loaded, loaded
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.meshing.label_surfaces import TriSurface, organ_surfaces
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
-from palpate.segmentation import plan_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.identify_step import facts_of
-from palpate.segmentation.plan_loads import LOADS
-from palpate.segmentation.plan_step import PlanOptions
 from palpate.ui.pictures.plan_curve import plan_curve
 
 OPTIONS = PlanOptions("emptying", (0.8, 2.0), element="p1p1", mesh=MeshOptions(edge_mm=12.0))

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from made_up_body import body
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import measure_contour_noise
+from palpate.case.steps.identify import facts_of
+from palpate.case.steps.measure_contour_noise import measured_noise
 from palpate.core.errors import InputError
 from palpate.core.observe.noise import EXTRACTION_LENGTH_MM, EXTRACTION_MM, matern_3_2, smooth_covariance
 from palpate.core.observe.repeat import repeat_of
 from palpate.core.problem import Surface
 from palpate.imaging.contours.nifti_labels import write_labels
-from palpate.segmentation import repeat_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.identify_step import facts_of
-from palpate.segmentation.repeat_step import measured_noise
 from palpate.ui.cli import identify
 
 
@@ -69,7 +69,7 @@ def test_a_case_goes_by_what_was_measured_unless_it_states_its_own(tmp_path: Pat
     shifted[:3, 3] = [1.0, 0.0, 0.0]
     write_labels(tmp_path / "again.nii.gz", labels.moved(shifted))
     assert measured_noise(case) is None and facts_of(case).noise_sd_mm == 0.4
-    noise = repeat_step.run(case, {"rest": tmp_path / "again.nii.gz"})
+    noise = measure_contour_noise.run(case, {"rest": tmp_path / "again.nii.gz"})
     # Moved by 1 mm along one axis: 1 / sqrt 3 mm rms along the normal of a ball, shared by two drawings.
     assert noise["states"]["rest"]["apart_mm"] == pytest.approx(0.58, abs=0.12)
     assert facts_of(case).noise_sd_mm == noise["sd_mm"] == pytest.approx(0.38, abs=0.1)
@@ -80,7 +80,7 @@ def test_a_case_goes_by_what_was_measured_unless_it_states_its_own(tmp_path: Pat
     case.save_facts(replace(case.facts, boundary_noise_sd_mm=0.7))
     assert facts_of(case).noise_sd_mm == 0.7
     with pytest.raises(InputError, match="states boundary_noise_sd_mm; set it to null"):
-        repeat_step.run(case, {"rest": tmp_path / "again.nii.gz"})
+        measure_contour_noise.run(case, {"rest": tmp_path / "again.nii.gz"})
 
 
 def test_the_option_names_a_state_and_a_file() -> None:

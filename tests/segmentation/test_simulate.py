@@ -11,12 +11,12 @@ import pytest
 from made_up_body import body
 from voxel_shapes import ball, paint
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.simulate.spec import load_spec, parse_spec
+from palpate.case.steps.simulate.step import run_simulate
 from palpate.core.errors import InputError
 from palpate.meshing.partition import make_partition
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.simulate_spec import load_spec, parse_spec
-from palpate.segmentation.simulate_step import run_simulate
 
 SPEC: dict[str, Any] = {
     "stiffness_kpa": {"prostate_left": 15, "prostate_right": 45},

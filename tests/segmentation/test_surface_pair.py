@@ -9,14 +9,14 @@ import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import identify
+from palpate.case.steps.import_scans.surfaces import SurfaceImportOptions, run_surface_import
 from palpate.core.errors import InputError
 from palpate.core.identify.surface_start import aligned
 from palpate.core.problem import Surface, SurfacePair
 from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.meshing import mesh_labels
-from palpate.segmentation import identify_step
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.surface_import import SurfaceImportOptions, run_surface_import
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "prostate_mr_us"
 AXES = np.array([19.0, 15.0, 12.0])
@@ -154,7 +154,7 @@ def test_a_pair_becomes_a_case_that_says_what_it_cannot_tell(tmp_path: Path, mon
     assert run_surface_import(*paths, tmp_path / "case", options) == summary
 
     case = CaseFolder(tmp_path / "case")
-    result = identify_step.run(case)
+    result = identify.run(case)
     assert result["identifiability"]["verdict"].startswith("nothing can be identified: the organ's surface is all")
     assert result["landmarks"] == found
     with pytest.raises(InputError, match="other scans or surfaces"):

@@ -10,9 +10,9 @@ import pydicom
 from phantoms import MARKER, labels, lps, marked_ct, result
 from scipy.spatial.transform import Rotation
 
+from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFacts, CaseFolder
 
 NAME, NUMBER = "Müller^Jörg", "4711-XYZ"
 FLIPS = list(itertools.product((1, -1), repeat=3))

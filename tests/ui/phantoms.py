@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFacts, CaseFolder
 
 CENTRE = np.array([-12.0, 30.0, -150.0])
 # The bright marker lies to the patient's left, in front and above.

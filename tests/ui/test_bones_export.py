@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
 from palpate.imaging.contours.itksnap_labels import read_label_names
 from palpate.imaging.contours.named_labels import labels_of
 from palpate.imaging.contours.nifti_labels import read_nifti, write_labels
 from palpate.imaging.contours.seg_nrrd import read_seg_nrrd
 from palpate.imaging.labels import BONE, BONE_PARTS
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
 from palpate.ui.export import exporter
 
 

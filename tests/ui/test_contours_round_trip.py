@@ -14,6 +14,9 @@ from phantoms import affine
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
+from palpate.case.aligned_labels import NOTE, in_own_frame
+from palpate.case.case_folder import CaseFolder
+from palpate.case.second_drawing import redrawn_labels
 from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_workspace import read_workspace
 from palpate.imaging.contours.nifti_labels import write_labels
@@ -21,9 +24,6 @@ from palpate.imaging.contours.user_labels import UserLabels, read_user_labels
 from palpate.imaging.grid import labels_on
 from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.segmentation.aligned_labels import NOTE, in_own_frame
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.redrawn import redrawn_labels
 from palpate.ui.cli import main as cli
 from palpate.ui.export import exporter
 

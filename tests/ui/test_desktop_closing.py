@@ -10,7 +10,7 @@ from pathlib import Path
 
 from phantoms import CENTRE, write_case
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 
 CLOSING = """
 import json, sys, time

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from phantoms import labels, result, write_case
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps import diagnose, identify, mesh
 from palpate.core.errors import Cancelled, InputError
 from palpate.meshing.mesh_labels import MeshOptions
-from palpate.segmentation import diagnose_step, identify_step, mesh_step
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.desktop import freshness
 from palpate.ui.desktop.freshness import FileHashes, Freshness, judged
 from palpate.ui.desktop.open_case import OpenCase
@@ -41,12 +41,12 @@ def out_of_date(case: CaseFolder) -> dict[str, str]:
 
 
 def test_files_are_those_of_the_steps() -> None:
-    assert (*identify_step.INPUTS, identify_step.NOISE_FILE) == freshness.IDENTIFY_INPUTS
-    assert freshness.DIAGNOSE_INPUTS == diagnose_step.INPUTS and freshness.REPORT_INPUTS == report_step.INPUTS
+    assert (*identify.INPUTS, identify.NOISE_FILE) == freshness.IDENTIFY_INPUTS
+    assert freshness.DIAGNOSE_INPUTS == diagnose.INPUTS and freshness.REPORT_INPUTS == report_step.INPUTS
 
 
 def test_a_copy_is_as_done_as_its_original_whatever_the_times_say(case: CaseFolder, tmp_path: Path) -> None:
-    assert out_of_date(case) == {} and mesh_step.run(case)["quality"] == "as it was"  # the step does nothing either
+    assert out_of_date(case) == {} and mesh.run(case)["quality"] == "as it was"  # the step does nothing either
     copy = CaseFolder(shutil.copytree(case.path, tmp_path / "copy"))
     for age, name in enumerate(("result.json", "mesh.json", "mesh.npz", "rest.nii.gz")):  # sources the newest
         os.utime(copy.file(name), (1e9 + age, 1e9 + age))
@@ -68,7 +68,7 @@ def test_what_has_been_changed_is_told_by_what_was_made_from_it(case: CaseFolder
 def test_the_diagnosis_and_the_report_are_judged_with_their_options(case: CaseFolder) -> None:
     case.write_json("diagnosis.json", {})
     chosen = {"seed": 7, "effects": {}, "meshes": 3}
-    case.mark_done("diagnose", case.inputs_sha256(diagnose_step.INPUTS, chosen), ())
+    case.mark_done("diagnose", case.inputs_sha256(diagnose.INPUTS, chosen), ())
     assert "diagnose" in out_of_date(case)
     case.write_json("history.json", {"commands": [{"command": "diagnose", "options": "--meshes 3 --seed 7"}]})
     assert out_of_date(case) == {}

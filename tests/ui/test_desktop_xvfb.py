@@ -17,7 +17,7 @@ from desktop_pair import write_pair
 from PIL import Image
 from x_display import needs_xvfb, x_display
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.simulate.phantom import phantom
 from palpate.ui.cli.signals import descendants
 

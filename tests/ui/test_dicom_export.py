@@ -21,10 +21,10 @@ from dicom_cases import FLIPS, NAME, NUMBER, TURN, name_patient, pair
 from dicom_samples import enhanced_ct, straight
 from phantoms import CENTRE, MARKER, affine, result, write_case
 
+from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFacts, CaseFolder
 from palpate.ui.cli import main as cli
 from palpate.ui.export import exporter
 

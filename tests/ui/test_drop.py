@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from palpate.case.case_folder import CaseFacts, CaseFolder
+from palpate.case.steps import drop as drop_step
 from palpate.core.dynamics.drop import DropOptions, dish_for
 from palpate.core.errors import Cancelled, InputError
 from palpate.core.fem.meshes import box, with_regions
-from palpate.segmentation import drop_step
-from palpate.segmentation.case import CaseFacts, CaseFolder
 from palpate.ui.cli import main as cli
 from palpate.ui.pictures import drop_film, offscreen
 from palpate.ui.pictures.drop_canvas import Canvas, slower

@@ -11,11 +11,11 @@ import pyvista as pv
 import SimpleITK as sitk
 from phantoms import write_case
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.mesh import TetMesh
 from palpate.imaging.contours.nifti_labels import read_labels, read_nifti
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_file import mesh_arrays
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli import main as cli
 from palpate.ui.export import names
 

@@ -10,8 +10,8 @@ import pytest
 from phantoms import CENTRE, result, write_case
 from test_map_planes import arrays
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.export import exporter
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from phantoms import result, write_case
 
-from palpate.segmentation.case import CaseFacts, CaseFolder
+from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.ui.pictures.gap_pictures import VIEWS
 from palpate.ui.report.document import Paragraph, Table
 from palpate.ui.report.gap_section import gap_section

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from phantoms import result
 
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli import diagnose
 from palpate.ui.cli.identify import text_of
 

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from made_up_body import body
 
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.case_facts import CaseFacts
-from palpate.segmentation.simulate_step import run_simulate
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.simulate.step import run_simulate
 
 SPEC: dict[str, Any] = {
     "stiffness_kpa": {"prostate_left": 15, "prostate_right": 45},

@@ -9,7 +9,7 @@ import pytest
 import pyvista as pv
 from phantoms import write_case
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.report.misfit_map import misfit_map
 
 RADIUS, TOO_FAR = 20.0, 1.5

@@ -11,9 +11,9 @@ import pytest
 from phantoms import result, write_case
 from pypdf import PdfReader
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.rigid_offset import Elsewhere
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.laid_elsewhere import Elsewhere
 from palpate.ui.report import drawn_by as program
 from palpate.ui.report import report_step
 

@@ -10,7 +10,7 @@ from PIL import Image
 from pypdf import PdfReader
 from reportlab.pdfbase.pdfmetrics import stringWidth
 
-from palpate.segmentation.case import CaseFacts
+from palpate.case.case_folder import CaseFacts
 from palpate.ui.cli import import_scans, segment
 from palpate.ui.report import document as doc
 from palpate.ui.report import pdf

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 from phantoms import affine, labels, result
 
+from palpate.case.case_folder import CaseFacts
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, SURROUNDING_TISSUE
-from palpate.segmentation.case import CaseFacts
 from palpate.ui.number_words import measured, three_figures
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import stiffness_planes, stiffness_series

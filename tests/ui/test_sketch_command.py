@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
+from palpate.case.steps.sketch import SketchOptions, run_sketch
 from palpate.core.sketch.motion import MotionOptions
-from palpate.segmentation.sketch_step import SketchOptions, run_sketch
 from palpate.ui.cli.main import main
 from palpate.ui.pictures.film import read_film
 from palpate.ui.pictures.sketch_example import letter_loops, write_example

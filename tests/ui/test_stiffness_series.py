@@ -17,9 +17,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
 from dicom_cases import FLIPS, NAME, NUMBER, pair
 from phantoms import affine, result
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.export import exporter
 
 

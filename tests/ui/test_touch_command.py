@@ -11,12 +11,12 @@ import pytest
 from phantoms import CENTRE, result, write_case
 from PIL import Image
 
+from palpate.case.steps import touch
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.validate.touch_study import TouchOptions, halved_ellipsoid, touch_study
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
-from palpate.segmentation import touch_step
 from palpate.ui.cli import main as cli
 from palpate.ui.cli.study_touch import touch_text
 from palpate.ui.desktop.touch_script import parse
@@ -52,7 +52,7 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         assert options.edge_mm is not None and cache.name == "meshes"
         return MeshedCase(TetMesh(body.points * [0.82, 0.72, 0.75] + CENTRE, body.cells, body.regions), {})
 
-    monkeypatch.setattr(touch_step, "mesh_labels", mesh)
+    monkeypatch.setattr(touch, "mesh_labels", mesh)
 
     return write_case(tmp_path / "case", result(40.0, 120.0)).path
 
@@ -84,7 +84,7 @@ def test_a_script_feels_both_halves_and_saves_the_curve(
 
 def test_the_organ_is_cut_out_with_a_shell_of_tissue(tmp_path: Path) -> None:
     labels = write_case(tmp_path / "case").labels("rest")
-    cut = touch_step.organ_in_tissue(labels)
+    cut = touch.organ_in_tissue(labels)
     for label in (1, 2):
         before, after = (v.to_lps(np.argwhere(v.array == label).astype(float)) for v in (labels, cut))
         assert len(before) == len(after) and np.allclose(before.mean(axis=0), after.mean(axis=0))

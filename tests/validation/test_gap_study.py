@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from phantoms import write_case
 
+from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.segmentation import gap_study
-from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.segmentation.gap_achieved import achieved
 from palpate.segmentation.gap_floor import noise_floor_mm
 from palpate.segmentation.gap_recipe import Recipe

@@ -9,7 +9,7 @@ import argparse
 import time
 from typing import Any
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli import further_states, identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
@@ -27,9 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Runs every step."""
-    from palpate.segmentation import identify_step, mesh_step
-    from palpate.segmentation.import_step import run_import
-    from palpate.segmentation.segment_step import SegmentOptions, run_segment
+    from palpate.case.steps import identify as identify_step
+    from palpate.case.steps import mesh as mesh_step
+    from palpate.case.steps.import_scans.pair import run_import
+    from palpate.case.steps.segment import SegmentOptions, run_segment
     from palpate.ui.report import report_step
 
     began = time.monotonic()

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -33,15 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Diagnoses; see `diagnose_step.run`."""
-    from palpate.segmentation import diagnose_step  # here, because VTK takes seconds to load
+    from palpate.case.steps import diagnose  # here, because VTK takes seconds to load
 
     no_points(args)
     if args.effects is not None and not args.effects.is_dir():
         raise InputError(f"{args.effects} is no folder; give the folder that holds your effects' *.py files")
     case = CaseFolder(args.case)
-    options = diagnose_step.DiagnoseOptions(args.effects, random_seed(args), args.meshes)
+    options = diagnose.DiagnoseOptions(args.effects, random_seed(args), args.meshes)
     with recorded(case, args), console.progress(NAME) as progress:
-        found = diagnose_step.run(case, options, progress)
+        found = diagnose.run(case, options, progress)
     return found, "\n".join(text_of(case, found))
 
 

@@ -11,11 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import part
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.atomic import atomic_path
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import no_points, number
 from palpate.ui.cli.console import Console
 from palpate.ui.number_words import three_figures
@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Simulates, then draws; the film appears whole or not at all."""
+    from palpate.case.steps import drop
     from palpate.core.dynamics.drop import DropOptions
-    from palpate.segmentation import drop_step
     from palpate.ui.pictures import offscreen
     from palpate.ui.pictures.drop_film import make_film
     from palpate.ui.pictures.drop_words import stage_of
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     try:
         offscreen.check()  # this and whether the film can be written: before minutes of simulation, not after
         with console.progress(NAME) as progress, atomic_path(args.output) as path:
-            dropped = drop_step.run(cases, options, part(progress, 0.0, _SIMULATION))
+            dropped = drop.run(cases, options, part(progress, 0.0, _SIMULATION))
             codec = make_film(stage_of(dropped, _PER_SECOND), path, part(progress, _SIMULATION, 1.0))
     except offscreen.OffscreenError as error:
         raise InputError(str(error)) from error

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
 from palpate.ui.export import exporter, names

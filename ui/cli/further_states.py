@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.more_states import NewState, add_state
+from palpate.case.case_folder import CaseFolder
+from palpate.case.deformed_states import NewState, add_state
 from palpate.ui.cli.arguments import UsageError
 
 

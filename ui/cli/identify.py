@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from palpate.case.case_folder import STATES, CaseFolder
 from palpate.core.fem.elements import ELEMENTS
 from palpate.core.identify.options import BOUNDARIES, METHODS, IdentifyOptions
-from palpate.segmentation.case import STATES, CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -69,18 +69,22 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Identifies; see `identify_step.run` and `again_step.run`."""
-    from palpate.segmentation import again_step, identify_step, repeat_step  # here, because VTK takes seconds to load
+    from palpate.case.steps import (
+        identify,
+        measure_contour_noise,  # here, because VTK takes seconds to load
+        reidentify,
+    )
 
     no_points(args)
     case = CaseFolder(args.case)
     if args.again is not None:
         with recorded(case, args), console.progress(NAME) as progress:
-            result = again_step.run(case, args.again, progress)
+            result = reidentify.run(case, args.again, progress)
         return result, "\n".join(text_of(case, result, "again.json"))
     if args.repeat:
-        repeat_step.run(case, dict(args.repeat))
+        measure_contour_noise.run(case, dict(args.repeat))
     with recorded(case, args), console.progress(NAME) as progress:
-        result = identify_step.run(case, identify_step.IdentifyStepOptions(options_of(args)), progress)
+        result = identify.run(case, identify.IdentifyStepOptions(options_of(args)), progress)
     return result, "\n".join(text_of(case, result))
 
 
@@ -93,7 +97,7 @@ def _repeat(text: str) -> tuple[str, Path]:
 
 def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.json") -> list[str]:
     """What a person reads of an identification."""
-    from palpate.segmentation.mesh_step import elsewhere_of
+    from palpate.case.steps.mesh import elsewhere_of
 
     lines = []
     for name, found in result["parameters"].items():

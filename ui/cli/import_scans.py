@@ -12,10 +12,10 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.import_alone import import_alone
-from palpate.segmentation.import_given import ImportOptions
-from palpate.segmentation.import_step import run_import
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.import_scans.options import ImportOptions
+from palpate.case.steps.import_scans.pair import run_import
+from palpate.case.steps.import_scans.rest_only import import_alone
 from palpate.ui.cli import further_states, import_surfaces
 from palpate.ui.cli.arguments import UsageError, no_points
 from palpate.ui.cli.console import Console

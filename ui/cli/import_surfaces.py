@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -15,14 +15,14 @@ _UNFIT = ("rest_labels", "deformed_labels", "roi", "rest_series", "deformed_seri
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Imports; see `run_surface_import`. Raises UsageError for an option that is of scans only."""
-    from palpate.segmentation import surface_import  # here, because VTK takes seconds to load
+    from palpate.case.steps.import_scans import surfaces  # here, because VTK takes seconds to load
 
     for name in _UNFIT:
         if getattr(args, name):
             raise UsageError(f"--{name.replace('_', '-')} does not go with --surfaces; leave it out")
-    options = surface_import.SurfaceImportOptions(args.name, args.landmarks, not args.no_align)
+    options = surfaces.SurfaceImportOptions(args.name, args.landmarks, not args.no_align)
     with console.progress("import") as progress:
-        summary = surface_import.run_surface_import(args.rest, args.deformed, args.output, options, progress)
+        summary = surfaces.run_surface_import(args.rest, args.deformed, args.output, options, progress)
     with recorded(CaseFolder(args.output), args):
         return summary, "\n".join(text_of(summary))
 

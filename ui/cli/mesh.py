@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from palpate.case.case_folder import CaseFolder
 from palpate.meshing.mesh_labels import MeshOptions
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -34,18 +34,18 @@ def options_of(args: argparse.Namespace) -> MeshOptions:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Meshes; see `mesh_step.run`."""
-    from palpate.segmentation import mesh_step  # here, because VTK takes seconds to load
+    from palpate.case.steps import mesh  # here, because VTK takes seconds to load
 
     no_points(args)
     case = CaseFolder(args.case)
     with recorded(case, args), console.progress(NAME) as progress:
-        report = mesh_step.run(case, options_of(args), progress)
+        report = mesh.run(case, options_of(args), progress)
     return report, text_of(case, report)
 
 
 def text_of(case: CaseFolder, report: dict[str, Any]) -> str:
     """What a person reads of a mesh."""
-    from palpate.segmentation.mesh_step import elsewhere_of
+    from palpate.case.steps.mesh import elsewhere_of
 
     angle = report["min_dihedral_deg"]
     made = f"mesh    {case.file('mesh.vtu')}: {report['cells']} tetrahedra, smallest dihedral angle {angle:.0f}\N{DEGREE SIGN}"

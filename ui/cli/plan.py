@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
 
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Plans, and draws plan.png; see `plan_step.run`."""
-    from palpate.segmentation import plan_step
+    from palpate.case.steps import plan as plan_step
     from palpate.ui.pictures.plan_curve import plan_curve
 
     no_points(args)

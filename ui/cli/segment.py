@@ -9,8 +9,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFolder
 from palpate.segmentation.prompts import Prompts, parse_prompts
 from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed
 from palpate.ui.cli.console import Console
@@ -57,7 +57,7 @@ def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Segments; see `run_segment`."""
-    from palpate.segmentation.segment_step import SegmentOptions, run_segment  # here: it takes a second to load
+    from palpate.case.steps.segment import SegmentOptions, run_segment  # here: it takes a second to load
 
     options = SegmentOptions(*prompts_of(args), model=args.model)
     case = CaseFolder(args.case)

@@ -26,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Simulates; see `run_simulate`. A ``--seed`` overrides the specification's."""
-    from palpate.segmentation.simulate_spec import load_spec
-    from palpate.segmentation.simulate_step import run_simulate
+    from palpate.case.steps.simulate.spec import load_spec
+    from palpate.case.steps.simulate.step import run_simulate
 
     no_points(args)
     spec = load_spec(args.spec)

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
         return _example(args)
     if not 2 <= len(args.keys) <= 6:
         raise UsageError("give two to six keyframes: palpate sketch KEY1 KEY2 KEY3 -o DIR")
-    from palpate.segmentation.sketch_step import run_sketch  # here, because VTK takes seconds to load
+    from palpate.case.steps.sketch import run_sketch  # here, because VTK takes seconds to load
     from palpate.ui.pictures.sketch_files import write_sketch
 
     with console.progress(NAME) as progress:
@@ -80,7 +80,7 @@ def text_of(summary: dict[str, Any], folder: Path) -> list[str]:
 
 
 def _options(args: argparse.Namespace) -> Any:
-    from palpate.segmentation.sketch_step import SketchOptions
+    from palpate.case.steps.sketch import SketchOptions
 
     hold = None
     if args.hold is not None:

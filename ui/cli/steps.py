@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib import metadata
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.typed import typed_options
 
 HISTORY = "history.json"

@@ -11,7 +11,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import UsageError, add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
 
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Makes the organ ready; then plays the script, or opens the window."""
-    from palpate.segmentation.touch_step import TouchStepOptions, body_of  # here, because VTK takes seconds to load
+    from palpate.case.steps.touch import TouchStepOptions, body_of  # here, because VTK takes seconds to load
     from palpate.ui.desktop.obey import read_script
     from palpate.ui.desktop.touch_script import OF_THE_WINDOW, parse
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.case.case_folder import STATES
 from palpate.core.worker.job import Job
-from palpate.segmentation.case import STATES
 from palpate.ui.cli.arguments import cores
 from palpate.ui.desktop import scans, step_job
 

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from palpate.case.case_folder import STATES
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import STATES
 from palpate.ui.cli.main import COMMANDS
 from palpate.ui.desktop import steps
 from palpate.ui.desktop.display import Display

@@ -14,8 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.core.errors import Cancelled, InputError
-from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.ui.desktop.steps import BY_COMMAND
 from palpate.ui.report.drawn_by import drawn_by
 

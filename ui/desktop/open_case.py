@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.case.case_folder import STATES, CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import STATES, CaseFolder
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.journal import Journal, content_hash, replay
 from palpate.ui.desktop.strokes import Corrections

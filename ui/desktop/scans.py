@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from palpate.case.case_folder import STATES, CaseFolder
 from palpate.core.worker.executors import make_executor
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import STATES, CaseFolder
 from palpate.ui.desktop.journal import content_hash
 
 KIND = "palpate.ui.desktop.scans:run"

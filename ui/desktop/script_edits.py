@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from palpate.case.case_folder import STATES
 from palpate.imaging.labels import LABEL_VALUES
-from palpate.segmentation.case import STATES
 from palpate.ui.desktop.controller import Controller
 
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.worker.job import Job
 from palpate.core.worker.lifeline import give_way
 from palpate.core.worker.messages import Message, Reporter
 from palpate.core.worker.progress import Progress
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.main import parser
 from palpate.ui.cli.steps import recorded
@@ -51,15 +51,15 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
 
 def _identify(args: argparse.Namespace, console: _Telling) -> dict[str, Any]:
     """As the command does, but particles and objective are told too."""
-    from palpate.segmentation import identify_step  # here, because VTK takes seconds to load
+    from palpate.case.steps import identify  # here, because VTK takes seconds to load
     from palpate.ui.cli.identify import options_of
 
     def pass_on(message: Message) -> None:
         if message.get("type") == "progress" and "particles" in message:
             details = {key: message[key] for key in ("best", "iteration", "particles")}
-            console.tell(identify_step.overall(message["fraction"]), str(message["message"]), **details)
+            console.tell(identify.overall(message["fraction"]), str(message["message"]), **details)
 
     case = CaseFolder(args.case)
-    options = identify_step.IdentifyStepOptions(options_of(args), on_message=pass_on)
+    options = identify.IdentifyStepOptions(options_of(args), on_message=pass_on)
     with recorded(case, args):
-        return identify_step.run(case, options, console.tell)
+        return identify.run(case, options, console.tell)

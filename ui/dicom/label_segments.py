@@ -9,9 +9,9 @@ import numpy as np
 from pydicom.sr.codedict import codes
 from pydicom.uid import generate_uid
 
+from palpate.case.case_folder import CaseFolder
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.dicom.codes import OF_LABEL
 from palpate.ui.dicom.making import MODEL, Making, making, version
 from palpate.ui.dicom.source import SourceScan, read_source, set_thickness

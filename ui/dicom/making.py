@@ -14,8 +14,8 @@ from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import UID, ExplicitVRLittleEndian, generate_uid
 from pydicom.valuerep import DA, DT, TM
 
+from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.segmentation.atomic import atomic_path
-from palpate.segmentation.case import CaseFolder, file_sha256
 from palpate.ui.dicom.source import SourceScan
 from palpate.ui.report.record import simulated
 

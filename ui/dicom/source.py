@@ -11,11 +11,11 @@ import numpy as np
 from pydicom import Dataset
 from pydicom.valuerep import validate_value
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import find_dicom, reading
 from palpate.imaging.dicom.slices import is_image, is_localizer
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
 
 # highdicom quotes names that it finds odd, and they are the patient's: nothing of it reaches any log or terminal.
 warnings.filterwarnings("ignore", module="highdicom")

@@ -11,11 +11,11 @@ from pydicom.dataset import FileDataset
 from pydicom.uid import RTStructureSetStorage
 from pydicom.valuerep import DA, TM
 
+from palpate.case.case_folder import CaseFolder
 from palpate.imaging.contours.outlines import labels_on_slices, outlines
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.labels import LABEL_COLOURS, LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.dicom.label_segments import algorithm_types, labels_in_own_scan
 from palpate.ui.dicom.making import Making, begun, making
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to

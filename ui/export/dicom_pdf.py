@@ -10,8 +10,8 @@ from pydicom.sr.codedict import codes
 from pydicom.uid import EncapsulatedPDFStorage
 from pydicom.valuerep import DA, DT, TM
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.dicom.making import MARK, Making, begun, making, save
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to
 

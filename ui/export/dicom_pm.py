@@ -7,7 +7,7 @@ from pathlib import Path
 import highdicom as hd
 import numpy as np
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.dicom.codes import KILOPASCAL, SHEAR_MODULUS, STIFFNESS_FROM_PAIR, scheme
 from palpate.ui.dicom.making import making, save
 from palpate.ui.dicom.source import read_source, set_thickness

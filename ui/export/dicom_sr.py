@@ -9,8 +9,8 @@ from highdicom import sr
 from pydicom.sr.codedict import codes
 from pydicom.uid import generate_uid
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.segmentation.case import CaseFolder
 from palpate.ui.dicom import codes as own
 from palpate.ui.dicom.label_segments import label_segmentation, segments_present
 from palpate.ui.dicom.making import MANUFACTURER, MODEL, Making, making, save, version

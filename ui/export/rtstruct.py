@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from palpate.case.case_folder import STATES, CaseFolder
 from palpate.core.errors import InputError
-from palpate.segmentation.case import STATES, CaseFolder
 from palpate.ui.dicom.making import save
 from palpate.ui.dicom.structure_set import structure_set
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.case.case_folder import CaseFolder
 from palpate.imaging.labels import LABEL_VALUES
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
 
 # Slices kept on both sides of the organ; the others would hold nothing.
 _MARGIN = 2

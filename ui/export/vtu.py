@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.mesh import load_meshed
 from palpate.imaging.labels import SURROUNDING_TISSUE
 from palpate.segmentation.atomic import atomic_path
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.mesh_step import load_meshed
 from palpate.ui.export.stiffness import stiffness_of
 
 WRITES = "VTK unstructured grid: region, G in kPa, displacement in mm"

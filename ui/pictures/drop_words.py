@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.case.steps.drop import Dropped, IdentifiedOrgan
 from palpate.imaging.labels import PROSTATE_LEFT, PROSTATE_RIGHT
-from palpate.segmentation.drop_step import Dropped, IdentifiedOrgan
 from palpate.ui.number_words import three_figures
 from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
 from palpate.ui.pictures.drop_stage import DropStage, FallingOrgan

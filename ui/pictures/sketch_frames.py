@@ -10,8 +10,8 @@ from matplotlib.figure import Figure as Sheet
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from palpate.case.steps.sketch import Sketch, triangles
 from palpate.core.sketch.outline import Outline
-from palpate.segmentation.sketch_step import Sketch, triangles
 
 FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]

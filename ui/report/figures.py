@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.mesh import load_surfaces
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.mesh_step import load_surfaces
 from palpate.ui.number_words import three_figures
 from palpate.ui.pictures import slices, solids
 from palpate.ui.pictures.colours import map_scale

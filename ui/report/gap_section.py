@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.segmentation.case import CaseFolder
+from palpate.case.case_folder import CaseFolder
 from palpate.ui.number_words import measured, three_figures
 from palpate.ui.pictures.gap_pictures import force_planes, residual_views
 from palpate.ui.pictures.images import CaseImages

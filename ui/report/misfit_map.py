@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.mesh_step import ORGAN_NAME, load_surfaces
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.mesh import ORGAN_NAME, load_surfaces
 from palpate.ui.pictures.offscreen import polydata
 from palpate.ui.pictures.solids import MisfitMap
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.mesh import load_meshed
 from palpate.imaging.labels import LABELS
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.segmentation.case import CaseFolder
-from palpate.segmentation.mesh_step import load_meshed
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.interactive import MovingBody, deformation_page
 from palpate.ui.pictures.solids import AROUND, UNTOLD

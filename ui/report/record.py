@@ -12,10 +12,10 @@ import pydicom
 from numpy.typing import NDArray
 from pydicom.errors import InvalidDicomError
 
+from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import STATES, CaseFacts, CaseFolder
 from palpate.ui.report.regions import RegionStiffness, region_of
 
 # Two contours, one per scan, each with its own error.

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from palpate.case.case_facts import CaseFacts
 from palpate.imaging.labels import LABEL_VALUES
-from palpate.segmentation.case_facts import CaseFacts
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.steps.mesh import elsewhere_of
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
-from palpate.segmentation.case import STATES, CaseFolder
-from palpate.segmentation.mesh_step import elsewhere_of
 from palpate.ui.report.drawn_by import drawn_by
 from palpate.ui.report.figures import draw
 from palpate.ui.report.html_page import html

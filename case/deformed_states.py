@@ -1,0 +1,161 @@
+"""Further deformed states of a case: their labels and landmarks beside deformed.nii.gz, named in case.json.
+
+`states` of case.json (docs/case.md) lists them: {"name": "full bladder", "labels": "deformed_2.nii.gz",
+"landmarks": "landmarks_2.csv"}, landmarks only where there are any. The first state stays deformed.nii.gz and landmarks.csv.
+All lie in the frame of the scan at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.landmarks import Landmarks, landmarks_csv, read_landmarks
+from palpate.case.rigid_offset import Elsewhere, elsewhere_in
+from palpate.core.errors import InputError
+from palpate.imaging.contours.itksnap_labels import label_values
+from palpate.imaging.contours.nifti_labels import read_labels, write_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.labels import BONE, ORGAN_LABELS
+from palpate.imaging.registration.align_on_bone import align_ct, align_labels
+from palpate.imaging.volume import Volume
+from palpate.meshing.smooth_distance import FloatArray
+
+
+@dataclass(frozen=True)
+class FurtherState:
+    """name : for people. labels, landmarks : files of the case; landmarks None where there are none."""
+
+    name: str
+    labels: str
+    landmarks: str | None = None
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Of the case, that this state consists of."""
+        return (self.labels,) if self.landmarks is None else (self.labels, self.landmarks)
+
+
+def further_states(case: CaseFolder) -> tuple[FurtherState, ...]:
+    """Those of case.json that have labels; none for a case of one pair. Raises InputError naming what is wrong with an entry."""
+    found = case.facts.other.get("states") or ()
+    if not isinstance(found, list | tuple):
+        raise _refused(case, "states is no list")
+    return tuple(_state(case, entry) for entry in found if isinstance(entry, Mapping) and "labels" in entry)
+
+
+def _state(case: CaseFolder, entry: Mapping[str, Any]) -> FurtherState:
+    names = [entry["labels"], *([entry["landmarks"]] if entry.get("landmarks") is not None else [])]
+    for name in names:
+        if not isinstance(name, str) or not name or PurePosixPath(name).name != name:
+            raise _refused(case, f"{name!r} is no name of a file in the case folder")
+        if not case.file(name).is_file():
+            raise InputError(f"{case.file(name)} is not there, but case.json names it as a deformed state")
+    return FurtherState(str(entry.get("name", names[0])), *names)
+
+
+def _refused(case: CaseFolder, why: str) -> InputError:
+    return InputError(f"{case.file('case.json')}: {why}; write states as docs/case.md shows")
+
+
+def state_labels(case: CaseFolder, state: FurtherState) -> Volume:
+    """Labels of a further state in the rest frame, axes in LPS order. Raises InputError without an organ in them."""
+    volume = _as_given(case, state)
+    elsewhere = elsewhere_in(case, volume)
+    return volume if elsewhere is None else volume.moved(elsewhere.deformed_to_rest)
+
+
+def state_elsewhere(case: CaseFolder, state: FurtherState) -> Elsewhere | None:
+    """How a further state's labels lie elsewhere; what `state_labels` and `state_landmarks` give no longer does."""
+    return elsewhere_in(case, _as_given(case, state))
+
+
+def _as_given(case: CaseFolder, state: FurtherState) -> Volume:
+    values = label_values(case.file("labels.txt")) if case.has("labels.txt") else None
+    volume = in_lps_order(read_labels(case.file(state.labels), values))
+    if not np.isin(volume.array, ORGAN_LABELS).any():
+        raise InputError(f"{case.file(state.labels)} holds no prostate (labels 1, 2); draw it")
+    return volume
+
+
+def state_landmarks(case: CaseFolder, state: FurtherState) -> Landmarks | None:
+    """Matched points of a further state in the rest frame, None where it has none."""
+    if state.landmarks is None:
+        return None
+    marks, elsewhere = read_landmarks(case.file(state.landmarks)), state_elsewhere(case, state)
+    return marks if elsewhere is None else replace(marks, deformed=elsewhere.back(marks.deformed))
+
+
+@dataclass(frozen=True)
+class NewState:
+    """What a person gives: scan is a label volume (NIfTI), or a folder with a DICOM CT and then labels drawn on it.
+
+    landmarks : CSV, deformed points in this scan's own coordinates. align : False where it lies in the frame of the scan at rest already.
+    """
+
+    scan: Path
+    labels: Path | None = None
+    landmarks: Path | None = None
+    align: bool = True
+
+
+def add_state(case: CaseFolder, new: NewState) -> FurtherState:
+    """Add a deformed state to a case that has been imported; the same files again change nothing.
+
+    Of a CT only the labels are kept. Raises InputError where there are no labels, no bone to align on in either, or a file cannot be read.
+    """
+    source = [file_sha256(p) for p in (new.labels or new.scan, new.landmarks) if p is not None and p.is_file()]
+    entries = list(case.facts.other.get("states") or ())
+    for entry in entries:
+        if isinstance(entry, Mapping) and entry.get("source_sha256") == source:
+            return _state(case, entry)
+    volume, matrix = _aligned(case, new)
+    if case.has_labels("deformed") and np.array_equal(in_lps_order(volume).array, case.labels("deformed").array):
+        raise InputError(
+            f"{new.labels or new.scan} holds the same labels as the first deformed state; it would count twice"
+        )
+    points = None if new.landmarks is None else read_landmarks(new.landmarks)
+    number = 2 + sum(isinstance(e, Mapping) and "labels" in e for e in entries)
+    labels, marks = f"deformed_{number}.nii.gz", None if points is None else f"landmarks_{number}.csv"
+    with case.atomic_path(labels) as temporary:
+        write_labels(temporary, volume.moved(matrix))
+    if points is not None and marks is not None:
+        case.write_text(marks, landmarks_csv(points, matrix))
+    entry = {"name": f"deformed {number}", "labels": labels, "source_sha256": source}
+    entry |= {} if marks is None else {"landmarks": marks}
+    case.save_facts(replace(case.facts, other={**case.facts.other, "states": [*entries, entry]}))
+    return FurtherState(f"deformed {number}", labels, marks)
+
+
+def _aligned(case: CaseFolder, new: NewState) -> tuple[Volume, FloatArray]:
+    """The state's labels in its own frame, and the transform (4, 4) that brings them into the rest frame."""
+    if new.scan.is_dir():
+        if new.labels is None:
+            raise InputError(
+                f"{new.scan}: labels drawn on a further deformed CT are needed; give them with --more-labels"
+            )
+        ct, facts = read_series(new.scan)
+        volume = read_user_labels(new.labels, ct, facts).volume
+        matrix = align_ct(case.ct("rest"), ct).deformed_to_rest if new.align else np.eye(4)
+    else:
+        if not new.scan.is_file():
+            raise InputError(f"{new.scan} is not there; give a NIfTI label volume or a folder with a DICOM CT")
+        if not case.has_labels("rest"):
+            raise InputError(
+                f"{new.scan}: the scan at rest is a CT, so give this state as a CT folder too, with --more-labels"
+            )
+        beside = new.scan.parent / "labels.txt"
+        volume = read_labels(new.scan, label_values(beside) if beside.is_file() else None)
+        rest = case.labels("rest")
+        both = all((v.array == BONE).any() for v in (rest, volume))
+        matrix = align_labels(rest, volume).deformed_to_rest if new.align and both else np.eye(4)
+    if not np.isin(volume.array, ORGAN_LABELS).any():
+        raise InputError(f"{new.labels or new.scan} holds no prostate (labels 1, 2); draw it")
+    return volume, matrix

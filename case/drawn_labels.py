@@ -1,0 +1,71 @@
+"""What a person drew on the scans of a case, as the import step left it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.case.case_folder import CaseFolder
+from palpate.core.errors import InputError
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import UserLabels
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
+from palpate.segmentation.working_grid import mask_on
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """volume : the drawn labels in the rest frame, axes in LPS order. organs : masks of prostate, bladder and rectum as
+    far as drawn. bone : mask of what bone was drawn, or None. prostate_labels : 1 and 2 where the halves were drawn, or
+    None where left and right are yet to be told apart.
+    """
+
+    volume: Volume
+    organs: Mapping[str, Volume]
+    bone: Volume | None
+    prostate_labels: NDArray[np.uint8] | None
+
+    def bone_on(self, grid: Volume) -> NDArray[np.bool_]:
+        """The drawn bone on a grid; nothing where none was drawn."""
+        return np.zeros(grid.array.shape, dtype=bool) if self.bone is None else mask_on(self.bone, grid)
+
+
+def drawn_labels(case: CaseFolder, state: str) -> Drawn | None:
+    """What was drawn on one state ("rest" or "deformed"); None where nothing was. Raises InputError naming a bad file."""
+    name = f"{state}_user.nii.gz"
+    if not case.has(name):
+        return None
+    volume = in_lps_order(read_labels(case.file(name)))
+    facts = case.read_json("user_labels.json") if case.has("user_labels.json") else {}
+    is_split = facts.get(state, {}).get("prostate_is_split", len(np.unique(volume.array[volume.array > 0])) > 1)
+    return _drawn(volume, bool(is_split))
+
+
+def drawn_of(labels: UserLabels, path: Path) -> Drawn:
+    """What a file of contours holds. path : for the message. Raises InputError when there is no prostate."""
+    drawn = _drawn(in_lps_order(labels.volume), labels.prostate_is_split)
+    if "prostate" not in drawn.organs:
+        raise InputError(f"{path} holds no prostate; draw it, or say which structure it is")
+    return drawn
+
+
+def drawn_of_volume(labels: Volume, is_split: bool = False) -> Drawn:
+    """What a label volume holds. is_split : whether its halves of the prostate were drawn."""
+    return _drawn(in_lps_order(labels), is_split)
+
+
+def _drawn(volume: Volume, is_split: bool) -> Drawn:
+    values = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,)}
+    organs = {organ: volume.with_array(np.isin(volume.array, labels)) for organ, labels in values.items()}
+    organs = {organ: mask for organ, mask in organs.items() if mask.array.any()}
+    bone = volume.with_array(volume.array == BONE)
+    halves = np.where(np.isin(volume.array, ORGAN_LABELS), volume.array, 0).astype(np.uint8)
+    return Drawn(
+        volume, organs, bone if bone.array.any() else None, halves if is_split and "prostate" in organs else None
+    )

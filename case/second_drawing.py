@@ -1,0 +1,44 @@
+"""Labels drawn anew on a scan of a case, brought to where the case's own lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from palpate.case.aligned_labels import in_own_frame
+from palpate.case.case_folder import CaseFolder
+from palpate.core.errors import InputError
+from palpate.imaging.contours.itksnap_labels import label_values
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.labels import ORGAN_LABELS
+from palpate.imaging.volume import Volume
+
+_NIFTI = (".nii", ".nii.gz")
+
+
+def redrawn_labels(case: CaseFolder, state: str, path: Path) -> Volume:
+    """Labels of the rest frame, axes in LPS order. path : of any kind that an import takes, in that scan's own coordinates or
+    as `export` has written it.
+
+    Raises InputError naming the file when it is missing, unreadable or holds no organ.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} is not there; give the labels drawn on the {state} scan")
+    if case.has(f"{state}_ct"):
+        ct, facts = case.series(state)
+        drawn = read_user_labels(path, ct, facts)
+        if state == "deformed":
+            case_grid = case.labels(state) if case.has_labels(state) else None
+            drawn = in_own_frame(drawn, ct, case.deformed_to_rest(), case_grid)
+        volume = drawn.volume
+    elif path.name.lower().endswith(_NIFTI):
+        beside = path.parent / "labels.txt"
+        volume = read_labels(path, label_values(beside) if beside.is_file() else None)
+    else:
+        raise InputError(f"{path}: this case has no CT to place contours on; give a NIfTI label volume")
+    if not np.isin(volume.array, ORGAN_LABELS).any():
+        raise InputError(f"{path} holds no prostate (labels 1, 2); draw it")
+    return in_lps_order(volume.moved(case.deformed_to_rest()) if state == "deformed" else volume)

@@ -1,0 +1,150 @@
+"""The diagnose step of a case: what the model leaves out, in a worker process."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from palpate.case.bench_body import body_inputs, body_problem, is_body
+from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.deformed_states import further_states, state_elsewhere, state_labels
+from palpate.case.steps import mesh
+from palpate.case.steps.identify import further_files, problem_of, state_problems
+from palpate.case.steps.mesh import elsewhere_of, load_surfaces
+from palpate.core.errors import ConvergenceError
+from palpate.core.gap.case_data import CaseData, arrays
+from palpate.core.gap.remeshed import Remeshed
+from palpate.core.problem import Surface, SurfacePair
+from palpate.core.worker.job import Job
+from palpate.core.worker.process import run_job
+from palpate.core.worker.progress import Progress, part, silent
+from palpate.imaging.labels import BONE
+from palpate.meshing.label_surfaces import TriSurface, wall_surface
+from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
+
+INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
+DIAGNOSIS = "diagnosis.json"
+_FOLDER = "diagnose"
+_KIND, _BODY_KIND = "palpate.core.gap.job:run", "palpate.core.gap.bodies.diagnose:run"
+
+
+@dataclass(frozen=True)
+class DiagnoseOptions:
+    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : how many to average over.
+
+    cancel : set it to stop.
+    """
+
+    effects: Path | None = None
+    seed: int = 1
+    meshes: int = 1
+    cancel: threading.Event | None = None
+
+
+def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+    """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
+
+    The plain model is fitted here, with the noise model of the diagnosis: result.json is neither needed nor changed. A case that
+    has labels but no mesh yet is meshed first; a body on a bench (`body_case`) has its own way. Nothing is done when nothing has changed.
+    Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
+    """
+    options = options or DiagnoseOptions()
+    body = is_body(case)
+    if not body and not case.has("mesh.json"):
+        mesh.run(case, progress=part(progress, 0.0, 0.2))
+    own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
+    chosen = {"seed": options.seed, "effects": own, "meshes": options.meshes}
+    inputs = case.inputs_sha256(body_inputs(case) if body else (*INPUTS, *further_files(case)), chosen)
+    if case.step_is_done("diagnose", inputs):
+        done: dict[str, Any] = case.read_json(DIAGNOSIS)
+        return done
+    case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
+    if body:
+        given = body_problem(case).arrays()
+    else:
+        given = arrays(replace(data_of(case), remeshed=remeshed(case, options.meshes - 1, part(progress, 0.2, 0.4))))
+    case.write_npz(f"{_FOLDER}/data.npz", **given)
+    found = run_job(
+        _job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)), options.cancel
+    )
+    if not body:
+        found["flags"] += laid_on_bones(case)
+    found["where"]["map"] = f"{_FOLDER}/{found['where']['map']}"
+    if case.facts.other.get("simulated"):
+        found["simulated"] = True
+    case.write_json(DIAGNOSIS, found)
+    case.mark_done("diagnose", inputs, (DIAGNOSIS, found["where"]["map"]))
+    return found
+
+
+def laid_on_bones(case: CaseFolder) -> list[str]:
+    """A line for each deformed scan of a meshed case that lay elsewhere as a whole."""
+    first = elsewhere_of(case)
+    found = [] if first is None else [first.words()]
+    further = ((state.name, state_elsewhere(case, state)) for state in further_states(case))
+    return found + [away.words(f"the scan {name!r}") for name, away in further if away is not None]
+
+
+def data_of(case: CaseFolder) -> CaseData:
+    """What a diagnosis sees of a meshed case."""
+    rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
+    bones = (
+        SurfacePair(_plain(rest["bone"]), _plain(deformed["bone"])) if "bone" in rest and "bone" in deformed else None
+    )
+    first = problem_of(case)
+    more = zip(state_problems(case, first), _further_bones(case, rest.get("bone")), strict=True)
+    return CaseData(first, bones, (case.facts.gravity_rest, case.facts.gravity_deformed), more=tuple(more))
+
+
+def _further_bones(case: CaseFolder, at_rest: TriSurface | None) -> list[SurfacePair | None]:
+    """Of every further deformed state; None where either shows none."""
+    seen = [wall_surface(state_labels(case, state), BONE) for state in further_states(case)]
+    return [
+        SurfacePair(_plain(at_rest), _plain(bone)) if at_rest is not None and len(bone.faces) else None for bone in seen
+    ]
+
+
+def remeshed(case: CaseFolder, count: int, progress: Progress = silent) -> tuple[Remeshed, ...]:
+    """So many other meshes of the case's labels at rest, as fine as its own; none where it has a mesh but no labels.
+
+    A mesh that cannot be made is left out.
+    """
+    if not case.has_labels("rest"):
+        return ()
+    asked = case.read_json("mesh.json").get("options", {})
+    own = MeshOptions(**{key: value for key, value in asked.items() if key in MeshOptions.__dataclass_fields__})
+    out = []
+    for k in range(count):
+        progress(k / count, f"mesh {k + 2} of {count + 1}")
+        try:
+            made = mesh_labels(case.labels("rest"), replace(own, seed=own.seed + k + 1), case.file(_FOLDER) / "meshes")
+        except ConvergenceError:
+            continue
+        out.append(Remeshed(made.mesh, made.boundary))
+    return tuple(out)
+
+
+def _plain(surface: TriSurface) -> Surface:
+    return Surface(surface.points, surface.faces, surface.region)
+
+
+def _job(case: CaseFolder, options: DiagnoseOptions, kind: str) -> Job:
+    folder = case.file(_FOLDER)
+    effects = None if options.effects is None else str(options.effects.resolve())
+    job = Job(
+        kind,
+        str(folder),
+        {"data": str(folder / "data.npz")},
+        {"case": case.facts.name, "effects": effects},
+        options.seed,
+        1,
+    )
+    job.save(folder / "job.json")
+    return job
+
+
+def _tell(message: dict[str, Any], progress: Progress) -> None:
+    if message.get("type") == "progress":
+        progress(float(message["fraction"]), str(message["message"]))

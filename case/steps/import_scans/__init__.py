@@ -1,0 +1,1 @@
+"""Import: scans, contours or surfaces into a case folder."""

@@ -1,0 +1,198 @@
+"""From two scans, or two label volumes, to a case folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.case.aligned_labels import in_own_frame
+from palpate.case.case_facts import Vector
+from palpate.case.case_folder import STATES, CaseFolder, check_new_case
+from palpate.case.landmarks import read_landmarks
+from palpate.case.steps.import_scans.options import (
+    ImportOptions,
+    check_kinds,
+    inputs_sha256,
+    scan_sha256,
+    values_beside,
+)
+from palpate.case.steps.import_scans.write import (
+    gravity_of,
+    open_or_create,
+    write_alignment,
+    write_landmarks,
+    write_scan,
+    write_user_labels,
+)
+from palpate.case.swapped_contours import swapped_note
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.pair_check import check_pair
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.labels import BONE, ORGAN_LABELS
+from palpate.imaging.registration.align_on_bone import Alignment, align_ct, align_labels
+from palpate.imaging.volume import Volume
+
+STEP = "import"
+
+
+@dataclass(frozen=True)
+class _Job:
+    paths: tuple[Path, Path]
+    folder: Path
+    options: ImportOptions
+    progress: Progress
+    sources: dict[str, str]
+    inputs: str
+
+
+def run_import(
+    rest: Path | str,
+    deformed: Path | str,
+    case_path: Path | str,
+    options: ImportOptions | None = None,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Makes the case folder of a pair: two folders with a DICOM CT each, or two NIfTI label volumes.
+
+    Returns what import.json holds: case, sources_sha256, residual_mm, notes. Nothing is written before everything has
+    been read and checked; a rerun with the same inputs does nothing. Raises InputError (file, what, remedy).
+    """
+    options = options or ImportOptions()
+    paths, folder = (Path(rest), Path(deformed)), Path(case_path)
+    check_new_case(folder)
+    check_kinds(paths)
+    sources = {state: scan_sha256(path) for state, path in zip(STATES, paths, strict=True)}
+    job = _Job(paths, folder, options, progress, sources, inputs_sha256(sources, options))
+    earlier = _earlier(job)
+    if earlier is not None:
+        progress(1.0, "already imported")
+        return earlier
+    return _import_scans(job) if paths[0].is_dir() else _import_labels(job)
+
+
+def _import_scans(job: _Job) -> dict[str, Any]:
+    options, scans = job.options, []
+    for index, state in enumerate(STATES):
+        job.progress(0.2 * index, f"reading the {state} scan")
+        scans.append(read_series(job.paths[index], options.series[index]))
+    notes = [f"{state}: {note}" for state, scan in zip(STATES, scans, strict=True) for note in scan[1].notes]
+    notes += check_pair(scans[0], scans[1], options.same_patient)
+    drawn = {
+        state: read_user_labels(path, *scan, options.roi)
+        for state, path, scan in zip(STATES, options.labels, scans, strict=True)
+        if path is not None
+    }
+    points = read_landmarks(options.landmarks) if options.landmarks else None
+    job.progress(0.4, "aligning on bone")
+    alignment = _aligned(job, align_ct, scans[0][0], scans[1][0]) if options.align else None
+    if alignment is not None and "deformed" in drawn:
+        drawn["deformed"] = in_own_frame(drawn["deformed"], scans[1][0], alignment.deformed_to_rest)
+    notes += [f"{state}: {note}" for state, labels in drawn.items() for note in labels.notes]
+    notes += [
+        f"{state}: the drawn labels hold no prostate; it will be looked for in the CT"
+        for state, labels in drawn.items()
+        if not np.isin(labels.volume.array, ORGAN_LABELS).any()
+    ]
+    job.progress(0.8, "writing the case")
+    case = _begun(job, [gravity_of(facts.patient_position) for _, facts in scans])
+    outputs = ["case.json", "alignment.json"]
+    for state, (_, facts) in zip(STATES, scans, strict=True):
+        outputs += write_scan(case, state, facts.files)
+    matrix = write_alignment(case, alignment)
+    swapped = swapped_note(
+        {state: scan[0] for state, scan in zip(STATES, scans, strict=True)},
+        {state: labels.volume for state, labels in drawn.items()},
+        matrix,
+    )
+    notes += [swapped] if swapped else []
+    outputs += write_user_labels(case, drawn, matrix) + write_landmarks(case, points, matrix)
+    return _finish(job, case, alignment, notes, outputs)
+
+
+def _import_labels(job: _Job) -> dict[str, Any]:
+    job.progress(0.1, "reading the label volumes")
+    volumes = [read_labels(path, values_beside(path)) for path in job.paths]
+    if np.array_equal(volumes[0].array, volumes[1].array) and np.allclose(volumes[0].affine, volumes[1].affine):
+        raise InputError(
+            f"{job.paths[0]} and {job.paths[1]} hold the same labels; give one of the organ at rest and one deformed"
+        )
+    points = read_landmarks(job.options.landmarks) if job.options.landmarks else None
+    notes: list[str] = []
+    alignment = None
+    if job.options.align and all((volume.array == BONE).any() for volume in volumes):
+        job.progress(0.3, "aligning on bone")
+        alignment = _aligned(job, align_labels, volumes[0], volumes[1])
+    else:
+        notes.append("the label volumes were taken as aligned on bone already")
+    job.progress(0.8, "writing the case")
+    case = _begun(job, [None, None])
+    matrix = write_alignment(case, alignment)
+    case.write_labels("rest", volumes[0])
+    case.write_labels("deformed", volumes[1].moved(matrix))
+    outputs = ["case.json", "rest.nii.gz", "deformed.nii.gz", "labels.txt", "alignment.json"]
+    return _finish(job, case, alignment, notes, outputs + write_landmarks(case, points, matrix))
+
+
+def _aligned(job: _Job, align: Callable[[Volume, Volume], Alignment], rest: Volume, deformed: Volume) -> Alignment:
+    try:
+        return align(rest, deformed)
+    except InputError as error:
+        raise InputError(f"{job.paths[0]} and {job.paths[1]}: {error}") from error
+
+
+def _begun(job: _Job, gravity: Sequence[Vector | None]) -> CaseFolder:
+    """The case, noted as this import's own before anything is written into it, so that a rerun may go on."""
+    case = open_or_create(job.folder, job.options.name, gravity)
+    case.write_json("import.json", {"case": str(case.path), "sources_sha256": job.sources})
+    return case
+
+
+def _finish(
+    job: _Job, case: CaseFolder, alignment: Alignment | None, notes: list[str], outputs: list[str]
+) -> dict[str, Any]:
+    summary = {
+        "case": str(case.path),
+        "sources_sha256": job.sources,
+        "residual_mm": None if alignment is None else round(alignment.residual_mm, 3),
+        "notes": notes + list(alignment.notes if alignment else ()),
+    }
+    case.write_json("import.json", summary)
+    case.mark_done(STEP, job.inputs, [*outputs, "import.json"])
+    job.progress(1.0, "imported")
+    return summary
+
+
+def _earlier(job: _Job) -> dict[str, Any] | None:
+    """The summary of an import of the same inputs that ran to its end; InputError where the case is another's."""
+    if not (job.folder / "case.json").exists():
+        return None
+    case = CaseFolder(job.folder)
+    if not case.has("import.json"):
+        if any(case.has(f"{state}{kind}") for state in STATES for kind in ("_ct", ".nii.gz")):
+            raise InputError(f"{job.folder} is a case that was not imported; choose a new folder for the case with -o")
+        return None
+    summary: dict[str, Any] = case.read_json("import.json")
+    known = summary.get("sources_sha256", {})
+    if known == {"rest": job.sources["rest"]}:  # the scan at rest came alone, and now the second
+        return None
+    if known != job.sources:
+        raise InputError(f"{job.folder} is the case of other scans; choose a new folder for the case with -o")
+    if case.step_is_done(STEP, job.inputs):
+        return summary
+    # Else contours that a result stands on would be gone because an option was forgotten.
+    forgotten = [
+        state
+        for state, path in zip(STATES, job.options.labels, strict=True)
+        if path is None and case.has(f"{state}_user.nii.gz")
+    ]
+    if forgotten:
+        options = " and ".join(f"--{state}-labels" for state in forgotten)
+        raise InputError(f"{job.folder} was made with {options}; give the same again, or choose a new folder with -o")
+    return None

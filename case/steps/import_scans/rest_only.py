@@ -1,0 +1,90 @@
+"""From the scan at rest alone to a case folder: what `plan` needs before a second scan exists."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.case.case_folder import CaseFolder, check_new_case, file_sha256
+from palpate.case.steps.import_scans.options import ImportOptions, scan_sha256, values_beside
+from palpate.case.steps.import_scans.pair import STEP
+from palpate.case.steps.import_scans.write import gravity_of, open_or_create, write_scan, write_user_labels
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
+
+
+def import_alone(
+    rest: Path | str, case_path: Path | str, options: ImportOptions | None = None, progress: Progress = silent
+) -> dict[str, Any]:
+    """Makes the case folder of one scan: a folder with a DICOM CT, or a NIfTI label volume.
+
+    Returns what import.json holds: case, sources_sha256, residual_mm (None), notes. A later import of the pair into the same
+    folder goes on from it. Raises InputError (file, what, remedy); nothing is written before everything has been read.
+    """
+    options, rest, folder = options or ImportOptions(), Path(rest), Path(case_path)
+    check_new_case(folder)
+    if not rest.exists():
+        raise InputError(f"{rest} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
+    sources = {"rest": scan_sha256(rest)}
+    inputs = _inputs(sources, options)
+    earlier = _earlier(folder, sources, inputs)
+    if earlier is not None:
+        progress(1.0, "already imported")
+        return earlier
+    progress(0.1, "reading the scan at rest")
+    case, notes, outputs = (_from_ct if rest.is_dir() else _from_labels)(rest, folder, options)
+    summary = {"case": str(case.path), "sources_sha256": sources, "residual_mm": None, "notes": notes}
+    case.write_json("import.json", summary)
+    case.mark_done(STEP, inputs, [*outputs, "import.json"])
+    progress(1.0, "imported")
+    return summary
+
+
+def is_alone(case: CaseFolder) -> bool:
+    """Whether the case is of the scan at rest only, as `plan` takes it; not where the import of a pair was cut short."""
+    if case.has("deformed_ct") or case.has_labels("deformed"):
+        return False
+    return not case.has("import.json") or len(case.read_json("import.json").get("sources_sha256", {})) < 2
+
+
+def _from_ct(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFolder, list[str], list[str]]:
+    volume, facts = read_series(path, options.series[0])
+    file = options.labels[0]
+    drawn = {} if file is None else {"rest": read_user_labels(file, volume, facts, options.roi)}
+    case = open_or_create(folder, options.name, [gravity_of(facts.patient_position), None])
+    outputs = ["case.json", *write_scan(case, "rest", facts.files), *write_user_labels(case, drawn, np.eye(4))]
+    notes = [*facts.notes, *(note for labels in drawn.values() for note in labels.notes)]
+    return case, [f"rest: {note}" for note in notes], outputs
+
+
+def _from_labels(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFolder, list[str], list[str]]:
+    volume = read_labels(path, values_beside(path))
+    case = open_or_create(folder, options.name, [None, None])
+    case.write_labels("rest", volume)
+    return case, [], ["case.json", "rest.nii.gz", "labels.txt"]
+
+
+def _inputs(sources: dict[str, str], options: ImportOptions) -> str:
+    file = options.labels[0]
+    if file is not None and not file.is_file():
+        raise InputError(f"{file} is not there; correct the path of the labels")
+    content = [sources, file and file_sha256(file), options.series[0], {k: list(v) for k, v in options.roi.items()}]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _earlier(folder: Path, sources: dict[str, str], inputs: str) -> dict[str, Any] | None:
+    """The summary of an earlier import of the same scan that ran to its end; InputError where the case is another's."""
+    if not (folder / "case.json").exists():
+        return None
+    case = CaseFolder(folder)
+    summary: dict[str, Any] = case.read_json("import.json") if case.has("import.json") else {}
+    if summary.get("sources_sha256") != sources:
+        raise InputError(f"{folder} is the case of other scans; choose a new folder for the case with -o")
+    return summary if case.step_is_done(STEP, inputs) else None

@@ -1,0 +1,186 @@
+"""From a pair of closed surfaces, as photogrammetry or a segmentation gives them, to a case folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from palpate.case.case_folder import STATES, CaseFolder, check_new_case, file_sha256
+from palpate.case.landmarks import Landmarks, read_landmarks
+from palpate.case.steps import mesh
+from palpate.case.steps.identify import problem_of
+from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
+from palpate.core.errors import InputError
+from palpate.core.identify.surface_alone import transformed
+from palpate.core.identify.surface_start import aligned
+from palpate.core.identify.unloaded import NEXT, moved_by_its_surface
+from palpate.core.problem import Surface, SurfacePair
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.surfaces.surface_files import ReadSurface, read_closed_surface
+from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface
+from palpate.meshing.mesh_labels import MeshOptions
+
+STEP = "import"
+SUMMARY = "surfaces.json"
+# Voxels across an organ, and between what edges, mm.
+_ACROSS, _FINEST_MM, _COARSEST_MM = 55, 0.5, 2.0
+# A layer of tissue that mesh and pictures need around the organ; nothing is known of it.
+_AROUND_MM = 12.0
+# Volumes of one body: beyond this factor something else, a unit, is wrong.
+_LIKELY_FACTOR = 1.6
+
+
+@dataclass(frozen=True)
+class SurfaceImportOptions:
+    """name : the case's name; the folder's where None. landmarks : CSV of matched points, each in its own surface's frame.
+
+    align : False takes both surfaces as lying in one frame already. cells : of the mesh, about.
+    """
+
+    name: str | None = None
+    landmarks: Path | None = None
+    align: bool = True
+    cells: int = 4000
+
+
+def run_surface_import(
+    rest: Path,
+    deformed: Path,
+    case_path: Path,
+    options: SurfaceImportOptions | None = None,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Makes the case of two closed surfaces (STL, OBJ, PLY), and computes what such a pair tells.
+
+    Returns what surfaces.json holds. Nothing is written before both surfaces have been read, mended and checked; a rerun with the
+    same inputs does nothing. Raises InputError (file, what, remedy), ConvergenceError.
+    """
+    options = options or SurfaceImportOptions()
+    check_new_case(case_path)
+    inputs = _inputs(rest, deformed, options)
+    earlier = _earlier(case_path, inputs)
+    if earlier is not None:
+        progress(1.0, "already imported")
+        return earlier
+    progress(0.02, "reading the surfaces")
+    found = [read_closed_surface(path) for path in (rest, deformed)]
+    _check_volumes((rest, deformed), found)
+    points = read_landmarks(options.landmarks) if options.landmarks else None
+    progress(0.2, "aligning")
+    pair = SurfacePair(*(Surface(s.surface.points, s.surface.faces, s.surface.region) for s in found))
+    matrix = aligned(pair) if options.align else np.eye(4)
+    progress(0.3, "writing the case")
+    case = open_or_create(case_path, options.name, [None, None])
+    # Its own before anything else is written, so that a rerun after a kill may go on.
+    case.write_json("import.json", {"case": str(case.path), "sources_sha256": inputs})
+    _write(case, found, matrix)
+    outputs = ["case.json", "alignment.json", "rest.nii.gz", "deformed.nii.gz", "labels.txt"]
+    outputs += write_landmarks(case, points, matrix)
+    mesh.run(case, MeshOptions(target_tets=options.cells), lambda f, m: progress(0.35 + 0.45 * f, m))
+    progress(0.85, "moving the inside with the surface")
+    summary = _summary(case, found, matrix) | {"landmarks_as_given_rms_mm": _as_given(points)}
+    case.write_json(SUMMARY, summary)
+    case.write_json("import.json", {"case": str(case.path), "sources_sha256": inputs, "notes": summary["notes"]})
+    case.mark_done(STEP, _hash(inputs), [*outputs, SUMMARY, "import.json"])
+    progress(1.0, "imported")
+    return summary
+
+
+def _write(case: CaseFolder, found: list[ReadSurface], matrix: NDArray[np.float64]) -> None:
+    case.write_json("alignment.json", {"deformed_to_rest": matrix, "residual_mm": None})
+    in_rest_frame = [np.eye(4), matrix]
+    for state, one, transform in zip(STATES, found, in_rest_frame, strict=True):
+        moved = TriSurface(transformed(transform, one.surface.points), one.surface.faces, one.surface.region)
+        case.write_labels(state, labels_of(moved))
+
+
+def labels_of(surface: TriSurface) -> Volume:
+    """The label volume of one closed surface: organ 1 inside, 3 in a layer around it, 0 beyond."""
+    h = float(np.clip(np.ptp(surface.points, axis=0).max() / _ACROSS, _FINEST_MM, _COARSEST_MM))
+    low = surface.points.min(axis=0) - _AROUND_MM - 3.0 * h
+    shape = np.ceil((surface.points.max(axis=0) + _AROUND_MM + 3.0 * h - low) / h).astype(int) + 1
+    grid = pv.ImageData(dimensions=tuple(shape), spacing=(h, h, h), origin=tuple(low))
+    counted = np.column_stack([np.full(len(surface.faces), 3), surface.faces])
+    body = pv.PolyData(surface.points, faces=counted.ravel())
+    mask = body.voxelize_binary_mask(reference_volume=grid, foreground_value=1, background_value=0)
+    inside = np.asarray(mask.point_data["mask"]).reshape(shape, order="F") > 0
+    near = ndimage.distance_transform_edt(~inside, sampling=h) < _AROUND_MM
+    affine = np.diag([h, h, h, 1.0])
+    affine[:3, 3] = low
+    return Volume(np.where(inside, ORGAN_LABELS[0], np.where(near, SURROUNDING_TISSUE, 0)).astype(np.uint8), affine)
+
+
+def _summary(case: CaseFolder, found: list[ReadSurface], matrix: NDArray[np.float64]) -> dict[str, Any]:
+    untold = moved_by_its_surface(problem_of(case))
+    volumes = {s: one.surface.enclosed_volume / 1000.0 for s, one in zip(STATES, found, strict=True)}
+    turn = float(np.degrees(np.arccos(np.clip((np.trace(matrix[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
+    notes = [f"{state}: {note}" for state, one in zip(STATES, found, strict=True) for note in one.notes]
+    notes.append(
+        "the layer of tissue in the label volumes is a filling that mesh and pictures need; nothing is known of it"
+    )
+    return {
+        "case": str(case.path),
+        "volume_cc": {state: round(v, 3) for state, v in volumes.items()},
+        "turned_deg": round(turn, 2),
+        "surface_rms_mm": dict(untold.surface_mm or {}),
+        "landmarks": untold.landmarks,
+        "cannot_tell": untold.in_words,
+        "next": NEXT,
+        "in_words": list(untold.notes[1:]),
+        "notes": notes,
+    }
+
+
+def _as_given(points: Landmarks | None) -> float | None:
+    """Rms distance, mm, of the landmarks as the files have them."""
+    if points is None:
+        return None
+    return round(float(np.sqrt(((points.rest - points.deformed) ** 2).sum(axis=1).mean())), 3)
+
+
+def _check_volumes(paths: tuple[Path, Path], found: list[ReadSurface]) -> None:
+    volumes = [one.surface.enclosed_volume for one in found]
+    factor = max(volumes) / min(volumes)
+    if factor > _LIKELY_FACTOR:
+        raise InputError(
+            f"{paths[0]} encloses {volumes[0] / 1000:.3g} cc and {paths[1]} {volumes[1] / 1000:.3g} cc, a factor of {factor:.3g}; up to "
+            f"{_LIKELY_FACTOR:g} is taken for one body: give two surfaces of one body, both in mm"
+        )
+
+
+def _inputs(rest: Path, deformed: Path, options: SurfaceImportOptions) -> dict[str, str]:
+    files = {"rest": rest, "deformed": deformed}
+    if options.landmarks is not None:
+        files["landmarks"] = options.landmarks
+    for path in files.values():
+        if not path.is_file():
+            raise InputError(f"{path} is not there; correct the path")
+    return {**{name: file_sha256(path) for name, path in files.items()}, "align": str(options.align)}
+
+
+def _hash(inputs: dict[str, str]) -> str:
+    return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+
+
+def _earlier(path: Path, inputs: dict[str, str]) -> dict[str, Any] | None:
+    """The summary of an import of the same surfaces that ran to its end; InputError where the case is another's."""
+    if not (path / "case.json").exists():
+        return None
+    case = CaseFolder(path)
+    if case.step_is_done(STEP, _hash(inputs)):
+        summary: dict[str, Any] = case.read_json(SUMMARY)
+        return summary
+    ours = case.has("import.json") and case.read_json("import.json").get("sources_sha256") == inputs
+    if not ours and any(case.has(f"{state}{kind}") for state in STATES for kind in ("_ct", ".nii.gz")):
+        raise InputError(f"{path} is the case of other scans or surfaces; choose a new folder for the case with -o")
+    return None

@@ -1,0 +1,67 @@
+"""How well contours repeat, from labels drawn a second time on the same scan: noise.json, which `identify` then goes by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.second_drawing import redrawn_labels
+from palpate.core.errors import InputError
+from palpate.core.observe.repeat import repeat_of
+from palpate.core.problem import Surface
+from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import organ_surfaces
+
+FILE = "noise.json"
+
+
+def run(case: CaseFolder, drawn: Mapping[str, Path]) -> dict[str, Any]:
+    """Write noise.json and return it. drawn : state ("rest", "deformed") -> labels drawn again on its scan.
+
+    Raises InputError where case.json states the noise already, the case has no labels of a state, or two drawings are not
+    of one organ.
+    """
+    if case.facts.boundary_noise_sd_mm is not None:
+        raise InputError(
+            f"{case.file('case.json')} states boundary_noise_sd_mm; set it to null there to have it measured from repeats"
+        )
+    states: dict[str, dict[str, Any]] = {}
+    for state, path in drawn.items():
+        first, second = _organ(case.labels(state)), _organ(redrawn_labels(case, state, path))
+        found = repeat_of(first, second)
+        states[state] = {
+            "sd_mm": found.sd_mm, "correlation_mm": found.correlation_mm, "apart_mm": found.apart_mm, "sha256": file_sha256(path),
+        }  # fmt: skip
+    noise = {
+        "sd_mm": float(np.sqrt(np.mean([s["sd_mm"] ** 2 for s in states.values()]))),
+        "correlation_mm": float(np.mean([s["correlation_mm"] for s in states.values()])),
+        "states": states,
+    }
+    case.write_json(FILE, noise)
+    return noise
+
+
+def measured_noise(case: CaseFolder) -> tuple[float, float] | None:
+    """sd and correlation length mm from repeats; None where none were made. Raises InputError for a file that does not hold them."""
+    if not case.has(FILE):
+        return None
+    noise = case.read_json(FILE)
+    try:
+        sd, length = float(noise["sd_mm"]), float(noise["correlation_mm"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{case.file(FILE)} holds no sd_mm and correlation_mm; remove it and give --repeat again"
+        ) from error
+    if not (0.0 < sd < 20.0 and 0.0 < length < 100.0):
+        raise InputError(f"{case.file(FILE)} holds values that cannot be; remove it and give --repeat again")
+    return sd, length
+
+
+def _organ(labels: Volume) -> Surface:
+    surface = organ_surfaces(labels)
+    # As one region: sides may be drawn apart in one drawing and not in the other.
+    return Surface(surface.points, surface.faces, np.ones(len(surface.faces), dtype=np.int64))

@@ -1,0 +1,127 @@
+"""The mesh step of a case: labels of both states to mesh, surfaces and quality figures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.rigid_offset import Elsewhere, elsewhere_in
+from palpate.case.steps.import_scans.rest_only import is_alone
+from palpate.core.errors import InputError
+from palpate.core.mesh import TetMesh
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
+from palpate.meshing.mesh_file import Recipe, load_mesh, mesh_arrays, recipe_hash
+from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
+from palpate.meshing.partition import HOLE_NAMES
+
+OUTPUTS = ("mesh.npz", "surfaces.npz", "mesh.json", "mesh.vtu")
+ORGAN_NAME = "organ"
+
+
+def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+    """Write mesh.npz, surfaces.npz, mesh.json and mesh.vtu of a case; return what mesh.json says.
+
+    Surfaces of both states lie in the frame of the scan at rest: where nobody has aligned the scans, that is done here (`laid_elsewhere`).
+    Nothing is done when the labels and options are those of the last run. The mesh depends on the rest labels only and
+    is kept when only the deformed ones have changed: off Linux the mesher never makes the same mesh twice.
+
+    Raises InputError when labels are missing or cannot be meshed, ConvergenceError when the mesher fails.
+    """
+    options = options or MeshOptions()
+    inputs = case.inputs_sha256(["rest.nii.gz", "deformed.nii.gz", "labels.txt"], asdict(options))
+    if case.step_is_done("mesh", inputs):
+        report: dict[str, Any] = case.read_json("mesh.json")
+        return report
+    for state in ("rest", "deformed"):
+        if state == "deformed" and case.has("import.json") and is_alone(case):
+            raise InputError(
+                f"{case.path} holds the scan at rest alone; `palpate plan` works on it, or import both scans"
+            )
+        if not case.has_labels(state):
+            raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")
+    rest, deformed = case.labels("rest"), case.labels("deformed")
+    elsewhere = elsewhere_in(case, deformed)
+    if elsewhere is not None:
+        deformed = deformed.moved(elsewhere.deformed_to_rest)
+    progress(0.02, "smooth surfaces")
+    arrays = surface_arrays("rest", rest) | surface_arrays("deformed", deformed)
+    progress(0.15, "tetrahedra")
+    meshed = _kept_mesh(case, rest, options) or mesh_labels(rest, options)
+    progress(0.9, "writing the mesh")
+    case.write_npz("mesh.npz", **mesh_arrays(meshed.mesh, meshed.boundary))
+    case.write_npz("surfaces.npz", **arrays)
+    with case.atomic_path("mesh.vtu") as path:
+        _view(meshed.mesh).save(path)
+    report = meshed.quality | {
+        "inputs_sha256": inputs,
+        "mesh_sha256": file_sha256(case.file("mesh.npz")),
+        "options": asdict(options),
+        "laid_elsewhere": None if elsewhere is None else elsewhere.to_dict(),
+        "surface_faces": {key[: -len("_faces")]: len(a) for key, a in arrays.items() if key.endswith("_faces")},
+    }
+    case.write_json("mesh.json", report)
+    case.mark_done("mesh", inputs, OUTPUTS)
+    progress(1.0, f"{len(meshed.mesh.cells)} cells")
+    return report
+
+
+def load_meshed(case: CaseFolder) -> MeshedCase:
+    """The mesh of a case with its named boundary and quality. Raises InputError when the mesh step has not been run."""
+    quality = case.read_json("mesh.json")
+    mesh, boundary, _ = load_mesh(case.file("mesh.npz"))
+    return MeshedCase(mesh, boundary, quality)
+
+
+def elsewhere_of(case: CaseFolder) -> Elsewhere | None:
+    """How the deformed scan of a meshed case lay elsewhere; its surfaces no longer do."""
+    found = case.read_json("mesh.json").get("laid_elsewhere")
+    return None if found is None else Elsewhere.from_dict(found)
+
+
+def load_surfaces(case: CaseFolder, state: str) -> dict[str, TriSurface]:
+    """The surfaces of one state ("rest" or "deformed") by name: "organ", and the walls that the case has."""
+    arrays = case.read_npz("surfaces.npz")
+    names = [key[len(state) + 1 : -len("_faces")] for key in arrays if key.startswith(state) and key.endswith("_faces")]
+    return {n: TriSurface(*(arrays[f"{state}_{n}_{part}"] for part in ("points", "faces", "region"))) for n in names}
+
+
+def surface_arrays(state: str, labels: Volume) -> dict[str, Any]:
+    """Arrays of the surfaces of one state: STATE_NAME_points (n, 3) mm, STATE_NAME_faces (f, 3), STATE_NAME_region (f,).
+
+    NAME is organ, bone, bladder or rectum; absent labels are left out. STATE_organ_rim holds the points where organ
+    regions meet.
+    """
+    surfaces = {ORGAN_NAME: organ_surfaces(labels)}
+    surfaces |= {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items()}
+    arrays: dict[str, Any] = {f"{state}_{ORGAN_NAME}_rim": surfaces[ORGAN_NAME].rim}
+    for name, surface in surfaces.items():
+        if len(surface.faces):
+            prefix = f"{state}_{name}"
+            arrays[f"{prefix}_points"] = surface.points
+            arrays[f"{prefix}_faces"] = surface.faces
+            arrays[f"{prefix}_region"] = surface.region
+    return arrays
+
+
+def _kept_mesh(case: CaseFolder, rest: Volume, options: MeshOptions) -> MeshedCase | None:
+    """The mesh already in the case, when it was made from the same labels and options."""
+    if not (case.has("mesh.npz") and case.has("mesh.json")):
+        return None
+    kept = load_meshed(case)
+    made_from = recipe_hash(Recipe(rest, asdict(options)))
+    same = kept.quality.get("recipe_sha256") == made_from
+    # A run killed between the two files leaves a mesh that its mesh.json does not describe.
+    whole = kept.quality.get("mesh_sha256") == file_sha256(case.file("mesh.npz"))
+    return kept if same and whole else None
+
+
+def _view(mesh: TetMesh) -> pv.UnstructuredGrid:
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: mesh.cells}, mesh.points)
+    grid.cell_data["region"] = mesh.regions.astype(np.uint8)
+    return grid

@@ -1,0 +1,205 @@
+"""What a second scan would tell, from the scan at rest alone: a planned deformation, grown step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.identify import facts_of
+from palpate.case.steps.plan_loads import LOADS, NOTES
+from palpate.core.errors import ConvergenceError, InputError
+from palpate.core.fem.newton import Equilibrium
+from palpate.core.identify.loaded import loaded
+from palpate.core.identify.predict import Prediction, predict
+from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.labels import BLADDER, LABEL_VALUES, LABELS, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import TriSurface, organ_surfaces
+from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
+from palpate.meshing.smooth_distance import FloatArray
+from palpate.simulate.wall_motion import MovedWall
+from palpate.simulate.walls import BladderSpec, RectumSpec, moved_walls
+
+# What can be planned: name -> unit, amounts tried when none are given, and words.
+DEFORMATIONS: Mapping[str, tuple[str, tuple[float, ...], str]] = {
+    "balloon": ("mm", (2.0, 4.0, 6.0, 8.0), "growth of the rectum's radius by a balloon beside the prostate"),
+    "emptying": ("mm", (2.0, 4.0, 6.0, 8.0), "loss of the rectum's radius as gas and stool leave"),
+    "bladder": ("mm", (3.0, 6.0, 9.0, 12.0), "push of a filling bladder down on the prostate"),
+    "pressure": ("kPa", (2.0, 5.0, 10.0, 15.0), "pressure in the rectum beyond that of the scan at rest"),
+    "posture": ("degrees", (45.0, 90.0, 135.0, 180.0), "turn of the patient about the long axis"),
+}
+# Assumed where no stiffness has been identified or given: the tissue's own.
+_FROM_TISSUE = "the surrounding tissue's stiffness"
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """deformation : see DEFORMATIONS. amounts : ascending, in its unit. stiffness_kpa : label name -> G that the prediction assumes.
+
+    noise_sd_mm : of one contour; the case's own figure when None.
+    """
+
+    deformation: str = "balloon"
+    amounts: tuple[float, ...] = ()
+    stiffness_kpa: Mapping[str, float] | None = None
+    noise_sd_mm: float | None = None
+    element: str = "p2p1"
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+
+
+def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+    """Write plan.json of a case and return it: the predicted standard deviation of ln G by region and amount.
+
+    Only rest.nii.gz is needed. Raises InputError when it is missing or the plan asks for what it does not show,
+    ConvergenceError when not even the smallest amount has an equilibrium.
+    """
+    options = options or PlanOptions()
+    unit, amounts = _asked(options)
+    if not case.has_labels("rest"):
+        raise InputError(f"{case.file('rest.nii.gz')} is not there; segment the scan at rest first")
+    labels = case.labels("rest")
+    progress(0.02, "mesh")
+    meshed = mesh_labels(labels, options.mesh, case.file("identify") / "plan-meshes")
+    names = {r: LABELS[r] for r in ORGAN_LABELS if (meshed.mesh.regions == r).any()}
+    stiffness, source = _stiffness(case, options, list(names.values()))
+    theta = np.log([stiffness[name] for name in names.values()])
+    rows, last = [], None
+    for k, amount in enumerate(amounts):
+        progress(0.2 + 0.8 * k / len(amounts), f"{options.deformation} {amount:g} {unit}")
+        problem, found = _predicted(case, labels, meshed, names, options, amount, theta, last)
+        rows.append(_row(amount, found, list(names.values())))
+        last = found.equilibrium if found.posterior is not None else last
+        if found.posterior is None:
+            break
+    if rows[0]["sd_ln_G"] is None:
+        raise ConvergenceError(
+            f"{options.deformation} {amounts[0]:g} {unit}: {rows[0]['reason']}; plan smaller amounts"
+        )
+    about = {
+        "case": case.facts.name, "assumed_G_kpa": stiffness, "assumed_from": source,
+        "noise_sd_mm": problem.facts.noise_sd_mm,
+    }  # fmt: skip
+    plan = about | _told(options, rows, list(names.values()))
+    case.write_json("plan.json", plan)
+    progress(1.0, "planned")
+    return plan
+
+
+def _asked(options: PlanOptions) -> tuple[str, tuple[float, ...]]:
+    """Unit and amounts of a plan. Raises InputError for one that makes no sense."""
+    if options.deformation not in DEFORMATIONS:
+        raise InputError(f"{options.deformation!r} cannot be planned; choose one of {', '.join(DEFORMATIONS)}")
+    unit, usual, _ = DEFORMATIONS[options.deformation]
+    amounts = options.amounts or usual
+    if list(amounts) != sorted(set(amounts)) or amounts[0] <= 0.0:
+        raise InputError(f"the amounts {list(amounts)} are not positive and ascending")
+    return unit, amounts
+
+
+def _told(options: PlanOptions, rows: list[dict[str, Any]], names: list[str]) -> dict[str, Any]:
+    """What plan.json says of the deformation."""
+    unit, _, words = DEFORMATIONS[options.deformation]
+    return {
+        "deformation": options.deformation,
+        "what": words,
+        "unit": unit,
+        "element": options.element,
+        "rows": rows,
+        "verdict": _verdict(rows, names, options.deformation, unit),
+        "notes": list(NOTES.get(options.deformation, ())),
+        "research_use": True,
+    }
+
+
+def _stiffness(case: CaseFolder, options: PlanOptions, names: list[str]) -> tuple[dict[str, float], str]:
+    if options.stiffness_kpa is not None:
+        wrong = set(names) ^ set(options.stiffness_kpa)
+        if wrong:
+            raise InputError(
+                f"stiffness is to be given for {' and '.join(names)}; {', '.join(sorted(wrong))} does not fit"
+            )
+        return {name: float(options.stiffness_kpa[name]) for name in names}, "given"
+    if case.has("result.json"):
+        found = case.read_json("result.json")["parameters"]
+        if set(names) <= set(found):
+            return {name: float(found[name]["G_kpa"]) for name in names}, "result.json"
+    return dict.fromkeys(names, case.facts.tissue_shear_modulus_kpa), _FROM_TISSUE
+
+
+def _predicted(
+    case: CaseFolder, labels: Volume, meshed: MeshedCase, names: Mapping[int, str], options: PlanOptions, amount: float,
+    theta: FloatArray, last: Equilibrium | None,
+) -> tuple[IdentificationProblem, Prediction]:  # fmt: skip
+    """The walls where the deformation takes them, by their stated motion or by its cause, and what contours would tell then."""
+    problem = _problem(case, labels, meshed, names, options, amount)
+    if options.deformation in LOADS:
+        moved = loaded(problem, theta, LOADS[options.deformation](case, problem, amount), options.element, last)
+        if not moved.equilibrium.converged:
+            nothing = np.full(len(theta), np.nan)
+            return problem, Prediction(None, moved.equilibrium, nothing, np.nan, moved.equilibrium.reason)
+        problem = moved.problem
+    return problem, predict(problem, theta, last, options.element)
+
+
+def _problem(
+    case: CaseFolder, labels: Volume, meshed: MeshedCase, names: Mapping[int, str], options: PlanOptions, amount: float
+) -> IdentificationProblem:
+    moved = {} if options.deformation in LOADS else _moved(labels, options.deformation, amount)
+    walls = {name: _pair(wall) for name, wall in moved.items()}
+    organ = _plain(organ_surfaces(labels))
+    facts = facts_of(case)
+    if options.noise_sd_mm is not None:
+        facts = replace(facts, noise_sd_mm=options.noise_sd_mm)
+    return IdentificationProblem(meshed.mesh, meshed.boundary, walls, SurfacePair(organ, organ), facts, dict(names))
+
+
+def _moved(labels: Volume, deformation: str, amount: float) -> dict[str, MovedWall]:
+    """Walls of a deformation; the bladder gives off or takes in nine tenths of what the rectum changes by."""
+    has_bladder = bool((labels.array == BLADDER).any())
+    if deformation == "bladder":
+        still = RectumSpec(inflate_mm=0.0) if (labels.array == RECTUM).any() else None
+        return moved_walls(labels, still, BladderSpec(0.0, push_mm=(0.0, 0.0, -amount)))
+    sign = 1.0 if deformation == "balloon" else -1.0
+    rectum = RectumSpec(inflate_mm=sign * amount, push_mm=(0.0, -0.5 * sign * amount, 0.0), half_length_mm=60.0)
+    return moved_walls(labels, rectum, BladderSpec() if has_bladder else None)
+
+
+def _pair(wall: MovedWall) -> SurfacePair:
+    rest = wall.surface
+    moved = rest.points + wall.motion.displacement(rest.points)
+    return SurfacePair(_plain(rest), Surface(moved, rest.faces, rest.region))
+
+
+def _plain(surface: TriSurface) -> Surface:
+    return Surface(surface.points, surface.faces, surface.region)
+
+
+def _row(amount: float, found: Prediction, names: list[str]) -> dict[str, Any]:
+    if found.posterior is None:
+        return {"amount": amount, "sd_ln_G": None, "reason": found.reason}
+    return {
+        "amount": amount,
+        "sd_ln_G": dict(zip(names, found.posterior.sd.tolist(), strict=True)),
+        "ci95_kpa": dict(zip(names, found.posterior.interval().tolist(), strict=True)),
+        "signal_mm": dict(zip(names, found.signal_mm.tolist(), strict=True)),
+        "organ_motion_mm": found.motion_mm,
+        "singular_values": found.posterior.singular_values.tolist(),
+    }
+
+
+def _verdict(rows: list[dict[str, Any]], names: list[str], deformation: str, unit: str) -> str:
+    """In words: from which amount on each region is known to a fifth."""
+    parts = []
+    for name in names:
+        assert name in LABEL_VALUES
+        enough = [row["amount"] for row in rows if row["sd_ln_G"] is not None and row["sd_ln_G"][name] < 0.2]
+        best = min(row["sd_ln_G"][name] for row in rows if row["sd_ln_G"] is not None)
+        told = f"known to 22 % or better from {enough[0]:g} {unit} on" if enough else (
+            f"never better than a factor of {np.exp(best):.1f} in this range")  # fmt: skip
+        parts.append(f"{name.replace('_', ' ')}: {told}")
+    return f"{deformation}: " + "; ".join(parts)

@@ -1,0 +1,73 @@
+"""Planned deformations that are stated by their cause: pressure in the rectum, and gravity that turns with the patient."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from palpate.case.case_folder import CaseFolder
+from palpate.core.errors import InputError
+from palpate.core.fem.space import Space
+from palpate.core.fem.terms.base import Term
+from palpate.core.fem.terms.loads import body_force, traction
+from palpate.core.fem.terms.pressure import FollowerPressure
+from palpate.core.identify.loaded import Loads
+from palpate.core.problem import IdentificationProblem
+from palpate.meshing.smooth_distance import FloatArray, IntArray
+
+# 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
+_WEIGHT = 1e-6
+_DENSITY = 1050.0
+_SUPINE = (0.0, 9.81, 0.0)
+
+
+def rectal_pressure(case: CaseFolder, problem: IdentificationProblem, amount: float) -> Loads:
+    """amount kPa more in the rectum than in the scan at rest. Raises InputError without a rectum."""
+    faces = problem.boundary.get("rectum")
+    if faces is None or not len(faces):
+        raise InputError(f"{case.file('rest.nii.gz')} holds no rectum (label 6) for the pressure to act in; draw it")
+    return lambda space: [FollowerPressure.on(space, faces, amount)]
+
+
+def turned_gravity(case: CaseFolder, problem: IdentificationProblem, amount: float) -> Loads:
+    """The patient turned by amount degrees about the long axis; urine presses on the bladder's wall, the rectum holds gas.
+
+    Gravity of the scan at rest is the case's, supine where it does not say.
+    """
+    before = np.array(case.facts.gravity_rest or _SUPINE)
+    angle = np.radians(amount)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    change = _WEIGHT * float(case.facts.other.get("density_kg_m3", _DENSITY)) * (turn @ before - before)
+    bladder = problem.boundary.get("bladder")
+
+    def loads(space: Space) -> list[Term]:
+        terms: list[Term] = [body_force(space, change)]
+        if bladder is not None and len(bladder):
+            terms.append(traction(space, bladder, _hydrostatic(problem.mesh.points, bladder, change)))
+        return terms
+
+    return loads
+
+
+def _hydrostatic(points: FloatArray, faces: IntArray, change: FloatArray) -> FloatArray:
+    """(f, 3) kPa on faces (f, 3) of the mesh: a fluid's pressure whose weight changes by `change` (3,) kPa/mm, none at its middle."""
+    X = points[faces]
+    normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+    area = np.linalg.norm(normal, axis=1, keepdims=True)
+    centre = X.mean(axis=1)
+    pressure = (centre - (area * centre).sum(axis=0) / area.sum()) @ change
+    return np.asarray(-pressure[:, None] * normal / area, dtype=np.float64)
+
+
+NOTES = {
+    "pressure": ("the walls' motion is predicted with the assumed stiffness; the bladder's wall is free to give way",),
+    "posture": (
+        "the bladder is taken to hold urine and the rectum gas; the spread is that of contours alone: `identify` leaves gravity out, "
+        "so it would take what the organ sags by itself for stiffness",
+    ),
+}
+LOADS: dict[str, Callable[[CaseFolder, IdentificationProblem, float], Loads]] = {
+    "pressure": rectal_pressure,
+    "posture": turned_gravity,
+}

@@ -1,0 +1,116 @@
+"""Identification again from other contours of the deformed organ: the scene is known, only its data are new."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.second_drawing import redrawn_labels
+from palpate.core.errors import InputError
+from palpate.core.identify.again import FILE, Again, identify_again
+from palpate.core.identify.misfit_figures import misfit_figures
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.parameter_facts import parameter_facts
+from palpate.core.identify.parameters import StiffnessParameters
+from palpate.core.identify.posterior import verdict
+from palpate.core.identify.split import separable
+from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.worker.executors import one_thread
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import organ_surfaces
+
+# What of a case the scene was made from: with another of them it is another scene.
+_SCENE = ("mesh.npz", "case.json")
+
+
+def run(case: CaseFolder, path: Path, progress: Progress = silent) -> dict[str, Any]:
+    """Write again.json of a case that a swarm has identified, from labels drawn on its deformed scan, and return it.
+
+    path : of any kind that an import takes, in the deformed scan's own coordinates. Mesh, walls and weights stay those of
+    the first identification, and result.json too. seconds, cpu_seconds : from the organ's surface to the stiffness.
+    Raises InputError where there is no identification, it left no reduced model, the case has changed since, or the
+    labels cannot be read.
+    """
+    earlier = _earlier(case)
+    progress(0.1, "reading the labels")
+    labels = redrawn_labels(case, "deformed", path)
+    progress(0.4, "the organ's surface")
+    problem = _with_organ(IdentificationProblem.load(case.file("identify") / "problem.npz"), labels)
+    options = IdentifyOptions(**earlier["options"])
+    progress(0.7, "stiffness")
+    began = time.perf_counter(), time.process_time()
+    limits = one_thread()
+    found = identify_again(case.file("identify"), problem, options)
+    limits.restore_original_limits()
+    seconds = time.perf_counter() - began[0], time.process_time() - began[1]
+    if found is None:
+        raise _no_model(case)
+    result = _result(problem, options, found) | {
+        "seconds": round(seconds[0], 3),
+        "cpu_seconds": round(seconds[1], 3),
+        "labels_sha256": file_sha256(path),
+        "options": earlier["options"],
+        "research_use": True,
+    }
+    case.write_json("again.json", result)
+    progress(1.0, "stiffness found again")
+    return result
+
+
+def _earlier(case: CaseFolder) -> dict[str, Any]:
+    """result.json of the first identification, once it is sure that it stands for the case as it is now."""
+    if not (case.has("result.json") and case.has(f"identify/{FILE}")):
+        raise _no_model(case)
+    result: dict[str, Any] = case.read_json("result.json")
+    known = result.get("inputs_sha256", {})
+    changed = [name for name in _SCENE if known.get(name) != case.inputs_sha256([name])]
+    if changed or "options" not in result:
+        raise InputError(
+            f"{case.file((changed or ['result.json'])[0])} is not that of the last identification; run `palpate identify` first"
+        )
+    return result
+
+
+def _no_model(case: CaseFolder) -> InputError:
+    return InputError(
+        f"{case.file('identify')} holds no reduced model of this scene; run `palpate identify` with --method swarm and "
+        "--boundary coupled first"
+    )
+
+
+def _with_organ(problem: IdentificationProblem, labels: Volume) -> IdentificationProblem:
+    """The problem with the organ's deformed surface from these labels."""
+    drawn = organ_surfaces(labels)
+    region = drawn.region
+    if set(np.unique(region).tolist()) != set(
+        problem.regions
+    ):  # drawn whole: sides as the nearest of the earlier contours
+        before = problem.organ.deformed
+        nearest = cKDTree(before.points[before.faces].mean(axis=1))
+        region = before.region[nearest.query(drawn.points[drawn.faces].mean(axis=1))[1]]
+    deformed = Surface(drawn.points, drawn.faces, region)
+    return replace(problem, organ=SurfacePair(problem.organ.rest, deformed))
+
+
+def _result(problem: IdentificationProblem, options: IdentifyOptions, found: Again) -> dict[str, Any]:
+    names = tuple(problem.region_names[r] for r in problem.regions)
+    parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
+    shares = found.posterior.of(parameters.shares) if options.split_mu else None
+    return {
+        "parameters": parameter_facts(names, parameters, found.posterior),
+        "identifiability": {
+            "singular_values": found.posterior.singular_values,
+            "mu1_mu2_separable": separable(parameters, found.posterior),
+            "verdict": verdict(names, found.posterior.of(parameters.stiffness), shares),
+        },
+        "misfit": misfit_figures(problem, found.points, found.region, found.moved),
+        "model_error_mm": found.model_error_mm,
+        "walls": "where the first identification settled them",
+    }

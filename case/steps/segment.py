@@ -1,0 +1,177 @@
+"""The segment step of a case: both scans, or what a person drew on them, to label volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.drawn_labels import drawn_labels
+from palpate.case.steps.import_scans.rest_only import is_alone
+from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.itksnap_labels import label_description
+from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LABELS
+from palpate.imaging.volume import Volume
+from palpate.segmentation.bone.motion import bone_motions, motion_notes
+from palpate.segmentation.pelvis import segment_pelvis
+from palpate.segmentation.prompts import Prompts, check_inside
+from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
+from palpate.segmentation.tissue import cropped, label_array, region_of_interest
+
+STEP = "segment"
+OUTPUTS = (
+    *("rest.nii.gz", "deformed.nii.gz", "labels.txt", "segmentation.json"),
+    *("rest_bones.nii.gz", "deformed_bones.nii.gz", "bones.txt"),
+)
+INPUTS = ("rest_ct", "deformed_ct", "alignment.json", "rest_user.nii.gz", "deformed_user.nii.gz", "user_labels.json")
+# The deformed labels reach this far beyond the region that is modelled at rest, so that every surface is whole there.
+DEFORMED_ROOM_MM = 10.0
+# How far, mm, an organ may lie from where it was at rest when only the scan at rest has been clicked on.
+CARRIED_SD_MM = 8.0
+
+
+@dataclass(frozen=True)
+class SegmentOptions:
+    """How to segment.
+
+    prompts : what a person pointed at in the scan at rest, LPS mm. prompts_deformed : in the deformed scan's own
+    coordinates. margin_mm : tissue that is modelled around the prostate, along x, y, z. model : a learned model that is
+    installed, for what nobody drew or pointed at.
+    """
+
+    prompts: Prompts = field(default_factory=Prompts)
+    prompts_deformed: Prompts = field(default_factory=Prompts)
+    margin_mm: tuple[float, float, float] = (36.0, 52.0, 62.0)
+    model: str | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able form, for the hash of the step's inputs."""
+        return {
+            "prompts": self.prompts.to_dict(),
+            "prompts_deformed": self.prompts_deformed.to_dict(),
+            "margin_mm": list(self.margin_mm),
+            "model": self.model,
+        }
+
+
+def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+    """Writes rest.nii.gz, deformed.nii.gz (both in the rest frame), labels.txt and segmentation.json; returns the last.
+
+    STATE_bones.nii.gz (names in bones.txt) says of each bone voxel which bone it is.
+
+    Labels that a person drew (STATE_user.nii.gz) are taken as they are; only what is missing is found. Nothing is done
+    when scans, drawn labels and options are those of the last run, or when the case came with label volumes.
+
+    Raises InputError when there is nothing to segment, the scans show no pelvis, or no prostate is found.
+    """
+    options = options or SegmentOptions()
+    inputs = case.inputs_sha256(INPUTS, options.to_dict())
+    if case.step_is_done(STEP, inputs):
+        report: dict[str, Any] = case.read_json("segmentation.json")
+        return report
+    alone = is_alone(case)
+    states = STATES[:1] if alone else STATES
+    came_with_labels = all(case.has_labels(state) for state in states) and not case.has("segmentation.json")
+    if came_with_labels or not all(case.has(f"{state}_ct") for state in states):
+        return _labels_alone(case, progress, states)
+    found = _found(case, options, progress, alone)
+    report = _write(case, found, options)
+    case.mark_done(STEP, inputs, [name for name in OUTPUTS if not (alone and name.startswith("deformed"))])
+    progress(1.0, "labels written")
+    return report
+
+
+def _found(case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool) -> dict[str, SegmentedState]:
+    """Both states, or where the scan at rest is alone, that one."""
+    rest = _segmented(case, "rest", options.prompts, options.model, lambda f, m: progress(0.45 * f, f"rest: {m}"))
+    if alone:
+        return {"rest": rest}
+    carried = options.prompts_deformed.moved(case.deformed_to_rest()).or_near(_centroids(rest), CARRIED_SD_MM)
+    deformed = _segmented(
+        case, "deformed", carried, options.model, lambda f, m: progress(0.45 + 0.45 * f, f"deformed: {m}")
+    )
+    return {"rest": rest, "deformed": deformed}
+
+
+def _segmented(case: CaseFolder, state: str, prompts: Prompts, model: str | None, progress: Progress) -> SegmentedState:
+    drawn, ct = drawn_labels(case, state), case.ct(state)
+    check_inside(ct, prompts, state)
+    segmentation = segment_pelvis(ct, prompts, drawn.organs if drawn else {}, progress, model)
+    # Voxels that a person drew stay as they are; what has been found is written as finely as it was found.
+    by_hand = drawn is not None and "prostate" in drawn.organs
+    grid = drawn.volume if drawn is not None and by_hand else segmentation.scene.grid
+    return SegmentedState(segmentation, drawn, grid)
+
+
+def _centroids(state: SegmentedState) -> dict[str, NDArray[np.float64]]:
+    grid = state.segmentation.scene.grid
+    return {
+        name: grid.to_lps(np.argwhere(found.mask).mean(axis=0)[None])[0]
+        for name, found in state.segmentation.organs.items()
+        if name == "prostate"
+    }
+
+
+def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: SegmentOptions) -> dict[str, Any]:
+    rest = found["rest"]
+    normal, source = midline_normal(rest.segmentation.scene.pelvis)
+    roi = region_of_interest(rest.prostate, np.array(options.margin_mm))
+    report: dict[str, Any] = {"region_of_interest_mm": roi, "states": {}}
+    volumes = {}
+    for state, part in found.items():
+        box = roi if state == "rest" else roi + DEFORMED_ROOM_MM * np.array([[-1.0], [1.0]])
+        prompts = options.prompts if state == "rest" else options.prompts_deformed.moved(case.deformed_to_rest())
+        plane = split_plane(part.prostate, normal, source, prompts.seeds.get("urethra"))
+        volumes[state] = labels_of(part, plane, box)
+        report["states"][state] = state_report(part, volumes[state], plane, box)
+    other = found.get("deformed")
+    motions = bone_motions(rest.segmentation.bones, other.segmentation.bones) if other else {}
+    report["bone_motion"] = {name: motion.to_dict() for name, motion in motions.items()}
+    report["notes"] = notes_on(report["states"]) + motion_notes(motions)
+    # The report first: labels without one are taken as a person's own, and a killed run's are not.
+    case.write_json("segmentation.json", report)
+    for state, labels in volumes.items():
+        with case.atomic_path(f"{state}_bones.nii.gz") as path:
+            write_labels(path, bones_of(found[state], labels))
+    with case.atomic_path("bones.txt") as path:
+        path.write_text(label_description(BONE_PARTS, BONE_PART_COLOURS), encoding="utf-8")
+    for state, labels in volumes.items():
+        case.write_labels(state, labels)
+    return case.read_json("segmentation.json")
+
+
+def labels_of(part: SegmentedState, plane: Plane, box: NDArray[np.float64]) -> Volume:
+    """The labels of a segmented scan within a box (2, 3) mm; left and right as drawn, or divided by the plane."""
+    kept = part.drawn.prostate_labels if part.drawn is not None else None
+    sides = halves(part.prostate, plane) if kept is None else kept
+    masks = {name: part.mask(name) for name in (*part.segmentation.organs, "bone") if name != "prostate"}
+    body = part.mask("body")
+    near = cropped(part.grid.with_array(np.arange(part.grid.array.size).reshape(part.grid.array.shape)), box)
+    pick = near.array
+    chosen = {name: mask.ravel()[pick] for name, mask in masks.items()}
+    return near.with_array(label_array(sides.ravel()[pick], chosen, body.ravel()[pick]))
+
+
+def bones_of(part: SegmentedState, labels: Volume) -> Volume:
+    """Which bone (values of BONE_PARTS) each voxel labelled bone is."""
+    return labels.with_array(part.segmentation.bones.on(labels, labels.array == BONE))
+
+
+def _labels_alone(case: CaseFolder, progress: Progress, states: tuple[str, ...]) -> dict[str, Any]:
+    """Nothing to segment: label volumes that came with the case are the input of the next step."""
+    missing = [case.file(f"{state}_ct") for state in states if not case.has(f"{state}_ct")]
+    if not all(case.has_labels(state) for state in states):
+        raise InputError(f"{missing[0]} is not there and there are no label volumes; import the scans first")
+    volumes = {state: case.labels(state) for state in states}
+    for state, labels in volumes.items():
+        if not np.isin(labels.array, ORGAN_LABELS).any():
+            raise InputError(f"{case.file(state + '.nii.gz')} holds no prostate (labels 1, 2); draw it")
+    progress(1.0, "label volumes are there already")
+    return {"states": {state: {"source": "label volumes"} for state in states}, "notes": []}

@@ -1,0 +1,1 @@
+"""Simulate: a case folder whose stiffness is known, answers apart."""

@@ -1,0 +1,45 @@
+"""A CT and the contours drawn on it as the body that a simulation starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from palpate.case.drawn_labels import drawn_of
+from palpate.case.steps.segment import SegmentOptions, labels_of
+from palpate.case.steps.segment_report import SegmentedState
+from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.grid import in_lps_order
+from palpate.segmentation.pelvis import segment_pelvis
+from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.prostate.halves import midline_normal, split_plane
+from palpate.segmentation.tissue import region_of_interest
+from palpate.simulate.source import VolumeSource
+
+
+@dataclass(frozen=True)
+class CtSource:
+    """ct : folder of a CT series. labels : RTSTRUCT, DICOM SEG or label volume drawn on it, the prostate at least."""
+
+    ct: Path
+    labels: Path
+
+
+def ct_source(source: CtSource, progress: Progress = silent) -> VolumeSource:
+    """The modelled region of a CT: what was drawn as it was drawn, bone and what is missing found by threshold and shape.
+
+    Raises InputError, naming the file, when the CT or the contours cannot be read or hold no prostate.
+    """
+    ct, facts = read_series(source.ct)
+    ct = in_lps_order(ct)
+    drawn = drawn_of(read_user_labels(source.labels, ct, facts), source.labels)
+    found = segment_pelvis(ct, Prompts(), drawn.organs, progress)
+    part = SegmentedState(found, drawn, drawn.volume)
+    normal, origin = midline_normal(found.scene.pelvis)
+    plane = split_plane(part.prostate, normal, origin, None)
+    region = region_of_interest(part.prostate, np.array(SegmentOptions().margin_mm))
+    return VolumeSource(source.ct.name, labels_of(part, plane, region), ct)

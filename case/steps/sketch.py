@@ -1,0 +1,126 @@
+"""Drawn keyframes to a moving figure: read, mesh the first, fit stiffness and forces, move."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.case.steps.sketch_summary import summary_of
+from palpate.core.errors import InputError
+from palpate.core.sketch.closing import closed
+from palpate.core.sketch.figure import SIDES, Figure, FigureOptions
+from palpate.core.sketch.fit import Fit, fit_keyframes
+from palpate.core.sketch.fit_walk import FitOptions
+from palpate.core.sketch.held import sides_that_stay
+from palpate.core.sketch.matching import matched
+from palpate.core.sketch.motion import MotionOptions, Moving, animate
+from palpate.core.sketch.residual import Target
+from palpate.core.sketch.swarm_fit import SwarmFitOptions, swarm_fit
+from palpate.core.worker.progress import Progress, part, silent
+from palpate.imaging.drawings.drawing import Drawing, read_drawing
+from palpate.meshing.extrude import mesh_figure
+
+# Cells of a figure of one colour, whose shape alone matters, and of one of several: measured, a ratio found with 600 is off by 11 %
+# and with 1,500 by 4 %.
+_CELLS, _CELLS_OF_PARTS = 600, 1500
+# Steps along the observed rim, in figure sizes.
+_SPACING = 0.01
+
+
+@dataclass(frozen=True)
+class SketchOptions:
+    """size_mm : of the figure in the first keyframe. hold : sides that do not move, None to see from the keyframes.
+
+    poisson_ratio : of all parts. line_error : of the drawn lines, in figure sizes. cells : of the mesh, about; None for what serves.
+    pull_n_per_mm : the known total force on the figure in the second keyframe, N per mm of its thickness; without it stiffness is
+    relative. swarm : options of the paper's search; None for Gauss-Newton alone. motion : of the film.
+    """
+
+    size_mm: float = 100.0
+    hold: tuple[str, ...] | None = None
+    poisson_ratio: float = 0.4
+    line_error: float = 0.004
+    cells: int | None = None
+    highest_degree: int = 3
+    pull_n_per_mm: float | None = None
+    swarm: SwarmFitOptions | None = None
+    motion: MotionOptions = field(default_factory=MotionOptions)
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """What came of it. drawings : as read. figure, fit, moving : see core.sketch. summary : sketch.json."""
+
+    drawings: tuple[Drawing, ...]
+    figure: Figure
+    fit: Fit
+    moving: Moving
+    summary: dict[str, Any]
+
+
+def run_sketch(keys: Sequence[Path], options: SketchOptions | None = None, progress: Progress = silent) -> Sketch:
+    """Nothing is written. Raises InputError (file, what, remedy) for drawings that are no keyframes of one figure,
+    ConvergenceError where the figure cannot be brought to them."""
+    options = options or SketchOptions()
+    began = time.perf_counter()
+    progress(0.0, "reading the drawings")
+    first = read_drawing(keys[0], size_mm=options.size_mm)
+    drawings = (first, *(read_drawing(key, first.scale) for key in keys[1:]))
+    held = options.hold if options.hold is not None else _held(drawings)
+    targets = _targets(keys, drawings, held)
+    progress(0.04, "meshing the first keyframe")
+    cells = options.cells or (_CELLS if len(first.picture.colours) == 1 else _CELLS_OF_PARTS)
+    mesh = mesh_figure(first.outline, first.part_at, cells)
+    rim = first.outline.resampled(_SPACING * first.outline.size)
+    figure = Figure(mesh, rim, FigureOptions(held, options.poisson_ratio))
+    fit_options = FitOptions(options.line_error)
+    # Where there is no ratio to find, forces need not be few.
+    highest = options.highest_degree if len(figure.parts) > 1 else min(1, options.highest_degree)
+    fit = fit_keyframes(figure, targets, fit_options, highest, part(progress, 0.1, 0.6))
+    swarm = None
+    if options.swarm is not None and len(figure.parts) > 1:
+        swarm, _ = swarm_fit(figure, targets, fit, fit_options, options.swarm, part(progress, 0.6, 0.75))
+    progress(0.76, "drawing the rim onto the lines")
+    fit = closed(figure, targets, fit)
+    moving = animate(figure, fit, options.motion, part(progress, 0.8, 1.0))
+    summary = summary_of(keys, drawings, figure, fit, moving, options)
+    if swarm is not None:
+        summary["swarm"] = {"ratios": np.exp(swarm.theta).round(4).tolist(), "misfit": round(swarm.misfit, 3)}
+    summary["seconds"] = round(time.perf_counter() - began, 1)
+    return Sketch(drawings, figure, fit, moving, summary)
+
+
+def _held(drawings: tuple[Drawing, ...]) -> tuple[str, ...]:
+    return sides_that_stay(drawings[0].outline, [d.outline for d in drawings[1:]])
+
+
+def _targets(keys: Sequence[Path], drawings: tuple[Drawing, ...], held: tuple[str, ...]) -> tuple[Target, ...]:
+    unknown = sorted(set(held) - set(SIDES))
+    if unknown:
+        raise InputError(f"a figure has no side '{unknown[0]}'; choose from {', '.join(SIDES)}")
+    rest = drawings[0].outline
+    rim = rest.resampled(_SPACING * rest.size)
+    targets = []
+    for key, drawing in zip(keys[1:], drawings[1:], strict=True):
+        larger = drawing.outline.area / rest.area
+        if not 0.25 < larger < 4.0:
+            raise InputError(f"{key} shows a figure of {larger:.2g} times the first one's area; draw the same one")
+        outline = drawing.outline.resampled(_SPACING * rest.size)
+        targets.append(Target(outline, matched(rim, outline, str(key), bool(held))))
+    return tuple(targets)
+
+
+def triangles(figure: Figure) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Front faces (f, 3) of the figure's mesh and the part (f,) each belongs to, for pictures."""
+    mesh = figure.space.mesh
+    faces, owner = mesh.boundary
+    X = mesh.points[faces]
+    normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+    front = normal[:, 2] > 0.5 * np.linalg.norm(normal, axis=1)
+    return faces[front], mesh.regions[owner[front]]
