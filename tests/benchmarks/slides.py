@@ -26,11 +26,11 @@ from palpate.core.gap.noise_model import slide_responses
 from palpate.core.gap.sight import Sight
 from palpate.core.gap.stage import Stage
 from palpate.core.worker.executors import one_thread
-from palpate.segmentation.gap_cases import simulated
-from palpate.segmentation.gap_drawn import write_case
-from palpate.segmentation.gap_patient import Made
-from palpate.segmentation.gap_recipe import Recipe
-from palpate.segmentation.gap_recipes import StudyOptions, recipes_of
+from palpate.validate.blind.cases import simulated
+from palpate.validate.blind.patient import Made
+from palpate.validate.blind.recipe import Recipe
+from palpate.validate.blind.recipes import StudyOptions, recipes_of
+from palpate.validate.blind.write_case import write_case
 
 FloatArray = NDArray[np.float64]
 

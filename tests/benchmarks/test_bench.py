@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.core.bench.contender import PEERS, Contender, ContenderSpec, solve_with_fewest_steps
-from palpate.core.bench.environment import ours, peer_python
-from palpate.core.bench.equilibrium import EquilibriumTable, scenes
-from palpate.core.bench.options import BenchOptions
-from palpate.core.bench.run import run_bench
-from palpate.core.bench.scaling import fitted_exponent
-from palpate.core.bench.scene_file import BenchScene, write_scene
 from palpate.ui.cli.bench import text_of
+from palpate.validate.bench.contender import PEERS, Contender, ContenderSpec, solve_with_fewest_steps
+from palpate.validate.bench.environment import ours, peer_python
+from palpate.validate.bench.equilibrium import EquilibriumTable, scenes
+from palpate.validate.bench.options import BenchOptions
+from palpate.validate.bench.run import run_bench
+from palpate.validate.bench.scaling import fitted_exponent
+from palpate.validate.bench.scene_file import BenchScene, write_scene
 
 ELEMENTS = ("p1", "p2", "p2p1")
 

@@ -5,12 +5,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from palpate.core.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.core.errors import InputError
 from palpate.core.fem.newton import NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.identify.batch import solve_many, tour
 from palpate.core.worker.executors import make_executor
+from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 
 FACTORY = partial(HalvedSphere, (2, 1, 2), "p1p1")
 THETAS = np.random.default_rng(8).uniform(BOUNDS[:, 0], BOUNDS[:, 1], (22, 2))

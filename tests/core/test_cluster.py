@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.core.validate.robustness import RobustnessOptions, robustness
 from palpate.core.worker.cluster import study_executor
 from palpate.core.worker.executors import SerialExecutor
+from palpate.validate.forward.robustness import RobustnessOptions, robustness
 
 
 class Counting(SerialExecutor):

@@ -17,7 +17,7 @@ from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box
 from palpate.core.fem.space import Space
 from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
-from palpate.core.validate.drop_scenes import bar_impact, rebound, slope
+from palpate.validate.drop.scenes import bar_impact, rebound, slope
 
 LAYER = Layer(thickness=0.5, stiffness=20.0, friction=0.4, sticking=2.0)
 

@@ -10,7 +10,7 @@ def test_every_package_is_listed() -> None:
     listed = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     there = [
         ".".join(["palpate", *init.parent.relative_to(TOP).parts])
-        for room in ("core", "imaging", "segmentation", "meshing", "simulate", "case", "ui")
+        for room in ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
         for init in (TOP / room).rglob("__init__.py")
     ]
     assert sorted(listed) == sorted(there)
@@ -18,7 +18,7 @@ def test_every_package_is_listed() -> None:
 
 def test_files_that_are_no_python_go_with_their_package() -> None:
     data = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
-    for room in ("core", "imaging", "segmentation", "meshing", "simulate", "case", "ui"):
+    for room in ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui"):
         for path in (TOP / room).rglob("*.*"):
             if path.suffix == ".py" or "__pycache__" in path.parts:
                 continue

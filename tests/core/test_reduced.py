@@ -5,12 +5,12 @@ import time
 import numpy as np
 import pytest
 
-from palpate.core.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem import reduced_kernel
 from palpate.core.fem.reduced import ReducedModel, scene_hash
 from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
 from palpate.core.fem.reduced_kernel import Features, best_fit, fit
+from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 
 UNSEEN = 200
 

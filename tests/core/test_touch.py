@@ -10,7 +10,7 @@ from palpate.core.touch.body import Body
 from palpate.core.touch.full import FullTouch
 from palpate.core.touch.quick import QuickOptions, QuickTouch
 from palpate.core.touch.session import Session
-from palpate.core.validate.touch_study import (
+from palpate.validate.touch_study import (
     TouchOptions,
     halved_ellipsoid,
     hertz,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from palpate.core.identify.uneven import amplitudes, uneven_responses
-from palpate.core.validate.tumour_scene import Divisions, DrivenScene, halved_ball
+from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball
 
 
 def test_the_uneven_region_is_named_and_the_uniform_one_gets_nothing() -> None:

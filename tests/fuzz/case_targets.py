@@ -21,7 +21,6 @@ from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
 from palpate.core.mesh import TetMesh
-from palpate.core.validate.cohort_study import cohort_of_table
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.job import Job
 from palpate.imaging.dicom.series import read_series
@@ -30,6 +29,7 @@ from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_file import load_mesh, save_mesh
 from palpate.segmentation.models.monai_bundle import bundle_plan
+from palpate.validate.paper.cohort import cohort_of_table
 
 # The good file, what reads it and raises InputError only, and whether it is text.
 Made = tuple[Path, Callable[[], object], bool]

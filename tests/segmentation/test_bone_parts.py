@@ -13,12 +13,12 @@ from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.femoral_heads import find_heads
 from palpate.segmentation.bone.lumbosacral_disc import above_sacrum
 from palpate.segmentation.bone.parts import bone_parts
-from palpate.segmentation.contoured_scan import contoured_scan
-from palpate.segmentation.dice import dice
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.search_region import make_scene
 from palpate.segmentation.working_grid import mask_on
 from palpate.simulate.phantom import anatomy, phantom
+from palpate.validate.segmentation.contoured_scan import contoured_scan
+from palpate.validate.segmentation.dice import dice
 
 # Order of the phantom's solids.
 PUBIS, SACRUM, HIP_LEFT, FEMUR_LEFT, HIP_RIGHT, FEMUR_RIGHT = range(6)

@@ -20,20 +20,20 @@ from palpate.core.laws.linear import LINEAR
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
-from palpate.segmentation import gap_cases
-from palpate.segmentation.gap_cases import make_case
-from palpate.segmentation.gap_drawn import widened
-from palpate.segmentation.gap_floor import noise_floor_mm, noise_whose_floor_is
-from palpate.segmentation.gap_recipe import Recipe
-from palpate.segmentation.gap_truth.anatomy import Rigid
-from palpate.segmentation.gap_truth.body import Body
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
-from palpate.segmentation.gap_truth.laws import Organ, Tissue
-from palpate.segmentation.gap_truth.newton import equilibrium, slopes_in
-from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm, true_surfaces
-from palpate.segmentation.gap_truth.simulated import Simulated
-from palpate.segmentation.gap_truth.states import held_nodes, shown
-from palpate.segmentation.gap_truth.strength import TooWeak
+from palpate.validate.blind import cases
+from palpate.validate.blind.cases import make_case
+from palpate.validate.blind.noise_floor import noise_floor_mm, noise_whose_floor_is
+from palpate.validate.blind.recipe import Recipe
+from palpate.validate.blind.simulator.effects import LIBRARY, OUTSIDE
+from palpate.validate.blind.simulator.fem import Body
+from palpate.validate.blind.simulator.laws import Organ, Tissue
+from palpate.validate.blind.simulator.newton import equilibrium, slopes_in
+from palpate.validate.blind.simulator.patients import Rigid
+from palpate.validate.blind.simulator.simulated_body import Simulated
+from palpate.validate.blind.simulator.states import held_nodes, shown
+from palpate.validate.blind.simulator.strength import TooWeak
+from palpate.validate.blind.simulator.visibility import effect_rows, joint_mm, true_surfaces
+from palpate.validate.blind.write_case import widened
 
 RADII = np.array([12.0, 9.0, 15.0])
 CENTRE = np.array([3.0, -2.0, 5.0])
@@ -277,9 +277,9 @@ def test_contours_are_drawn_better_where_an_effect_shows_less_than_it_shall(
     wanted: float, left: float, noise: float
 ) -> None:
     recipe = Recipe("x", 1, {"inclusion": 2.0}, noise_mm=0.3, shown_mm=wanted, least_noise_mm=0.05)
-    assert gap_cases._noise_mm(recipe, _Shows((9.0, left))) == pytest.approx(noise, abs=6e-4)  # type: ignore[arg-type]
+    assert cases._noise_mm(recipe, _Shows((9.0, left))) == pytest.approx(noise, abs=6e-4)  # type: ignore[arg-type]
     plain = replace(recipe, effects={})
-    assert gap_cases._noise_mm(plain, _Shows((0.0, 0.0))) == 0.3  # type: ignore[arg-type]
+    assert cases._noise_mm(plain, _Shows((0.0, 0.0))) == 0.3  # type: ignore[arg-type]
 
 
 def test_an_effect_shows_above_the_noise_floor_or_is_not_written(
@@ -288,11 +288,11 @@ def test_an_effect_shows_above_the_noise_floor_or_is_not_written(
     recipe = Recipe("x", 1, {"inclusion": 2.0}, noise_mm=0.3, shown_mm=0.6, least_noise_mm=0.12)
     least = noise_floor_mm(0.12)
     for left in np.linspace(1.001 * least, 0.6, 7).tolist():
-        floor = noise_floor_mm(gap_cases._noise_mm(recipe, _Shows((9.0, left))))  # type: ignore[arg-type]
+        floor = noise_floor_mm(cases._noise_mm(recipe, _Shows((9.0, left))))  # type: ignore[arg-type]
         assert least - 1e-3 <= floor <= left + 1e-3
     below = _Shows((9.0, 0.99 * least))
     monkeypatch.setattr(
-        gap_cases, "simulated", lambda *_: (replace(recipe, noise_mm=gap_cases._noise_mm(recipe, below)), below)
+        cases, "simulated", lambda *_: (replace(recipe, noise_mm=cases._noise_mm(recipe, below)), below)
     )
     with pytest.raises(TooWeak, match=r"0.34 mm are left"):
         make_case(recipe, tmp_path / "case", tmp_path / "answers")

@@ -20,16 +20,17 @@ from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.segmentation import gap_cases, gap_patient
-from palpate.segmentation.gap_cases import make_case
-from palpate.segmentation.gap_patient import Made
-from palpate.segmentation.gap_recipe import Recipe
-from palpate.segmentation.gap_recipes import StudyOptions, another, easier, recipes_of
-from palpate.segmentation.gap_truth.anatomy import Patient
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE, OWN_SHARE
-from palpate.segmentation.gap_truth.pelvis import Pelvis
-from palpate.segmentation.gap_truth.seen import effect_rows, joint_mm
 from palpate.simulate.walls import BladderSpec, RectumSpec
+from palpate.validate.blind import cases
+from palpate.validate.blind import patient as gap_patient
+from palpate.validate.blind.cases import make_case
+from palpate.validate.blind.patient import Made
+from palpate.validate.blind.recipe import Recipe
+from palpate.validate.blind.recipes import StudyOptions, another, easier, recipes_of
+from palpate.validate.blind.simulator.effects import LIBRARY, OUTSIDE, OWN_SHARE
+from palpate.validate.blind.simulator.patients import Patient
+from palpate.validate.blind.simulator.pelvis import Pelvis
+from palpate.validate.blind.simulator.visibility import effect_rows, joint_mm
 
 EMPTIED = (RectumSpec(-2.0), BladderSpec())
 
@@ -116,9 +117,9 @@ def block(meshed: MeshedCase, monkeypatch: pytest.MonkeyPatch) -> TetMesh:
     def walls(patient: Patient, filling: tuple[RectumSpec, BladderSpec]) -> Mapping[str, Push]:
         return {"rectum": Push(filling[0].inflate_mm)}
 
-    for module in (gap_cases, gap_patient):
+    for module in (cases, gap_patient):
         monkeypatch.setattr(module, "carried_walls", walls)
-    monkeypatch.setattr(gap_cases, "mesh_labels", lambda *_: meshed)
+    monkeypatch.setattr(cases, "mesh_labels", lambda *_: meshed)
     monkeypatch.setattr(Pelvis, "model_labels", None)
     monkeypatch.setattr(Patient, "of", lambda *_: Ball())
     return meshed.mesh
@@ -130,7 +131,7 @@ def recipe_with(effects: Mapping[str, float], *pushes: float) -> Recipe:
 
 
 def made(effects: Mapping[str, float], *pushes: float) -> Made:
-    return gap_cases.simulated(recipe_with(effects, *pushes))[1]
+    return cases.simulated(recipe_with(effects, *pushes))[1]
 
 
 def test_a_case_of_two_states_is_written_and_read(block: TetMesh, tmp_path: Path) -> None:
@@ -223,6 +224,6 @@ def test_what_shows_of_an_effect_is_over_all_states_with_one_stiffness(block: Te
 
 def test_the_search_for_a_strength_looks_at_the_first_state_alone(block: TetMesh) -> None:
     wanted = replace(recipe_with({"contour_bias": 0.0}), shown_mm=1.0)
-    one, two = (gap_cases.simulated(replace(wanted, more=more))[0] for more in ((), (EMPTIED,)))
+    one, two = (cases.simulated(replace(wanted, more=more))[0] for more in ((), (EMPTIED,)))
     assert one.effects == two.effects
     assert one.effects["contour_bias"] > 0.0

@@ -10,9 +10,9 @@ from scipy import ndimage
 
 from palpate.core.errors import ConvergenceError
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
-from palpate.segmentation.gap_recipes import BUILDS
-from palpate.segmentation.gap_truth.pelvis import Pelvis
-from palpate.segmentation.gap_truth.strength import Hopeless, TooWeak, strength
+from palpate.validate.blind.recipes import BUILDS
+from palpate.validate.blind.simulator.pelvis import Pelvis
+from palpate.validate.blind.simulator.strength import Hopeless, TooWeak, strength
 
 
 @pytest.mark.parametrize("slope", [0.5, 1.0, 2.0])

@@ -8,7 +8,7 @@ import pytest
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase, assemble
-from palpate.segmentation.meshing_study import (
+from palpate.validate.meshing_study import (
     contact_of_labels,
     contact_of_mesh,
     distance_from_outline,

@@ -11,11 +11,11 @@ from palpate.imaging.labels import BLADDER, BONE, RECTUM
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import wall_surface
 from palpate.segmentation.bladder.bladder import find_bladder
-from palpate.segmentation.dice import click_of, dice
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.prostate.prostate import find_prostate
 from palpate.simulate.phantom import anatomy, phantom
+from palpate.validate.segmentation.dice import click_of, dice
 
 LABELS = {"prostate": (1, 2), "bladder": (BLADDER,), "rectum": (RECTUM,)}
 SOLIDS = {

@@ -15,14 +15,14 @@ from organ_scans import found, scan, truth_of
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER
 from palpate.imaging.volume import Volume
-from palpate.segmentation import dice as dice_module
 from palpate.segmentation import pelvis
-from palpate.segmentation.contoured_scan import ContouredScan, contoured_scan
 from palpate.segmentation.methods.extreme_points import ellipsoid_of
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.methods.star_surface import sphere
 from palpate.segmentation.models.learned import learned_masks
-from palpate.segmentation.segment_study import _rank_correlation, segmentation_study, study_text
+from palpate.validate.segmentation import dice as dice_module
+from palpate.validate.segmentation.contoured_scan import ContouredScan, contoured_scan
+from palpate.validate.segmentation.study import _rank_correlation, segmentation_study, study_text
 
 SHEAR = np.array([[400.0, 90.0, -60.0], [90.0, 225.0, 50.0], [-60.0, 50.0, 300.0]])
 CENTRE = np.array([5.0, -30.0, 12.0])

@@ -16,12 +16,12 @@ from palpate.case.steps.segment import SegmentOptions, run_segment
 from palpate.core.errors import InputError
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
-from palpate.segmentation import dice as dice_module
-from palpate.segmentation.dice import dice, dice_table, extremes_of
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found
 from palpate.segmentation.working_grid import mask_on
+from palpate.validate.segmentation import dice as dice_module
+from palpate.validate.segmentation.dice import dice, dice_table, extremes_of
 
 # The test phantom's scan is smaller than the region that a whole pelvis is modelled in.
 NEAR = SegmentOptions(margin_mm=(34.0, 34.0, 30.0))

@@ -14,12 +14,12 @@ from PIL import Image
 from palpate.case.steps import touch
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
-from palpate.core.validate.touch_study import TouchOptions, halved_ellipsoid, touch_study
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
 from palpate.ui.cli import main as cli
 from palpate.ui.cli.study_touch import touch_text
 from palpate.ui.desktop.touch_script import parse
+from palpate.validate.touch_study import TouchOptions, halved_ellipsoid, touch_study
 
 X, Y, Z = (float(c) for c in CENTRE)
 

@@ -16,9 +16,9 @@ from x_display import needs_xvfb, x_display
 
 from palpate.core.mesh import TetMesh
 from palpate.core.touch.body import Body
-from palpate.core.validate.touch_study import halved_ellipsoid
 from palpate.ui.desktop.camera import Camera, first_hit
 from palpate.ui.desktop.touch_child import Child, load_body, save_body
+from palpate.validate.touch_study import halved_ellipsoid
 
 # Plays a script in a window of its own process: Qt allows one application in a process.
 PLAY = """

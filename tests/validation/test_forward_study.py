@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.core.bench.options import BenchOptions
 from palpate.core.fem.elements import DEFAULT_ELEMENT
 from palpate.core.fem.meshes import ORGAN, TISSUE, refined, sphere_in_cube
 from palpate.core.fem.scenes import DRIVES, sphere_scene, standard_sphere_mesh
-from palpate.core.validate.forward import ForwardOptions, forward, reference_rms, seconds_to
-from palpate.core.validate.forward import element_errors as errors_of
 from palpate.ui.cli.validate import STUDIES
 from palpate.ui.pictures.element_errors import element_errors
+from palpate.validate.bench.options import BenchOptions
+from palpate.validate.forward.study import ForwardOptions, forward, reference_rms, seconds_to
+from palpate.validate.forward.study import element_errors as errors_of
 
 
 @pytest.mark.parametrize("drive", DRIVES)

@@ -12,16 +12,16 @@ from phantoms import write_case
 
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.core.errors import ConvergenceError, InputError
-from palpate.segmentation import gap_study
-from palpate.segmentation.gap_achieved import achieved
-from palpate.segmentation.gap_floor import noise_floor_mm
-from palpate.segmentation.gap_recipe import Recipe
-from palpate.segmentation.gap_recipes import NOISE_MM, StudyOptions, another, instead, recipes_of
-from palpate.segmentation.gap_scores import scores
-from palpate.segmentation.gap_truth.hidden import LIBRARY, OUTSIDE
-from palpate.segmentation.gap_truth.strength import Hopeless, TooWeak
 from palpate.simulate.walls import BladderSpec, RectumSpec
 from palpate.ui.cli import main as cli
+from palpate.validate.blind import study as gap_study
+from palpate.validate.blind.achieved import achieved
+from palpate.validate.blind.noise_floor import noise_floor_mm
+from palpate.validate.blind.recipe import Recipe
+from palpate.validate.blind.recipes import NOISE_MM, StudyOptions, another, instead, recipes_of
+from palpate.validate.blind.scores import scores
+from palpate.validate.blind.simulator.effects import LIBRARY, OUTSIDE
+from palpate.validate.blind.simulator.strength import Hopeless, TooWeak
 
 STIFFNESS = {"prostate_left": {"G_kpa": 21.0, "sd_ln_G": 0.2}, "prostate_right": {"G_kpa": 90.0, "sd_ln_G": 0.1}}
 

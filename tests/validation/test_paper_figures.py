@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.core.validate.cohort_study import CohortOptions, cohort, cohort_of_table
-from palpate.core.validate.coverage import CoverageOptions, coverage
-from palpate.core.validate.resolution_study import ResolutionOptions, resolution
-from palpate.core.validate.sensitivity_study import SensitivityOptions, sensitivity, verdict
-from palpate.core.validate.swarm_study import SwarmStudyOptions, swarm_study
-from palpate.core.validate.tumour_scene import Divisions
 from palpate.ui.cli.validate import STUDIES
+from palpate.validate.coverage import CoverageOptions, coverage
+from palpate.validate.paper.cohort import CohortOptions, cohort, cohort_of_table
+from palpate.validate.paper.resolution import ResolutionOptions, resolution
+from palpate.validate.paper.sensitivity import SensitivityOptions, sensitivity, verdict
+from palpate.validate.paper.swarm import SwarmStudyOptions, swarm_study
+from palpate.validate.paper.tumour_scene import Divisions
 
 SMALL, DATA = Divisions(2, 1, 1), Divisions(4, 1, 1)
 

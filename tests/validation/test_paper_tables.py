@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from palpate.core.validate.tumour_data import tumour_data
-from palpate.core.validate.tumour_scene import LEFT, TUMOUR, Divisions, halved_ball, organ_volume, with_tumour
-from palpate.core.validate.tumour_tables import TableOptions, table1
 from palpate.ui.cli.validate import STUDIES
+from palpate.validate.paper.tumour_data import tumour_data
+from palpate.validate.paper.tumour_scene import LEFT, TUMOUR, Divisions, halved_ball, organ_volume, with_tumour
+from palpate.validate.paper.tumour_tables import TableOptions, table1
 
 
 @pytest.fixture(scope="module")

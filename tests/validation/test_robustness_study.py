@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.core.validate.random_scenes import ELEMENT_SHARES, random_scene
-from palpate.core.validate.robustness import RobustnessOptions, robustness
-from palpate.core.validate.scene_log import append_rows, read_rows
+from palpate.validate.forward.random_scenes import ELEMENT_SHARES, random_scene
+from palpate.validate.forward.robustness import RobustnessOptions, robustness
+from palpate.validate.forward.scene_log import append_rows, read_rows
 
 
 def test_random_particles_end_in_a_stable_equilibrium_or_a_reason() -> None:

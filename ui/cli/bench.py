@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Measures; see `run_bench`."""
-    from palpate.core.bench.run import BenchOptions, run_bench
+    from palpate.validate.bench.run import BenchOptions, run_bench
 
     no_points(args)
     chosen: dict[str, Any] = {"peers": args.peer, "parts": args.part, "sizes": args.cells, "scaling_sizes": args.cells,

@@ -11,7 +11,7 @@ from palpate.ui.cli.arguments import random_seed, workers
 
 def tables(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Table 1 or 2, by the study's name."""
-    from palpate.core.validate import tumour_tables
+    from palpate.validate.paper import tumour_tables
 
     o = tumour_tables.TableOptions
     options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
@@ -62,7 +62,7 @@ def _pair(values: Any) -> str:
 
 def sensitivity(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Fig 8."""
-    from palpate.core.validate import sensitivity_study
+    from palpate.validate.paper import sensitivity as sensitivity_study
 
     o = sensitivity_study.SensitivityOptions
     return sensitivity_study.sensitivity(o.quick() if args.quick else o(), progress)
@@ -70,7 +70,7 @@ def sensitivity(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def sensitivity_text(found: dict[str, Any]) -> str:
     """Both curves and what came out of the paper's claim."""
-    from palpate.core.validate.sensitivity_study import verdict
+    from palpate.validate.paper.sensitivity import verdict
 
     lines = ["relative stiffness   axis ratio linear, nonlinear   slope linear, nonlinear"]
     for k, relative in enumerate(found["relative"]):
@@ -81,7 +81,7 @@ def sensitivity_text(found: dict[str, Any]) -> str:
 
 def resolution(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Figs 11 and 12."""
-    from palpate.core.validate import resolution_study
+    from palpate.validate.paper import resolution as resolution_study
 
     o = resolution_study.ResolutionOptions
     options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
@@ -103,7 +103,7 @@ def swarm(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Fig 10 and the paper's workload."""
     from dataclasses import replace
 
-    from palpate.core.validate import swarm_study
+    from palpate.validate.paper import swarm as swarm_study
 
     o = swarm_study.SwarmStudyOptions
     options = o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args))
@@ -134,7 +134,7 @@ def swarm_text(found: dict[str, Any]) -> str:
 
 def threads(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Fig 14."""
-    from palpate.core.validate.threads_study import threads as study
+    from palpate.validate.paper.threads import threads as study
 
     numbers = tuple(sorted({1, args.workers})) if args.workers else ()
     return study(numbers, args.quick, progress)
@@ -144,7 +144,7 @@ def cohort(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Fig 13, of a virtual cohort or of a table."""
     from dataclasses import replace
 
-    from palpate.core.validate import cohort_study
+    from palpate.validate.paper import cohort as cohort_study
 
     if args.table is not None:
         return cohort_study.cohort_of_table(args.table)
@@ -167,7 +167,7 @@ def cohort_text(found: dict[str, Any]) -> str:
 
 def coverage(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Do the intervals hold the truth?"""
-    from palpate.core.validate import coverage as study
+    from palpate.validate import coverage as study
 
     o = study.CoverageOptions
     return study.coverage(o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args)), progress)
@@ -188,7 +188,7 @@ def coverage_text(found: dict[str, Any]) -> str:
 
 def drop(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Motion and contact against closed forms."""
-    from palpate.core.validate import drop_study
+    from palpate.validate.drop import study as drop_study
 
     o = drop_study.DropStudyOptions
     return drop_study.drop_study(o.quick() if args.quick else o(), progress)

@@ -11,7 +11,7 @@ from palpate.ui.cli.arguments import random_seed
 
 def touch(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Answers to a probe: how far from the full solve, how many a second."""
-    from palpate.core.validate.touch_study import TouchOptions, touch_study
+    from palpate.validate.touch_study import TouchOptions, touch_study
 
     seed = random_seed(args)
     return touch_study(TouchOptions.quick(seed) if args.quick else TouchOptions(seed=seed), progress=progress)

@@ -29,7 +29,7 @@ from palpate.ui.cli.console import Console
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from palpate.segmentation.contoured_scan import ContouredScan
+    from palpate.validate.segmentation.contoured_scan import ContouredScan
 
 NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
 _DPI = 160
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
 
 def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from palpate.core.validate.robustness import RobustnessOptions, robustness
+    from palpate.validate.forward.robustness import RobustnessOptions, robustness
 
     options = RobustnessOptions(
         args.scenes, random_seed(args, 0), log=args.log, workers=workers(args), cluster=args.cluster
@@ -108,7 +108,7 @@ def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _forward(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from palpate.core.validate.forward import ForwardOptions, forward
+    from palpate.validate.forward.study import ForwardOptions, forward
 
     return forward(ForwardOptions(cells=args.cells), progress)
 
@@ -139,8 +139,8 @@ def _forward_picture(found: dict[str, Any]) -> Figure:
 
 
 def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from palpate.segmentation.gap_recipes import StudyOptions
-    from palpate.segmentation.gap_study import run as gap_study
+    from palpate.validate.blind.recipes import StudyOptions
+    from palpate.validate.blind.study import run as gap_study
 
     options = StudyOptions(
         cases=args.cases,
@@ -164,7 +164,7 @@ def _drawn_by(name: str) -> Callable[[dict[str, Any]], Figure]:
 
 
 def _scans(args: argparse.Namespace) -> list[ContouredScan]:
-    from palpate.segmentation.contoured_scan import contoured_scan, phantom_scan
+    from palpate.validate.segmentation.contoured_scan import contoured_scan, phantom_scan
 
     given = [contoured_scan(ct, contours, f"scan {k}") for k, (ct, contours) in enumerate(args.scan, 1)]
     return given or [phantom_scan()]
@@ -172,25 +172,25 @@ def _scans(args: argparse.Namespace) -> list[ContouredScan]:
 
 def _meshing(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from palpate.meshing.mesh_labels import MeshOptions
-    from palpate.segmentation.meshing_study import meshing_study
+    from palpate.validate.meshing_study import meshing_study
 
     return meshing_study(_scans(args), MeshOptions(target_tets=args.tets), progress)
 
 
 def _meshing_text(found: dict[str, Any]) -> str:
-    from palpate.segmentation.meshing_study import study_text
+    from palpate.validate.meshing_study import study_text
 
     return study_text(found)
 
 
 def _segmentation(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from palpate.segmentation.segment_study import segmentation_study
+    from palpate.validate.segmentation.study import segmentation_study
 
     return segmentation_study(_scans(args), seed=random_seed(args), progress=progress)
 
 
 def _segmentation_text(found: dict[str, Any]) -> str:
-    from palpate.segmentation.segment_study import study_text
+    from palpate.validate.segmentation.study import study_text
 
     return study_text(found)
 

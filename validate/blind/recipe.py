@@ -1,0 +1,52 @@
+"""What a case of the blind check is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from palpate.simulate.walls import BladderSpec, RectumSpec
+from palpate.validate.blind.simulator.effects import OWN_SHARE
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One case: seed, the effects hidden in it (id -> size; none: {}), true G of left and right, kPa.
+
+    noise_mm : standard deviation of one contour. shown_mm : what the two stiffnesses shall leave of each effect alone (rms along the
+    normal); its size is then found between SIZES, and that in `effects` not used. least_noise_mm : where even the strongest shows less,
+    contours are drawn better in proportion, down to this. build : of the pelvis. rectum, bladder : how far the walls move. edge_mm : of the
+    mesh. marks : whether points inside the organ are given. more : how far the walls move in each further deformed state. instead_of : the
+    effects drawn first, where no patient's scans could show them.
+    """
+
+    name: str
+    seed: int
+    effects: Mapping[str, float] = field(default_factory=dict)
+    G: tuple[float, float] = (20.0, 50.0)
+    noise_mm: float = 0.35
+    shown_mm: float | None = None
+    least_noise_mm: float | None = None
+    build: int = 0
+    rectum: RectumSpec = field(default_factory=lambda: RectumSpec(8.0))
+    bladder: BladderSpec = field(default_factory=lambda: BladderSpec(balance=0.8))
+    edge_mm: float = 6.5
+    marks: bool = False
+    more: tuple[tuple[RectumSpec, BladderSpec], ...] = ()
+    instead_of: tuple[str, ...] = ()
+
+    @property
+    def best_noise_mm(self) -> float:
+        """Standard deviation of one contour, mm, of the best contours that the recipe may have."""
+        return self.noise_mm if self.least_noise_mm is None else min(self.least_noise_mm, self.noise_mm)
+
+    def random(self, what: int) -> np.random.Generator:
+        """Random numbers for one purpose."""
+        return np.random.default_rng([self.seed, what])
+
+    def shares(self) -> list[dict[str, float]]:
+        """Of each further state: which share of their size the effects have there that are not the same in all."""
+        rng = self.random(6)
+        return [{name: float(rng.uniform()) for name in self.effects if name in OWN_SHARE} for _ in self.more]

@@ -1,0 +1,1 @@
+"""Motion, contact and friction against closed forms."""

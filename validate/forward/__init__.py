@@ -1,0 +1,1 @@
+"""Errors and seconds of elements and of the reduced model; random scenes."""

@@ -1,0 +1,1 @@
+"""The paper's studies on a finer mesh of another element."""

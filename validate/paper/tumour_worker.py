@@ -1,0 +1,45 @@
+"""Full solves of the studies' scene in worker processes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.reduced_design import Snapshot
+from palpate.core.problem import Surface
+from palpate.validate.paper.tumour_fit import TumourFit
+from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Spec:
+    """What a process needs to make the scene: see `TumourFit`."""
+
+    rest: Surface
+    divisions: Divisions
+    element: str
+    data: Divisions
+
+    def scene(self) -> DrivenScene:
+        """The scene alone."""
+        return DrivenScene(halved_ball(self.divisions, organ_volume(halved_ball(self.data))), self.element)
+
+
+_FIT: TumourFit | None = None
+
+
+def initialise(spec: Spec) -> None:
+    """Run once in every worker process."""
+    global _FIT
+    _FIT = TumourFit.without_model(spec.rest, spec.divisions, spec.element, spec.data)
+
+
+def snapshot(theta: FloatArray) -> Snapshot | None:
+    """A full solve in a process that was initialised."""
+    if _FIT is None:
+        raise RuntimeError("tumour_worker.initialise was not run in this process")
+    return _FIT.solve(theta)[0]
