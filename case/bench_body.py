@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import read_landmarks
+from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.meshes import box
-from palpate.core.gap.bodies.problem import BODY, BodyProblem, BodyState, PointLoad
 from palpate.core.mesh import TetMesh
-from palpate.core.observe.distance_field import signed_distance
-from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.surfaces.distance_field import signed_distance
+from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.meshing.tetwild import Soup, tetrahedralize
 

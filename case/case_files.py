@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
-from palpate.segmentation import atomic
+from palpate.core.files import atomic
+from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 
 
 class CaseFiles:

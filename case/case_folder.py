@@ -14,12 +14,12 @@ from palpate.case.case_facts import CaseFacts
 from palpate.case.case_files import CaseFiles, as_json, file_sha256
 from palpate.case.landmarks import Landmarks, read_landmarks
 from palpate.core.errors import InputError
+from palpate.core.files import atomic
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
 from palpate.imaging.contours.nifti_labels import read_labels, read_nifti, write_labels
 from palpate.imaging.dicom.series import SeriesFacts, read_series
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
-from palpate.segmentation import atomic
 
 STATES = ("rest", "deformed")
 

@@ -2,7 +2,7 @@
 
 Where the bones moved and the edge of the drawn region with them, no part of the body that a model holds has moved against another: the
 same model, which does not care where a patient lies, seen from another frame. Where bones moved alone, something did move
-(`core.gap.effects.bone_motion`).
+(`core.diagnose.effects.bone_motion`).
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
+from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
 from palpate.meshing.smooth_distance import IntArray

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.wall import SlidingWall, wall_points
-from palpate.core.observe.distance_field import SignedDistanceField
+from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.simulate.wall_motion import MovedWall
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.identify.gauss_newton import gauss_newton
-from palpate.core.identify.posterior import unknown
 from palpate.core.identify.reduced_fit import ReducedFit
+from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.inference.posterior import unknown
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, tumour_data

@@ -13,10 +13,10 @@ from palpate.case.deformed_states import further_states, state_elsewhere, state_
 from palpate.case.steps import mesh
 from palpate.case.steps.identify import further_files, problem_of, state_problems
 from palpate.case.steps.mesh import elsewhere_of, load_surfaces
+from palpate.core.diagnose.case_data import CaseData, arrays
 from palpate.core.errors import ConvergenceError
-from palpate.core.gap.case_data import CaseData, arrays
-from palpate.core.gap.remeshed import Remeshed
 from palpate.core.problem import Surface, SurfacePair
+from palpate.core.residual.remeshing import Remeshed
 from palpate.core.worker.job import Job
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, part, silent
@@ -27,7 +27,7 @@ from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 DIAGNOSIS = "diagnosis.json"
 _FOLDER = "diagnose"
-_KIND, _BODY_KIND = "palpate.core.gap.job:run", "palpate.core.gap.bodies.diagnose:run"
+_KIND, _BODY_KIND = "palpate.core.diagnose.job:run", "palpate.core.diagnose.bench_bodies.diagnose:run"
 
 
 @dataclass(frozen=True)

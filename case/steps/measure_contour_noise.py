@@ -11,7 +11,7 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.second_drawing import redrawn_labels
 from palpate.core.errors import InputError
-from palpate.core.observe.repeat import repeat_of
+from palpate.core.observe.repeat_contours import repeat_of
 from palpate.core.problem import Surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces

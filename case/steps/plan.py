@@ -12,9 +12,9 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.identify import facts_of
 from palpate.case.steps.plan_loads import LOADS, NOTES
 from palpate.core.errors import ConvergenceError, InputError
-from palpate.core.fem.newton import Equilibrium
-from palpate.core.identify.loaded import loaded
-from palpate.core.identify.predict import Prediction, predict
+from palpate.core.fem.newton.newton import Equilibrium
+from palpate.core.forward.known_loads import loaded
+from palpate.core.identify.predicted_posterior import Prediction, predict
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import BLADDER, LABEL_VALUES, LABELS, ORGAN_LABELS, RECTUM

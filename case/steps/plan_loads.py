@@ -12,7 +12,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import body_force, traction
 from palpate.core.fem.terms.pressure import FollowerPressure
-from palpate.core.identify.loaded import Loads
+from palpate.core.forward.known_loads import Loads
 from palpate.core.problem import IdentificationProblem
 from palpate.meshing.smooth_distance import FloatArray, IntArray
 

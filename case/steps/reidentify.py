@@ -13,13 +13,13 @@ from scipy.spatial import cKDTree
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.second_drawing import redrawn_labels
 from palpate.core.errors import InputError
-from palpate.core.identify.again import FILE, Again, identify_again
-from palpate.core.identify.misfit_figures import misfit_figures
+from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.identify.mu_split import separable
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.parameter_facts import parameter_facts
-from palpate.core.identify.parameters import StiffnessParameters
-from palpate.core.identify.posterior import verdict
-from palpate.core.identify.split import separable
+from palpate.core.identify.reidentify import FILE, Again, identify_again
+from palpate.core.identify.result_misfit import misfit_figures
+from palpate.core.identify.result_parameters import parameter_facts
+from palpate.core.inference.posterior import verdict
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent

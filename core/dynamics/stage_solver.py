@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from palpate.core.dynamics.contact import Friction
 from palpate.core.dynamics.motion import Stage
 from palpate.core.dynamics.system import MovingBody
-from palpate.core.fem.linear_solvers import FactorisationError
-from palpate.core.fem.newton_work import moved
+from palpate.core.fem.linear.choice import FactorisationError
+from palpate.core.fem.newton.work import moved
 from palpate.core.fem.state import State
 
 FloatArray = NDArray[np.float64]

@@ -18,8 +18,8 @@ from palpate.core.dynamics.mass import Mass
 from palpate.core.dynamics.motion import Energies, Motion, Stage
 from palpate.core.dynamics.viscosity import Viscosity
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.pardiso import symmetric_product
-from palpate.core.fem.pattern import scatter
+from palpate.core.fem.linear.pardiso import symmetric_product
+from palpate.core.fem.linear.pattern import scatter
 from palpate.core.fem.state import State
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.core.fem import kernels
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.pattern import scatter
+from palpate.core.fem.linear.pattern import scatter
 
 FloatArray = NDArray[np.float64]
 

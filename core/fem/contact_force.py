@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
-from palpate.core.fem.newton import solve_equilibrium
+from palpate.core.fem.newton.newton import solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term

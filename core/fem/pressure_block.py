@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.fem import kernels
-from palpate.core.fem.linear_solvers import SymmetricSolver, make_solver
-from palpate.core.fem.pattern import Pattern, scatter
+from palpate.core.fem.linear.choice import SymmetricSolver, make_solver
+from palpate.core.fem.linear.pattern import Pattern, scatter
 from palpate.core.fem.space import Space
 
 FloatArray = NDArray[np.float64]

@@ -12,7 +12,7 @@ from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
-from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term, face_points

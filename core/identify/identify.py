@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.newton import Equilibrium
-from palpate.core.identify.coupled import prolonged
+from palpate.core.fem.newton.newton import Equilibrium
+from palpate.core.forward.coupled_scene import prolonged
+from palpate.core.forward.make_scene import Scene, make_scene
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.posterior import Posterior, laplace
-from palpate.core.identify.reference import Counter, Optimum, Posed, Walk, find_optimum, middle, noise_of, settle_first
-from palpate.core.identify.scene import Scene, make_scene
-from palpate.core.identify.search import SwarmOutcome
+from palpate.core.identify.plain_fit import Counter, Optimum, Posed, Walk, find_optimum, middle, noise_of, settle_first
+from palpate.core.identify.swarm_run import SwarmOutcome
 from palpate.core.identify.swarm_stage import search_with_swarm
+from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.messages import Reporter
 

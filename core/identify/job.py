@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.identify.coupled import CoupledScene
+from palpate.core.forward.coupled_scene import CoupledScene
 from palpate.core.identify.identify import Identification, identify
-from palpate.core.identify.misfit_figures import misfit_figures
+from palpate.core.identify.map.stiffness_map import StiffnessMap, stiffness_map
+from palpate.core.identify.mu_split import separable
+from palpate.core.identify.not_identifiable import Untold, moved_as_a_whole, nothing_found
 from palpate.core.identify.notes import agreement, notes
-from palpate.core.identify.nothing import Untold, moved_as_a_whole, nothing_found
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.parameter_facts import parameter_facts
-from palpate.core.identify.posterior import verdict
-from palpate.core.identify.reference import Posed
-from palpate.core.identify.rigid_pair import rigid_pair
-from palpate.core.identify.split import separable
-from palpate.core.identify.stiffness_map import StiffnessMap, stiffness_map
-from palpate.core.identify.unloaded import moved_by_its_surface, surface_is_all
+from palpate.core.identify.pair.no_driving_wall import moved_by_its_surface, surface_is_all
+from palpate.core.identify.pair.rigid_pair import rigid_pair
+from palpate.core.identify.plain_fit import Posed
+from palpate.core.identify.result_misfit import misfit_figures
+from palpate.core.identify.result_parameters import parameter_facts
+from palpate.core.inference.posterior import verdict
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread

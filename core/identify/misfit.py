@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.identify.scene import Scene
-from palpate.core.observe.noise import Weighting, contour_covariance, noise_modes, weighting_covariance
+from palpate.core.forward.make_scene import Scene
+from palpate.core.observe.contour_noise import Weighting, contour_covariance, noise_modes, weighting_covariance
 
 FloatArray = NDArray[np.float64]
 

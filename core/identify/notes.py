@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from palpate.core.identify.identify import Identification
-from palpate.core.identify.parameter_facts import parameter_facts
+from palpate.core.identify.result_parameters import parameter_facts
 
 # Swarm and Gauss-Newton name the same optimum when no region's ln G differs by more than this share of its standard deviation.
 AGREEMENT_SD = 0.25

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError, InputError
-from palpate.core.fem.reduced import ReducedModel
-from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.misfit import LANDMARK_SD_MM
-from palpate.core.identify.posterior import NoiseFacts, Posterior, laplace
-from palpate.core.observe.distance_field import SignedDistanceField
-from palpate.core.observe.noise import Weighting
+from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
+from palpate.core.inference.posterior import NoiseFacts, Posterior, laplace
+from palpate.core.observe.contour_noise import Weighting
+from palpate.core.reduced.reduced_model import ReducedModel
+from palpate.core.surfaces.distance_field import SignedDistanceField
 
 FloatArray = NDArray[np.float64]
 

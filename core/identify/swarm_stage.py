@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.identify import particles
-from palpate.core.identify.again import keep_for_again
-from palpate.core.identify.evaluation import Evaluator
+from palpate.core.identify import particle_solves
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.reference import Counter, Posed
-from palpate.core.identify.search import SwarmOutcome, run_swarm
+from palpate.core.identify.plain_fit import Counter, Posed
+from palpate.core.identify.reidentify import keep_for_again
+from palpate.core.identify.swarm_misfit import Evaluator
+from palpate.core.identify.swarm_run import SwarmOutcome, run_swarm
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.executors import make_executor
 from palpate.core.worker.messages import Reporter
@@ -42,7 +42,7 @@ def search_with_swarm(
             reference = folder / f"reference{number}.npz"
             _write_reference(reference, state, fingerprint)
             arguments = (str(file), str(reference), options.boundary, options.element, options.split_mu)
-            executor = pools.enter_context(make_executor(options.workers, particles.initialise, arguments))
+            executor = pools.enter_context(make_executor(options.workers, particle_solves.initialise, arguments))
             evaluators.append(Evaluator(state.misfit, executor))
             if options.reduced:
                 start, share = 0.3 + 0.3 * k / len(states), 0.3 / len(states)

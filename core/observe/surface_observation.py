@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from palpate.core.fem.space import Space
-from palpate.core.observe.distance_field import SignedDistanceField
 from palpate.core.problem import IdentificationProblem, Surface
+from palpate.core.surfaces.distance_field import SignedDistanceField
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

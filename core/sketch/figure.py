@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
-from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.sensitivity import direct, response_to_forces
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
-from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
+from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.fit_walk import FitOptions, Walk
 from palpate.core.sketch.outline import hausdorff

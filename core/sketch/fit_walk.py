@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.residual import Target, residual_of

@@ -16,7 +16,7 @@ from palpate.core.dynamics.mass import Mass
 from palpate.core.dynamics.motion import Motion
 from palpate.core.dynamics.system import MovingBody
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.fit import Fit

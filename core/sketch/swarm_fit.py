@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.identify.swarm import Swarm, SwarmOptions
+from palpate.core.inference.swarm import Swarm, SwarmOptions
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.fit import Fit, fit_degree
 from palpate.core.sketch.fit_walk import RATIO_BOUNDS, RATIO_SD, FitOptions

@@ -1,7 +1,7 @@
 """The full equilibrium of a touched body: every cell's own law, contact and all.
 
-Contact has kinks, at which the step control of `core.fem.newton` loses patience: full Newton steps, shortened only where a cell would
-turn inside out, settle which nodes are in contact within a few iterations (Hueber & Wohlmuth 2005, Comput. Methods Appl. Mech. Engng
+Contact has kinks, at which the step control of `core.fem.newton.newton` loses patience: full Newton steps,
+shortened only where a cell would turn inside out, settle which nodes are in contact within a few iterations (Hueber & Wohlmuth 2005, Comput. Methods Appl. Mech. Engng
 194:3147). The probe goes part of the way where that fails.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.linear_solvers import FactorisationError
-from palpate.core.fem.newton_work import moved, relative
+from palpate.core.fem.linear.choice import FactorisationError
+from palpate.core.fem.newton.work import moved, relative
 from palpate.core.fem.state import State
 from palpate.core.touch.body import Body
 from palpate.core.touch.probe import Contact, Grip

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.newton_work import moved
+from palpate.core.fem.newton.work import moved
 from palpate.core.fem.state import State
 from palpate.core.touch.body import Body
 from palpate.core.touch.mixing import Mixing

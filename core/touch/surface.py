@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.mesh import TetMesh
-from palpate.core.observe.closest_point import closest_points
-from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.triangle_tree import TriangleTree
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

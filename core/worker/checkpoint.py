@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.archive import DAMAGED_ARCHIVE
 from palpate.core.errors import InputError
+from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 
 Arrays = dict[str, NDArray[np.generic]]
 

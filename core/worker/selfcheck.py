@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.identify.swarm import Swarm, SwarmOptions
-from palpate.core.identify.swarm_search import search
+from palpate.core.inference.swarm import Swarm, SwarmOptions
+from palpate.core.inference.swarm_search import search
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.executors import make_executor
 from palpate.core.worker.job import Job

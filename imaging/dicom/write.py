@@ -12,8 +12,8 @@ from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, JPEG2000Lossless, generate_uid
 
 from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_folder
 from palpate.imaging.volume import Volume
-from palpate.segmentation.atomic import atomic_folder
 
 # OpenJPEG halves a picture five times, so smaller ones stay uncompressed.
 SMALLEST_COMPRESSED = 32

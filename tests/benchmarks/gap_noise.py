@@ -21,12 +21,12 @@ from scipy.special import logsumexp
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
-from palpate.core.gap import wall_motion
-from palpate.core.gap.forces import FreeField
-from palpate.core.gap.noise_fit import NoiseGrid
-from palpate.core.gap.noise_model import NoiseParts, NoiseSizes
-from palpate.core.gap.plain import PlainFit, fit_plain
-from palpate.core.gap.states import factorised
+from palpate.core.observe import wall_motion
+from palpate.core.residual.joint_states import factorised
+from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
+from palpate.core.residual.noise_estimation import NoiseGrid
+from palpate.core.residual.plain_fit import PlainFit, fit_plain
+from palpate.core.residual.unknown_field import FreeField
 from palpate.core.worker.executors import one_thread
 
 SLIDES = (0.0, 0.1, 0.15, 0.2, 0.3, 0.4)

@@ -21,10 +21,10 @@ from palpate.case.steps.diagnose import data_of
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
-from palpate.core.gap.composition import Composition
-from palpate.core.gap.noise_model import slide_responses
-from palpate.core.gap.sight import Sight
-from palpate.core.gap.stage import Stage
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.shared_geometry import Stage
+from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.noise_covariance import slide_responses
 from palpate.core.worker.executors import one_thread
 from palpate.validate.blind.cases import simulated
 from palpate.validate.blind.patient import Made

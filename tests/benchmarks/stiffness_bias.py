@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from gap_noise import plain_of
 
-from palpate.core.gap.averaged import WIDER, plain_stiffness, too_stiff_by
+from palpate.core.diagnose.verdict.averaged_stiffness import WIDER, plain_stiffness, too_stiff_by
 from palpate.core.worker.executors import one_thread
 
 

@@ -18,10 +18,10 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
 from palpate.core.errors import ConvergenceError
-from palpate.core.gap.composition import Composition
-from palpate.core.gap.fit import NOTHING, PLAIN, Bench
-from palpate.core.gap.sight import Sight
-from palpate.core.gap.stage import Stage
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.shared_geometry import Stage
+from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.linearised_model import NOTHING, PLAIN, Bench
 from palpate.core.worker.executors import one_thread
 
 

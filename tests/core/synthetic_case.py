@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.core.fem.meshes import sphere_in_cube
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
 

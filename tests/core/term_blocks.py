@@ -6,7 +6,7 @@ import numpy as np
 
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box
-from palpate.core.fem.newton import NewtonOptions
+from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.space import Space
 from palpate.core.laws import LINEAR
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.core.fem.newton import NewtonOptions
+from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.state import State
-from palpate.core.identify.batch import solve_many, tour
+from palpate.core.identify.particle_batch import solve_many, tour
 from palpate.core.worker.executors import make_executor
 from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 

@@ -11,11 +11,11 @@ from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.contact_force import InterfaceMotion, RigidHold, organ_terms, tissue_reaction
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
-from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import NewtonOptions, solve_equilibrium
 from palpate.core.fem.scenes import cap_pull, sphere_materials, sphere_scene
 from palpate.core.fem.space import Space
-from palpate.core.identify.contact import ContactForceScene
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.forward.contact_force_scene import ContactForceScene
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.identify import identify
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.problem import IdentificationProblem

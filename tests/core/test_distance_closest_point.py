@@ -7,8 +7,8 @@ import pytest
 from triangle_shapes import box, icosphere, tube
 
 from palpate.core.errors import InputError
-from palpate.core.observe.closest_point import closest_points
-from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.triangle_tree import TriangleTree
 
 
 def brute_force(x, points, faces):

@@ -7,8 +7,8 @@ import pytest
 from triangle_shapes import icosphere, tube
 
 from palpate.core.errors import InputError
-from palpate.core.observe.distance_field import SignedDistanceField, signed_distance
-from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.surfaces.distance_field import SignedDistanceField, signed_distance
+from palpate.core.surfaces.triangle_tree import TriangleTree
 
 SEMI_AXES = np.array([14.0, 18.0, 22.0])
 CENTRE = np.array([-30.3, 211.7, 48.9])

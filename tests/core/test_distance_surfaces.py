@@ -5,7 +5,7 @@ import pytest
 from triangle_shapes import box, icosphere
 
 from palpate.core.errors import InputError
-from palpate.core.observe.surface_distance import (
+from palpate.core.surfaces.surface_distance import (
     hausdorff,
     multi_region_objective,
     objective,
@@ -13,7 +13,7 @@ from palpate.core.observe.surface_distance import (
     shared_points,
     surface_misfit,
 )
-from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.surfaces.triangle_tree import TriangleTree
 
 
 def test_hausdorff_is_one_sided_and_to_the_surface_not_its_points():

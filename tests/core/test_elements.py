@@ -10,7 +10,7 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.elements import ELEMENTS, quadrature, shape_functions, shape_gradients
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box, with_regions
-from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, ST_VENANT_KIRCHHOFF, mooney_rivlin_parameters

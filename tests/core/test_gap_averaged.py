@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from palpate.core.gap.averaged import mixture, over_variants
-from palpate.core.gap.judge import tempered
+from palpate.core.diagnose.verdict.averaged_stiffness import mixture, over_variants
+from palpate.core.diagnose.verdict.judge import tempered
 
 MODELS = {
     "volume_change": (np.array([3.0, 4.0]), np.diag([0.04, 0.09])),

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
+from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
+from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.effects import library
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
-from palpate.core.gap.bodies.diagnose import diagnose_body
-from palpate.core.gap.bodies.problem import BODY, BodyProblem, BodyState, PointLoad
-from palpate.core.gap.bodies.scene import BodyStage
-from palpate.core.gap.composition import Composition
-from palpate.core.gap.effects import library
+from palpate.core.forward.composition import Composition
 from palpate.core.mesh import TetMesh
 
 # Asymmetric on purpose: length along x, width y, height z, mm.

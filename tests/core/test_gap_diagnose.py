@@ -12,8 +12,12 @@ from scipy import stats
 from synthetic_case import problem
 from triangle_shapes import ball
 
-from palpate.core.gap import better
-from palpate.core.gap.averaged import (
+from palpate.core.diagnose.case_data import CaseData, arrays, load
+from palpate.core.diagnose.diagnose import diagnose
+from palpate.core.diagnose.effects import Surroundings, library
+from palpate.core.diagnose.refit.pairs import refit_pairs
+from palpate.core.diagnose.refit.variants import capped
+from palpate.core.diagnose.verdict.averaged_stiffness import (
     TOO_STIFF,
     WIDER,
     averaged_stiffness,
@@ -21,21 +25,17 @@ from palpate.core.gap.averaged import (
     plain_stiffness,
     too_stiff_by,
 )
-from palpate.core.gap.better import GOOD, better_bench, better_residual
-from palpate.core.gap.case_data import CaseData, arrays, load
-from palpate.core.gap.composition import Composition
-from palpate.core.gap.diagnose import diagnose
-from palpate.core.gap.effects import Surroundings, library
-from palpate.core.gap.judge import Diagnosis, effect_model, foretells_more, tempered
-from palpate.core.gap.noise_model import SHORT_BY, NoiseParts
-from palpate.core.gap.pairs import refit_pairs
-from palpate.core.gap.record import maps, record
-from palpate.core.gap.shrinkage import contours_mm2
-from palpate.core.gap.stage import Stage
-from palpate.core.gap.states import Points
-from palpate.core.gap.variants import capped
-from palpate.core.gap.wall_bias import wall_bias
+from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretells_more, tempered
+from palpate.core.diagnose.verdict.record import maps, record
+from palpate.core.diagnose.verdict.shrinkage import contours_mm2
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.shared_geometry import Stage
 from palpate.core.problem import Surface, SurfacePair
+from palpate.core.residual import element_error
+from palpate.core.residual.element_error import GOOD, better_bench, better_residual
+from palpate.core.residual.joint_states import Points
+from palpate.core.residual.noise_covariance import SHORT_BY, NoiseParts
+from palpate.core.residual.wall_error_bias import wall_bias
 
 KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}
 EFFECTS = {
@@ -107,7 +107,7 @@ def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-unt
 def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(
     posed, none: Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr(better, "better_residual", lambda *_: None)
+    monkeypatch.setattr(element_error, "better_residual", lambda *_: None)
     found = diagnosed(posed, 0.0)
     assert found.fit.meshes == 0
     assert not found.fit.mesh.any()

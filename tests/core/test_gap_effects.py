@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from synthetic_case import problem
 
+from palpate.core.diagnose.effects import Surroundings, library
+from palpate.core.diagnose.effects.compressible_organ import given_way, poisson_ratio
+from palpate.core.diagnose.effects.tissue_stiffening import exponent
+from palpate.core.diagnose.refit.pairs import joined, together
 from palpate.core.errors import InputError
-from palpate.core.gap.composition import Composition
-from palpate.core.gap.effects import Surroundings, library
-from palpate.core.gap.effects.compressible_organ import given_way, poisson_ratio
-from palpate.core.gap.effects.tissue_stiffening import exponent
-from palpate.core.gap.fit import PLAIN, Bench, Point, Trial
-from palpate.core.gap.opened import open_problem
-from palpate.core.gap.pairs import joined, together
-from palpate.core.gap.pressure_fields import pressure_fields
-from palpate.core.gap.sight import Sight
-from palpate.core.gap.stage import Stage
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.cut_interface import open_problem
+from palpate.core.forward.pressure_fields import pressure_fields
+from palpate.core.forward.shared_geometry import Stage
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN
 from palpate.core.laws.check import derivative_errors, random_deformation_gradients
 from palpate.core.laws.fibre import with_fibres
 from palpate.core.laws.grown import grown
+from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.linearised_model import PLAIN, Bench, Point, Trial
 
 IDS = {
     "interface_sliding", "inclusion", "fibre_anisotropy", "volume_change", "compressible_organ", "tissue_stiffening",
@@ -32,8 +32,8 @@ IDS = {
 }  # fmt: skip
 THETA = np.log([30.0, 70.0])
 THIRTEENTH = """
-from palpate.core.gap.effects import Effect, Parameter, Variant
-from palpate.core.gap.material_changes import scaled
+from palpate.core.diagnose.effects import Effect, Parameter, Variant
+from palpate.core.forward.material_changes import scaled
 
 EFFECT = Effect(
     "stiffer_right_half", "the right half is stiffer than thought",

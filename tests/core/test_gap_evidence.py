@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from palpate.core.gap import detect
-from palpate.core.gap.detect import Named, gap_test
-from palpate.core.gap.effects import library
-from palpate.core.gap.evidence import allowed, explained, mean_of_exponentials, projected, score
-from palpate.core.gap.heldout import Gain
-from palpate.core.gap.noise_fit import NoiseGrid
-from palpate.core.gap.noise_model import NoiseSizes
-from palpate.core.gap.verdict import Judged, decide, probabilities
+from palpate.core.diagnose.detection import gap_test as detect
+from palpate.core.diagnose.detection.gap_test import Named, gap_test
+from palpate.core.diagnose.effects import library
+from palpate.core.diagnose.verdict.verdict import Judged, decide, probabilities
+from palpate.core.inference.evidence import allowed, explained, mean_of_exponentials, projected, score
+from palpate.core.inference.heldout import Gain
+from palpate.core.residual.noise_covariance import NoiseSizes
+from palpate.core.residual.noise_estimation import NoiseGrid
 
 N, T = 40, 2
 RNG = np.random.default_rng(5)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from palpate.core.gap.heldout import Gain, Linear, Split, gain, gain_error
-from palpate.core.gap.shrinkage import tail_of_few
+from palpate.core.diagnose.verdict.shrinkage import tail_of_few
+from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 
 N, PATCHES = 120, 12
 

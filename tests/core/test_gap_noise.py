@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from palpate.core.gap import noise_fit
-from palpate.core.gap.noise_fit import NoiseGrid, fit_noise
-from palpate.core.gap.noise_model import NoiseSizes
-from palpate.core.observe.noise import noise_modes, smooth_covariance
+from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
+from palpate.core.residual import noise_estimation
+from palpate.core.residual.noise_covariance import NoiseSizes
+from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
 
 FACTORS = (0.4, 0.6, 0.8, 1.0, 1.2)
 X = np.random.default_rng(0).uniform(-20.0, 20.0, (60, 3))
@@ -43,7 +43,7 @@ def fitted(grid: NoiseGrid, gap: float, true: float = 1.0) -> float:
 def test_without_a_gap_the_noise_is_what_it_is(grid: NoiseGrid, monkeypatch: pytest.MonkeyPatch) -> None:
     found = fitted(grid, 0.0)
     assert found == pytest.approx(1.0, abs=0.1)
-    monkeypatch.setattr(noise_fit, "GAPS", (1.0,))
+    monkeypatch.setattr(noise_estimation, "GAPS", (1.0,))
     assert fitted(grid, 0.0) < found - 0.05  # a gap that must be there takes the noise's place
 
 

@@ -10,16 +10,16 @@ import pytest
 from synthetic_case import problem
 from triangle_shapes import ball
 
-from palpate.core.gap.better import GOOD
-from palpate.core.gap.case_data import CaseData, arrays, load
-from palpate.core.gap.composition import Composition
-from palpate.core.gap.diagnose import diagnose
-from palpate.core.gap.effects import library
-from palpate.core.gap.judge import Diagnosis
-from palpate.core.gap.noise_model import NoiseParts
-from palpate.core.gap.record import maps, record
-from palpate.core.gap.stage import Stage
+from palpate.core.diagnose.case_data import CaseData, arrays, load
+from palpate.core.diagnose.diagnose import diagnose
+from palpate.core.diagnose.effects import library
+from palpate.core.diagnose.verdict.judge import Diagnosis
+from palpate.core.diagnose.verdict.record import maps, record
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.shared_geometry import Stage
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.residual.element_error import GOOD
+from palpate.core.residual.noise_covariance import NoiseParts
 
 EFFECTS = {k: v for k, v in library().items() if k in ("contour_bias", "compressible_organ")}
 WIDER_MM = 0.6

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from palpate.core.gap.confirm import Refit
-from palpate.core.gap.evidence import mean_of_exponentials
-from palpate.core.gap.screen import Screened
-from palpate.core.gap.variants import corrected, of_all
+from palpate.core.diagnose.detection.score_test import Screened
+from palpate.core.diagnose.refit.refit import Refit
+from palpate.core.diagnose.refit.variants import corrected, of_all
+from palpate.core.inference.evidence import mean_of_exponentials
 
 
 def looked_at(*first: float) -> Screened:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.core.gap.wall_bias import central_slope, wall_bias
+from palpate.core.residual.wall_error_bias import central_slope, wall_bias
 
 THETA, WALL_SD, SD = 0.5, 0.35, 0.1
 

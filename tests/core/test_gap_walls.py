@@ -7,9 +7,9 @@ import pytest
 
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.gap.wall_kernel import SIDEWAYS_MM, likeliest
-from palpate.core.gap.wall_motion import WallMotion
-from palpate.core.gap.wall_whole import Whole, pushed
+from palpate.core.observe.wall_motion import WallMotion
+from palpate.core.observe.wall_motion_prior import SIDEWAYS_MM, likeliest
+from palpate.core.observe.wall_rigid_and_growth import Whole, pushed
 
 RADIUS = np.array([14.0, 10.0, 22.0])
 

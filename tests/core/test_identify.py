@@ -13,13 +13,13 @@ import pytest
 import synthetic_case
 
 from palpate.core.errors import InputError
-from palpate.core.identify.again import identify_again
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
-from palpate.core.identify.gauss_newton import gauss_newton
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.job import run
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.posterior import laplace, verdict
-from palpate.core.identify.reference import Counter, Posed, find_optimum, middle, settle_first
+from palpate.core.identify.plain_fit import Counter, Posed, find_optimum, middle, settle_first
+from palpate.core.identify.reidentify import identify_again
+from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.inference.posterior import laplace, verdict
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.linear_solvers import FactorisationError, make_solver
+from palpate.core.fem.linear.choice import FactorisationError, make_solver
+from palpate.core.fem.linear.pattern import Pattern
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box
-from palpate.core.fem.newton import solve_equilibrium
-from palpate.core.fem.pattern import Pattern
+from palpate.core.fem.newton.newton import solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.loads import traction

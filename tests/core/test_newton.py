@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box, sphere_in_cube
-from palpate.core.fem.newton import Equilibrium, NewtonOptions, quicker, solve_equilibrium
-from palpate.core.fem.newton_work import is_minimum
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, quicker, solve_equilibrium
+from palpate.core.fem.newton.work import is_minimum
 from palpate.core.fem.scenes import sphere_scene
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State

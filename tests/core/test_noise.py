@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.core.identify.posterior import NoiseFacts, laplace
-from palpate.core.observe.noise import (
+from palpate.core.inference.posterior import NoiseFacts, laplace
+from palpate.core.observe.contour_noise import (
     Weighting,
     contour_covariance,
     smooth_covariance,

@@ -9,10 +9,10 @@ import pytest
 import synthetic_case
 
 from palpate.core.fem.state import State
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.misfit import Misfit, wall_response
-from palpate.core.identify.predict import predict
-from palpate.core.observe.noise import contour_covariance, noise_modes
+from palpate.core.identify.predicted_posterior import predict
+from palpate.core.observe.contour_noise import contour_covariance, noise_modes
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 
 TRUTH = np.log([30.0, 70.0])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import ConvergenceError, InputError
-from palpate.core.fem import reduced_kernel
-from palpate.core.fem.reduced import ReducedModel, scene_hash
-from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
-from palpate.core.fem.reduced_kernel import Features, best_fit, fit
+from palpate.core.reduced import kernel_interpolation
+from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
+from palpate.core.reduced.kernel_interpolation import Features, best_fit, fit
+from palpate.core.reduced.reduced_model import ReducedModel, scene_hash
 from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 
 UNSEEN = 200
@@ -207,4 +207,4 @@ def test_decay_is_found_from_the_data():
         data = 1.0 / (x[:12, :, None] ** 2 + pole**2)
         found = best_fit(x[:12], data)
         assert abs(np.log(found.features.rho / rho)) < 0.5
-    assert reduced_kernel.RHOS[0] < 1.618
+    assert kernel_interpolation.RHOS[0] < 1.618

@@ -12,11 +12,11 @@ import pytest
 import synthetic_case
 from scipy.spatial.transform import Rotation
 
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.job import run
 from palpate.core.identify.misfit import Misfit, wall_response
-from palpate.core.identify.posterior import laplace, verdict
-from palpate.core.identify.rigid_pair import rigid_pair
+from palpate.core.identify.pair.rigid_pair import rigid_pair
+from palpate.core.inference.posterior import laplace, verdict
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter

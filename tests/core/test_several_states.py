@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import synthetic_case
 
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.job import run
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.job import Job

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import synthetic_case
 
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
+from palpate.core.forward.parameters import SHARE_BOUNDS, StiffnessParameters
 from palpate.core.identify.job import run
-from palpate.core.identify.parameters import SHARE_BOUNDS, StiffnessParameters
-from palpate.core.identify.posterior import Posterior, verdict
-from palpate.core.identify.split import separable, split_facts
+from palpate.core.identify.mu_split import separable, split_facts
+from palpate.core.inference.posterior import Posterior, verdict
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter

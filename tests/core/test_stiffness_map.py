@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import synthetic_case
 
-from palpate.core.fem.newton import Equilibrium
-from palpate.core.identify import stiffness_map as module
-from palpate.core.identify.coupled import CoupledScene, SceneOptions
+from palpate.core.fem.newton.newton import Equilibrium
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
+from palpate.core.identify.map import stiffness_map as module
+from palpate.core.identify.map.patches import cut
+from palpate.core.identify.map.smoothness_prior import SmoothPrior
+from palpate.core.identify.map.stiffness_map import StiffnessMap, painted, stiffness_map
 from palpate.core.identify.misfit import Misfit, wall_response
-from palpate.core.identify.patches import cut
-from palpate.core.identify.smooth_prior import SmoothPrior
-from palpate.core.identify.stiffness_map import StiffnessMap, painted, stiffness_map
 from palpate.core.problem import IdentificationProblem
 
 TRUTH = np.log([25.0, 75.0])

@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from palpate.core.errors import InputError
-from palpate.core.identify.swarm import ATTRACTION, INERTIA, REBOUND, Swarm, SwarmOptions, sample_sphere, sphere_centre
-from palpate.core.identify.swarm_search import search
-from palpate.core.identify.topology import draw_informants, neighbourhood_best
+from palpate.core.inference.swarm import ATTRACTION, INERTIA, REBOUND, Swarm, SwarmOptions, sample_sphere, sphere_centre
+from palpate.core.inference.swarm_search import search
+from palpate.core.inference.swarm_topology import draw_informants, neighbourhood_best
 from palpate.core.worker.executors import make_executor
 from palpate.core.worker.selfcheck import rastrigin
 

@@ -10,7 +10,7 @@ from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import hollow_sphere
-from palpate.core.fem.newton import solve_equilibrium
+from palpate.core.fem.newton.newton import solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term, face_points
 from palpate.core.fem.terms.loads import body_force, nodal_force, traction

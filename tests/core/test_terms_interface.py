@@ -10,14 +10,14 @@ from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box, with_regions
-from palpate.core.fem.newton import solve_equilibrium
+from palpate.core.fem.newton.newton import solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import face_points
 from palpate.core.fem.terms.interface import open_interface
 from palpate.core.fem.terms.loads import traction
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.gap.opened import sliding_springs
+from palpate.core.forward.cut_interface import sliding_springs
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, mooney_rivlin_parameters
 
 

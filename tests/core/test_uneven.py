@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.core.identify.uneven import amplitudes, uneven_responses
+from palpate.core.identify.uneven_regions import amplitudes, uneven_responses
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball
 
 

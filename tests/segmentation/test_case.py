@@ -16,8 +16,8 @@ import pytest
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
+from palpate.core.files.atomic import sweep
 from palpate.imaging.volume import Volume
-from palpate.segmentation.atomic import sweep
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import sphere_in_cube
-from palpate.core.fem.newton import solve_equilibrium
+from palpate.core.fem.newton.newton import solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.laws.linear import LINEAR
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN

@@ -17,7 +17,7 @@ from palpate.case.steps.identify import facts_of
 from palpate.case.steps.plan import PlanOptions
 from palpate.case.steps.plan_loads import LOADS
 from palpate.core.errors import InputError
-from palpate.core.identify.loaded import Loaded, loaded
+from palpate.core.forward.known_loads import Loaded, loaded
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.meshing.label_surfaces import TriSurface, organ_surfaces
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from phantoms import CENTRE, MARKER, affine, labels, marked_ct
 
-from palpate.core.identify.patches import Patches
-from palpate.core.identify.smooth_prior import SmoothPrior
-from palpate.core.identify.stiffness_map import StiffnessMap
+from palpate.core.identify.map.patches import Patches
+from palpate.core.identify.map.smoothness_prior import SmoothPrior
+from palpate.core.identify.map.stiffness_map import StiffnessMap
 from palpate.imaging.grid import in_lps_order
 from palpate.ui.desktop import overlay
 from palpate.ui.desktop.display import Display

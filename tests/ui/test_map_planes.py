@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from phantoms import CENTRE, affine, labels, result, write_case
 
-from palpate.core.identify.patches import Patches
-from palpate.core.identify.smooth_prior import SmoothPrior
-from palpate.core.identify.stiffness_map import StiffnessMap
+from palpate.core.identify.map.patches import Patches
+from palpate.core.identify.map.smoothness_prior import SmoothPrior
+from palpate.core.identify.map.stiffness_map import StiffnessMap
 from palpate.ui.pictures import map_planes as module
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.convergence import convergence

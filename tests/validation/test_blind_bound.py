@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from palpate.core.observe.noise import (
+from palpate.core.observe.contour_noise import (
     EXTRACTION_LENGTH_MM,
     EXTRACTION_MM,
     Weighting,

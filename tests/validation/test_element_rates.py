@@ -12,7 +12,7 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.elements import ELEMENTS, quadrature, shape_functions
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box
-from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.loads import PointForce

@@ -10,8 +10,8 @@ from silicone_beam import make_case
 
 from palpate.case.bench_body import body_problem, is_body
 from palpate.case.case_folder import CaseFolder
-from palpate.core.gap.bodies.diagnose import diagnose_body
-from palpate.core.gap.effects import library
+from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
+from palpate.core.diagnose.effects import library
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "silicone_beam"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")

@@ -13,9 +13,9 @@ from typing import Any
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import part
 from palpate.imaging.labels import LABELS
-from palpate.segmentation.atomic import atomic_path
 from palpate.ui.cli.arguments import no_points, number
 from palpate.ui.cli.console import Console
 from palpate.ui.number_words import three_figures

@@ -20,8 +20,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import Progress
-from palpate.segmentation.atomic import atomic_path
 from palpate.ui.cli import studies, study_touch
 from palpate.ui.cli.arguments import no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console

@@ -35,7 +35,7 @@ class MapLayer:
 def map_layer(
     arrays: Arrays, sheet: Sheet, plane: Plane, position: float, display: Display, scale: StiffnessScale
 ) -> MapLayer:
-    """The layer over a sheet of labels at rest. arrays : of `palpate.core.identify.stiffness_map.StiffnessMap`."""
+    """The layer over a sheet of labels at rest. arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`."""
     inside = np.isin(sheet.values, ORGAN_LABELS)
     rows, columns = np.nonzero(inside)
     points = _places(sheet, plane, position, rows, columns)

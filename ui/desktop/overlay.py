@@ -11,7 +11,7 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 from skimage import measure
 
-from palpate.core.identify.stiffness_map import nearest_patch, painted
+from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
 from palpate.ui.desktop.display import Display
 from palpate.ui.desktop.sheets import Sheet

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_path
 from palpate.core.touch.body import Body
 from palpate.core.touch.session import Answer, Session
-from palpate.segmentation.atomic import atomic_path
 from palpate.ui.number_words import three_figures
 from palpate.ui.pictures.force_curve import CurveRow, curve_csv, force_curve
 

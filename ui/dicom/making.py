@@ -15,7 +15,7 @@ from pydicom.uid import UID, ExplicitVRLittleEndian, generate_uid
 from pydicom.valuerep import DA, DT, TM
 
 from palpate.case.case_folder import CaseFolder, file_sha256
-from palpate.segmentation.atomic import atomic_path
+from palpate.core.files.atomic import atomic_path
 from palpate.ui.dicom.source import SourceScan
 from palpate.ui.report.record import simulated
 

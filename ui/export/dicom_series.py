@@ -11,8 +11,8 @@ from pydicom.dataset import FileDataset
 from pydicom.uid import CTImageStorage, generate_uid
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.files.atomic import atomic_folder
 from palpate.imaging.dicom.write import place_slice, right_handed
-from palpate.segmentation.atomic import atomic_folder
 from palpate.ui.dicom.codes import KILOPASCAL, SHEAR_MODULUS
 from palpate.ui.dicom.making import Making, begun, making
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.core.files.atomic import atomic_path
 from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, MAIN, OVERLAY, Layer, workspace_text
 from palpate.imaging.contours.nifti_labels import write_nifti
 from palpate.imaging.grid import labels_on
 from palpate.imaging.labels import BONE_PART_COLOURS, BONE_PARTS
 from palpate.imaging.volume import Volume
-from palpate.segmentation.atomic import atomic_path
 from palpate.ui.export.stiffness import stiffness_volume
 
 WRITES = "NIfTI: scans, label volumes, bones, stiffness in kPa; labels.txt, bones.txt; a workspace of each scan with all of it"

@@ -7,10 +7,10 @@ from pathlib import Path
 import SimpleITK as sitk
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.core.files.atomic import atomic_path
 from palpate.imaging.contours.seg_nrrd import write_seg_nrrd
 from palpate.imaging.labels import BONE_PART_COLOURS, BONE_PARTS
 from palpate.imaging.volume import Volume
-from palpate.segmentation.atomic import atomic_path
 from palpate.ui.export.stiffness import stiffness_volume
 
 WRITES = "NRRD: scans, labels and bones as .seg.nrrd, stiffness in kPa"

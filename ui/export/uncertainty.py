@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.core.identify.stiffness_map import nearest_patch, painted
+from palpate.core.files.atomic import atomic_path
+from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 from palpate.imaging.contours.nifti_labels import write_nifti
 from palpate.imaging.labels import LABEL_VALUES, ORGAN_LABELS
 from palpate.imaging.volume import Volume
-from palpate.segmentation.atomic import atomic_path
 
 WRITES = "NIfTI: each half's 95 % limits in kPa, and the smooth map with its factor and where the scans tell it"
 _MAP = "identify/stiffness_map.npz"

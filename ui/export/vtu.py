@@ -9,8 +9,8 @@ import pyvista as pv
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.mesh import load_meshed
+from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import SURROUNDING_TISSUE
-from palpate.segmentation.atomic import atomic_path
 from palpate.ui.export.stiffness import stiffness_of
 
 WRITES = "VTK unstructured grid: region, G in kPa, displacement in mm"

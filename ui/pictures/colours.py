@@ -54,7 +54,7 @@ class StiffnessScale:
 
 
 def map_scale(regional: Iterable[float], arrays: Mapping[str, NDArray[Any]]) -> StiffnessScale:
-    """One scale for regional values, kPa, and for what a map tells. arrays : of `palpate.core.identify.stiffness_map.StiffnessMap`."""
+    """One scale for regional values, kPa, and for what a map tells. arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`."""
     told = np.asarray(arrays["told"], dtype=bool)
     return StiffnessScale.of([*regional, *np.exp(np.asarray(arrays["ln_G"], dtype=float))[told].tolist()])
 

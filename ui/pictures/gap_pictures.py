@@ -56,7 +56,7 @@ VIEWS = (
 def residual_views(maps: Mapping[str, FloatArray]) -> Figure:
     """The organ at rest from four sides, superior up; colour: predicted minus seen in standard deviations of the noise.
 
-    maps : points, normals (q, 3), standardised (q,), as `palpate.core.gap.record.maps` gives them.
+    maps : points, normals (q, 3), standardised (q,), as `palpate.core.diagnose.verdict.record.maps` gives them.
     """
     figure = Figure(figsize=(7.6, 2.6), layout="constrained")
     axes = list(figure.subplots(1, len(VIEWS)))

@@ -11,7 +11,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from palpate.core.identify.stiffness_map import nearest_patch, painted
+from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import PLANES, Plane, Slice, Window, share_of_label
@@ -28,7 +28,7 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
     """Above G in kPa, hatched where the scans tell no more than the smoothness assumed; below the factor within which two of
     three true values lie.
 
-    arrays : of `palpate.core.identify.stiffness_map.StiffnessMap`.
+    arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`.
     """
     figure = Figure(figsize=(7.6, 5.3), layout="constrained")
     grid = figure.subplots(2, 3)

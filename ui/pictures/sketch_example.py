@@ -13,7 +13,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 
-from palpate.segmentation.atomic import atomic_folder
+from palpate.core.files.atomic import atomic_folder
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 from PIL import Image
 
 from palpate.case.steps.sketch import Sketch
-from palpate.segmentation.atomic import atomic_folder
+from palpate.core.files.atomic import atomic_folder
 from palpate.ui.pictures.film import write_film
 from palpate.ui.pictures.sketch_frames import film_pictures, keyframe_sheet
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
-from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.scenes import FAR_STRAIN, TISSUE_G, TISSUE_NU
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.newton import NewtonOptions
-from palpate.core.fem.reduced import ReducedModel
-from palpate.core.fem.reduced_design import Snapshot
+from palpate.core.fem.newton.newton import NewtonOptions
+from palpate.core.reduced.greedy_design import Snapshot
+from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.worker.progress import Progress
 from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.validate.bench.options import BenchOptions

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
-from palpate.segmentation.atomic import atomic_path
 from palpate.validate.blind.noise_floor import noise_floor_mm, noise_whose_floor_is
 from palpate.validate.blind.patient import Made, Pose, carried_walls
 from palpate.validate.blind.recipe import Recipe

@@ -19,8 +19,8 @@ import numpy as np
 
 from palpate.case.case_folder import file_sha256
 from palpate.core.errors import ConvergenceError, InputError
+from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import Progress, part, silent
-from palpate.segmentation.atomic import atomic_path
 from palpate.validate.blind.achieved import achieved
 from palpate.validate.blind.cases import make_case
 from palpate.validate.blind.recipe import Recipe

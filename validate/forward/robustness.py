@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.core.fem.newton import NewtonOptions
+from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.scenes import Scene
 from palpate.core.laws.base import FloatArray
 from palpate.core.worker.cluster import study_executor

@@ -16,7 +16,7 @@ from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
-from palpate.core.fem.newton import solve_equilibrium
+from palpate.core.fem.newton.newton import solve_equilibrium
 from palpate.core.fem.scenes import cap_pull
 from palpate.core.fem.space import Space
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters

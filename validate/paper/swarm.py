@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
-from palpate.core.fem.reduced import ReducedModel
-from palpate.core.fem.reduced_design import Snapshot
-from palpate.core.identify.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.identify.reduced_fit import ReducedFit
-from palpate.core.identify.swarm import Swarm, SwarmOptions
+from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
+from palpate.core.inference.swarm import Swarm, SwarmOptions
+from palpate.core.reduced.greedy_design import Snapshot
+from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.worker.executors import make_executor, one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper import tumour_worker

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
-from palpate.core.fem.newton import Equilibrium
+from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.problem import Surface, SurfacePair
 from palpate.validate.paper.tumour_effective import Effective, effective
 from palpate.validate.paper.tumour_scene import (

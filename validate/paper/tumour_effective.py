@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.newton import Equilibrium, solve_equilibrium
+from palpate.core.fem.newton.newton import Equilibrium, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.validate.paper.tumour_scene import LEFT, TUMOUR, DrivenScene, organ_material

@@ -9,14 +9,11 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
-from palpate.core.fem.reduced import ReducedModel
-from palpate.core.fem.reduced_design import ReducedOptions, Snapshot
-from palpate.core.identify.gauss_newton import GaussNewtonResult
-from palpate.core.identify.posterior import Posterior
 from palpate.core.identify.reduced_fit import ReducedFit
-from palpate.core.identify.uneven import UNEVEN_SD, amplitudes, uneven_responses
-from palpate.core.observe.distance_field import SignedDistanceField
-from palpate.core.observe.noise import (
+from palpate.core.identify.uneven_regions import UNEVEN_SD, amplitudes, uneven_responses
+from palpate.core.inference.gauss_newton import GaussNewtonResult
+from palpate.core.inference.posterior import Posterior
+from palpate.core.observe.contour_noise import (
     Weighting,
     contour_covariance,
     smooth_covariance,
@@ -24,6 +21,9 @@ from palpate.core.observe.noise import (
 )
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import Surface
+from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
+from palpate.core.reduced.reduced_model import ReducedModel
+from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, TumourData
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume

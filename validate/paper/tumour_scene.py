@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from palpate.core.fem.assembly import Assembler, State
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import sphere_in_cube
-from palpate.core.fem.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.scenes import FAR_STRAIN
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
-from palpate.core.identify.parameters import StiffnessParameters
+from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import Facts

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.fem.reduced_design import Snapshot
 from palpate.core.problem import Surface
+from palpate.core.reduced.greedy_design import Snapshot
 from palpate.validate.paper.tumour_fit import TumourFit
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume
 

@@ -19,9 +19,9 @@ from palpate.case.steps import mesh
 from palpate.case.steps.identify import problem_of
 from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
 from palpate.core.errors import InputError
-from palpate.core.identify.surface_alone import transformed
-from palpate.core.identify.surface_start import aligned
-from palpate.core.identify.unloaded import NEXT, moved_by_its_surface
+from palpate.core.identify.pair.no_driving_wall import NEXT, moved_by_its_surface
+from palpate.core.identify.pair.surface_alignment import aligned
+from palpate.core.identify.pair.surface_only import transformed
 from palpate.core.problem import Surface, SurfacePair
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
-from palpate.core.fem.newton import NewtonOptions, solve_equilibrium
+from palpate.core.fem.newton.newton import NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.loads import nodal_force
 from palpate.core.laws import NEO_HOOKEAN

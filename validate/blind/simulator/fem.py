@@ -15,8 +15,8 @@ from scipy import sparse
 from skfem import Basis, ElementTetP2, MeshTet
 from skfem.assembly.form.coo_data import COOData
 
-from palpate.core.fem.linear_solvers import make_solver
-from palpate.core.fem.pattern import Pattern
+from palpate.core.fem.linear.choice import make_solver
+from palpate.core.fem.linear.pattern import Pattern
 from palpate.validate.blind.simulator.laws import Dilation, Organ, Tissue
 
 FloatArray = NDArray[np.float64]

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.core.observe.closest_point import closest_points
-from palpate.core.observe.triangle_tree import TriangleTree
+from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.validate.blind.simulator.draws import ball, direction, either, sign
 from palpate.validate.blind.simulator.patients import Rigid

@@ -1,0 +1,88 @@
+"""The diagnosis of a body on a bench, in the form of diagnosis.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.diagnose.bench_bodies import record
+from palpate.core.diagnose.bench_bodies.fit import BodyFit
+from palpate.core.diagnose.bench_bodies.judge import LEVEL, base_fit, decide_body, p_value
+from palpate.core.diagnose.bench_bodies.problem import BodyProblem
+from palpate.core.diagnose.bench_bodies.rivals import Rival, rivals
+from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.effects import Effect, library
+from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, TIED, UNKNOWN
+from palpate.core.errors import InputError
+from palpate.core.worker.executors import one_thread
+from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Reporter
+from palpate.core.worker.progress import Progress, part, silent
+
+FloatArray = NDArray[np.float64]
+
+MAP_FILE = "body_markers.npz"
+
+
+def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+    """Job kind "palpate.core.diagnose.bench_bodies.diagnose:run": as `palpate.core.diagnose.job.run`, for a body."""
+    one_thread()
+    path = Path(job.paths["data"])
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            problem = BodyProblem.from_arrays({key: archive[key] for key in archive.files})
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error}); run diagnose again") from error
+    folder = job.options.get("effects")
+    effects = library(None if folder is None else Path(folder))
+    found, residuals = diagnose_body(problem, effects, str(job.options["case"]), reporter.progress)
+    np.savez(Path(job.folder) / MAP_FILE, **residuals)  # type: ignore[arg-type]
+    return found
+
+
+def diagnose_body(
+    problem: BodyProblem, effects: Mapping[str, Effect], case: str, progress: Progress = silent
+) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+    """The record, and by state the markers' residuals (k, 3) mm. Raises ConvergenceError when nothing can be solved."""
+    stage = BodyStage.of(problem)
+    progress(0.0, "plain model")
+    base = base_fit(stage)
+    p = p_value(base)
+    found = rivals(base, effects, part(progress, 0.1, 0.7))
+    verdict, candidates, probability, why = decide_body(base, found, p < LEVEL)
+    best = found[0] if found else None
+    named = best if verdict not in (NONE, UNKNOWN, AMBIGUOUS) else None
+    cause = _second(named.fit, effects, part(progress, 0.7, 1.0)) if named is not None else None
+    out = {
+        "case": case,
+        "gap": record.gap(base, p),
+        "where": {"map": MAP_FILE, "regions": record.regions(base), "peak_lps_mm": None},
+        "verdict": verdict,
+        "candidates": list(candidates),
+        "ranking": [record.row(base, f, probability[f.effect.id]) for f in found],
+        "shrinkage": None if best is None or verdict == NONE else record.shrinkage(best),
+        "stiffness": {
+            "without_effect": record.stiffness(base),
+            "with_effect": None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness(best.fit),
+        },
+        "next_measurement": record.next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
+        "why": why,
+        "in_words": record.words(base, verdict, named),
+        "probability_unknown": probability.get(UNKNOWN, 0.0),
+        "flags": [],
+        "states": record.states(base, best),
+        "remainder": None if named is None else record.remainder(named.fit, cause),
+    }
+    return out, {s.name: r for s, r in zip(problem.states, record.by_state(base), strict=True)}
+
+
+def _second(named: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> Rival | None:
+    """A second effect beside the one that was named, if one passes all that the first had to."""
+    for f in rivals(named, effects, progress):
+        if f.log_evidence > np.log(TIED) and f.p_value < LEVEL and f.predicts:
+            return f
+    return None

@@ -1,0 +1,132 @@
+"""Fitting a body's stiffness, and effects with it, to the markers of all states at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from palpate.core.diagnose.bench_bodies.problem import BodyState
+from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.effects import Effect, Variant
+from palpate.core.fem.assembly import State
+from palpate.core.forward.composition import Composition
+from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.observe.contour_noise import Weighting
+from palpate.core.residual.linearised_model import out_of_balance
+
+FloatArray = NDArray[np.float64]
+
+_STEP = 1e-3
+_TOLERANCE, _EVALUATIONS = 5e-3, 20
+# Precision of ln G's prior: none to speak of.
+_FLAT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """An effect as it is in each state (a load may differ between them): one variant a state."""
+
+    effect: Effect
+    variants: Sequence[Variant]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """The plain body with effects added; parameters are ln G, then each effect's phi in prior standard deviations."""
+
+    stage: BodyStage
+    added: tuple[Added, ...] = ()
+
+    @property
+    def scales(self) -> FloatArray:
+        """(k,) of all effects' parameters."""
+        return np.concatenate([np.zeros(0), *(a.effect.scales for a in self.added)])
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(1 + k, 2)."""
+        effects = [a.effect.bounds / a.effect.scales[:, None] for a in self.added]
+        return np.vstack([np.log([self.stage.problem.bounds_kpa]), *effects])
+
+    def composition(self, x: FloatArray, state: int) -> Composition:
+        """At parameters x (1 + k,) in the state of this index."""
+        out, start = Composition(self.stage.problem.shell), 1
+        for a in self.added:
+            n = len(a.effect.parameters)
+            out = a.variants[state].applied(out, x[start : start + n] * a.effect.scales)
+            start += n
+        return out
+
+    def linearised(self, x: FloatArray, which: Sequence[int]) -> tuple[FloatArray, FloatArray] | None:
+        """Residual (m,) mm, predicted minus seen, of the markers of the states `which`, and its derivative in x; None: no answer."""
+        r, J = [], []
+        for k in which:
+            state = self.stage.problem.states[k]
+            found = self.stage.solve(self.composition(x, k), x[:1], state)
+            if not found.converged:
+                return None
+            balance = out_of_balance(self.stage.assembler, State(found.u, found.p))
+            here = self.stage.markers(found.u, state)
+            r.append((here - state.moved).ravel())
+            columns = []
+            for step in _STEP * np.eye(len(x)):
+                y = x + step
+                u = found.u + self.stage.first_order(self.composition(y, k), y[:1], state, found, balance)
+                columns.append((self.stage.markers(u, state) - here).ravel() / _STEP)
+            J.append(np.stack(columns, axis=1))
+        return np.concatenate(r), np.vstack(J)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFit:
+    """A model where it fits best: x, residual (m,) mm and Jacobian (m, 1 + k), cost: weighted squares and prior.
+
+    covariance : (1 + k, 1 + k) of x. volume : half the logarithm of its determinant.
+    """
+
+    model: BodyModel
+    which: tuple[int, ...]
+    x: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+    cost: float
+    covariance: FloatArray
+    volume: float
+
+    def log_evidence(self, plain: BodyFit) -> float:
+        """Laplace's, against the plain model fitted to the same states."""
+        return 0.5 * (plain.cost - self.cost) + self.volume - plain.volume
+
+
+def weighting(states: Sequence[BodyState]) -> Weighting:
+    """Of the markers of these states together."""
+    return Weighting(block_diag(*(s.covariance() for s in states)))
+
+
+def fit_body(model: BodyModel, which: Sequence[int], start: FloatArray) -> BodyFit | None:
+    """Gauss-Newton from parameters start (1 + k,) on the states `which`; None when nothing could be solved."""
+    weight = weighting([model.stage.problem.states[k] for k in which])
+    prior = np.diag(np.concatenate([[0.0], np.ones(len(start) - 1)]))
+
+    def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        found = model.linearised(x, which)
+        if found is None:
+            return None
+        r, J = found
+        return np.concatenate([weight.whiten(r), prior @ x]), np.vstack([weight.whiten(J), prior])
+
+    best = gauss_newton(linearise, start, model.bounds, _TOLERANCE, _EVALUATIONS)
+    if best is None:
+        return None
+    n = len(best.residual) - len(start)
+    H = best.jacobian.T @ best.jacobian + _FLAT * np.diag(np.arange(len(start)) == 0)
+    L = weight.covariance
+    white = np.linalg.cholesky(L)
+    residual, jacobian = white @ best.residual[:n], white @ best.jacobian[:n]
+    volume = -0.5 * float(np.linalg.slogdet(H)[1])
+    covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
+    return BodyFit(model, tuple(which), best.theta, residual, jacobian, best.misfit, covariance, volume)

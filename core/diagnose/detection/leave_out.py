@@ -1,0 +1,92 @@
+"""How a case's data are left out in turn: the organ's surface in patches and the landmarks, and the bones' surfaces in patches."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.inference.heldout import Split
+from palpate.core.observe.contour_noise import EXTRACTION_MM, smooth_covariance
+from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.joint_states import apart
+from palpate.core.residual.plain_fit import PlainFit
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Width of a patch of the organ, mm: two correlation lengths of the contour noise. Bones are larger.
+PATCH_MM, BONE_PATCH_MM = 14.0, 28.0
+# Points are thinned to about this spacing, mm, and take an independent error of this size, mm.
+_SPACING_MM, _BONE_SPACING_MM = 4.0, 9.0
+_NUGGET_MM = 0.1
+
+
+def organ_split(fit: PlainFit) -> Split:
+    """Patches of the organ, then one of all landmarks; the bones' motion is never left out.
+
+    A patch is left out of all deformed states at once: the contour at rest, which they share, would give it away. Rows of the organ's
+    surfaces come first, state by state.
+    """
+    sights, at_rest = fit.bench.sights, fit.point.first.scene.observation.points
+    chosen = _thinned(at_rest, _SPACING_MM)
+    surface = apart([_rows_of_surface(sight, chosen) for sight in sights])
+    rest = np.delete(np.eye(fit.bench.n), fit.bench.surface, axis=0)
+    reader = np.vstack([surface, rest])
+    points = np.tile(at_rest[chosen], (len(sights), 1))
+    patch = np.full(len(reader), -1)
+    patch[: len(points)] = np.tile(_patches(at_rest[chosen], PATCH_MM), len(sights))
+    marks = np.concatenate([np.arange(s.n - s.n_modes) < 3 * s.n_marks for s in sights])
+    if marks.any():
+        patch[len(points) + np.flatnonzero(marks)] = patch.max() + 1
+    covariance = reader @ fit.weighting.covariance @ reader.T
+    covariance[np.arange(len(points)), np.arange(len(points))] += _NUGGET_MM**2
+    return Split(reader, np.zeros(len(reader)), patch, covariance, points)
+
+
+def _rows_of_surface(sight: Sight, chosen: IntArray) -> FloatArray:
+    """(c, n) that takes a state's data to the organ's surface at the chosen points (c,)."""
+    out = np.zeros((len(chosen), sight.n))
+    out[:, : sight.n_modes] = sight.modes[chosen]
+    return out
+
+
+def bone_split(fit: PlainFit, state: int) -> Split | None:
+    """Patches of a state's bones, whose rigid motion the others must tell, and all else, which is not left out.
+
+    None where the state shows no bones.
+    """
+    organ, bone, at = organ_split(fit), fit.bench.each[state].sight.bone, fit.bench.bones[state]
+    if bone is None or at is None:
+        return None
+    chosen = _thinned(bone.points, _BONE_SPACING_MM)
+    points = bone.points[chosen]
+    reader = np.zeros((len(chosen), fit.bench.n))
+    reader[:, at] = bone.design[chosen]
+    sd, length = fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
+    noise = 2.0 * smooth_covariance(points, sd, length) + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
+    noise[np.diag_indices_from(noise)] += EXTRACTION_MM**2
+    seen = ~organ.reader[:, at].any(axis=1)
+    m = len(chosen) + int(seen.sum())
+    covariance = np.zeros((m, m))
+    covariance[: len(chosen), : len(chosen)] = noise
+    covariance[len(chosen) :, len(chosen) :] = organ.covariance[np.ix_(seen, seen)]
+    patch = np.full(m, -1)
+    patch[: len(chosen)] = _patches(points, BONE_PATCH_MM)
+    constant = np.concatenate([bone.misfit[chosen], np.zeros(int(seen.sum()))])
+    return Split(np.vstack([reader, organ.reader[seen]]), constant, patch, covariance, points)
+
+
+def _thinned(points: FloatArray, spacing: float) -> IntArray:
+    cube = np.floor(points / spacing).astype(np.int64)
+    _, first = np.unique(cube, axis=0, return_index=True)
+    return np.sort(first)
+
+
+def _patches(points: FloatArray, width: float) -> IntArray:
+    """Voronoi cells of points far apart: every next seed is the point farthest from those before."""
+    seeds = [int(np.argmin(points[:, 2]))]
+    distance = np.linalg.norm(points - points[seeds[0]], axis=1)
+    while distance.max() > width:
+        seeds.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(points - points[seeds[-1]], axis=1))
+    return np.argmin(np.linalg.norm(points[:, None] - points[seeds], axis=2), axis=1)

@@ -1,0 +1,124 @@
+"""Where the gap lies: the residual in its own standard deviations, and the least field of forces that would close it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from palpate.core.inference.evidence import projected
+from palpate.core.observe.contour_noise import Weighting
+from palpate.core.residual.plain_fit import PlainFit
+from palpate.core.residual.unknown_field import ForceFields, FreeField
+
+FloatArray = NDArray[np.float64]
+
+_SIDES = (("right", "left"), ("anterior", "posterior"), ("inferior", "superior"))
+
+
+@dataclass(frozen=True, eq=False)
+class Where:
+    """points (q, 3) mm, normals, region (q,), residual (q,) mm, standardised (q,); nodes (k, 3) mm near the organ, force (k, 3) kPa/mm.
+
+    peak : (3,) mm where the missing force is largest, None when there is none. blur_mm : how far a point force spreads in that map.
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    region: NDArray[np.int64]
+    residual: FloatArray
+    standardised: FloatArray
+    nodes: FloatArray
+    force: FloatArray
+    peak: FloatArray | None
+    blur_mm: float
+
+
+def look(fit: PlainFit, free: FreeField, state: int = 0) -> Where:
+    """Maps of a deformed state at the plain fit, from that state's data."""
+    sight, point, forces, rows = (
+        fit.bench.each[state].sight,
+        fit.point.each[state],
+        free.each[state],
+        fit.bench.rows[state],
+    )
+    weighting = Weighting(fit.weighting.covariance[rows, rows])
+    observation = point.scene.observation
+    k = sight.n_modes
+    smooth = sight.modes @ point.residual[:k]
+    sd = np.sqrt(np.einsum("qi,ij,qj->q", sight.modes, weighting.covariance[:k, :k], sight.modes))
+    r, J = weighting.whiten(point.residual), weighting.whiten(point.in_theta)
+    R = projected(J, weighting.whiten(forces.response))
+    inverse = np.linalg.solve(R.T @ R + np.eye(R.shape[1]), R.T)
+    density = forces.force_density(-inverse @ projected(J, r))
+    size = np.linalg.norm(density, axis=1)
+    near = np.flatnonzero(size > 1e-12 * max(size.max(), 1e-30))
+    nodes = point.scene.space.nodes[near] - point.scene.shift[near]
+    peak = _peak(nodes, size[near], observation.points)
+    blur = _blur(forces, inverse @ R, nodes, near, peak)
+    return Where(
+        observation.points,
+        observation.normals,
+        observation.region,
+        smooth,
+        smooth / sd,
+        nodes,
+        density[near],
+        peak,
+        blur,
+    )
+
+
+def residuals(fit: PlainFit) -> list[FloatArray]:
+    """For each deformed state (q,) mm, what the plain model leaves on the organ's surface, as smooth as contour noise."""
+    each = zip(fit.bench.each, fit.point.each, strict=True)
+    return [bench.sight.modes @ point.residual[: bench.sight.n_modes] for bench, point in each]
+
+
+def regions(where: Where, names: dict[int, str]) -> list[dict[str, object]]:
+    """Residual by organ region and by side: rms in mm and share of the sum of squares."""
+    centre = where.points.mean(axis=0)
+    total = max(float((where.residual**2).sum()), 1e-30)
+    out: list[dict[str, object]] = []
+    for region, name in names.items():
+        out.append(_row(where, where.region == region, name, "all", total))
+    for axis, (low, high) in enumerate(_SIDES):
+        above = where.points[:, axis] > centre[axis]
+        out.append(_row(where, ~above, "organ", low, total))
+        out.append(_row(where, above, "organ", high, total))
+    return out
+
+
+def _row(where: Where, part: NDArray[np.bool_], name: str, side: str, total: float) -> dict[str, object]:
+    squares = where.residual[part] ** 2
+    rms = float(np.sqrt(squares.mean())) if part.any() else 0.0
+    return {"name": name, "side": side, "rms_mm": rms, "share": float(squares.sum()) / total}
+
+
+def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray) -> FloatArray | None:
+    """Centre of the largest forces near the organ."""
+    if len(nodes) == 0 or size.max() <= 0.0:
+        return None
+    close = cKDTree(organ).query(nodes)[0] < 15.0
+    weight = np.where(close & (size > 0.7 * size[close].max(initial=0.0)), size, 0.0)
+    top = nodes[int(np.argmax(weight))]
+    weight = weight * (np.linalg.norm(nodes - top, axis=1) < 12.0)
+    return np.asarray(np.average(nodes, axis=0, weights=weight)) if weight.any() else None
+
+
+def _blur(
+    forces: ForceFields, resolution: FloatArray, nodes: FloatArray, near: NDArray[np.int64], peak: FloatArray | None
+) -> float:
+    """Point spread: radius (rms, mm) within which the map shows a force that acts at the peak alone."""
+    if peak is None:
+        return 0.0
+    at = near[int(np.argmin(np.linalg.norm(nodes - peak, axis=1)))]
+    spread = np.zeros(len(near))
+    for axis in range(3):
+        shown = np.einsum("k,kni->ni", resolution @ forces.fields[:, at, axis], forces.fields[:, near])
+        spread += ((shown / forces.share[near, None]) ** 2).sum(axis=1)
+    spread *= forces.share[near]
+    distance = np.linalg.norm(nodes - peak, axis=1)
+    return float(np.sqrt((spread * distance**2).sum() / max(spread.sum(), 1e-30)))

@@ -1,0 +1,48 @@
+"""Effects that are none: random smooth loads as strong as the effect under test, and an effect with a place moved elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.diagnose.detection.score_test import Screened
+from palpate.core.inference.heldout import Gain, Linear, Split, gain
+from palpate.core.residual.unknown_field import FreeField
+
+FloatArray = NDArray[np.float64]
+
+PLACEBOS = 40
+# An effect moved less far than this is not elsewhere, mm.
+APART_MM = 15.0
+
+
+def placebo_gains(
+    split: Split, plain: Linear, before: FloatArray, forces: FreeField, size: float, seed: int = 1
+) -> list[Gain]:
+    """Gain on data left out of each placebo: a random smooth load whose amplitude is fitted, of the given prior size.
+
+    size : rms of the residual's change, mm per entry of the data vector, that the effect under test makes.
+    """
+    rng = np.random.default_rng(seed)
+    p = plain.J.shape[1]
+    models = []
+    for _ in range(PLACEBOS):
+        S = forces.response @ rng.standard_normal(forces.response.shape[1])
+        S *= size / max(float(np.sqrt((S**2).mean())), 1e-30)
+        precision = np.concatenate([plain.precision, [1.0]])
+        models.append(Linear(plain.r, np.column_stack([plain.J, S]), np.zeros(p + 1), precision))
+    return [gain(split, before, after) for after in split.left_out(models)]
+
+
+def moved_gains(
+    split: Split, plain: Linear, before: FloatArray, screened: Screened, where: tuple[float, float, float]
+) -> list[Gain]:
+    """Gain on data left out of the same effect at every other place (mirrored or moved by at least APART_MM), its size fitted."""
+    models = []
+    for variant, S in zip(screened.variants, screened.directions, strict=True):
+        if variant.where is None or np.linalg.norm(np.subtract(variant.where, where)) < APART_MM:
+            continue
+        seen = np.abs(S).max(axis=0) > 0.0
+        precision = np.concatenate([plain.precision, 1.0 / screened.effect.scales[seen] ** 2])
+        models.append(Linear(plain.r, np.column_stack([plain.J, S[:, seen]]), np.zeros(len(precision)), precision))
+    return [gain(split, before, after) for after in split.left_out(models)]

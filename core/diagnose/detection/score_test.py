@@ -1,0 +1,64 @@
+"""First look at all effects: score test and linear evidence of every variant, from one back-substitution a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.forward.effect import Effect, Surroundings, Variant
+from palpate.core.inference.evidence import Score, mean_of_exponentials, score
+from palpate.core.residual.joint_states import Points
+from palpate.core.residual.linearised_model import Trial
+from palpate.core.residual.plain_fit import PlainFit
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """An effect after the first look: its variants, best first, each with its score and its directions S (n, k).
+
+    log_evidence : against the plain model, averaged over all variants. tried : how many there were.
+    """
+
+    effect: Effect
+    variants: list[Variant]
+    scores: list[Score]
+    directions: list[FloatArray]
+    log_evidence: float
+
+    @property
+    def tried(self) -> int:
+        """Number of variants."""
+        return len(self.variants)
+
+
+def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -> list[Screened]:
+    """Every effect that the case does not exclude. The plain point's tangents must be the last ones factorised."""
+    r = fit.weighting.whiten(fit.point.residual)
+    J = fit.weighting.whiten(fit.point.in_theta)
+    out = []
+    for one in effects.values():
+        effect = one.over(len(fit.bench.each))
+        variants = effect.variants(around)
+        if not variants:
+            continue
+        at = _at_zero(fit, effect)
+        directions = [fit.bench.directions(Trial(effect, v), at) for v in variants]
+        scores = [score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds) for S in directions]
+        order = np.argsort([-s.log_evidence for s in scores], kind="stable")
+        total = mean_of_exponentials(np.array([s.log_evidence for s in scores]))
+        out.append(
+            Screened(
+                effect, [variants[i] for i in order], [scores[i] for i in order], [directions[i] for i in order], total
+            )
+        )
+    return out
+
+
+def _at_zero(fit: PlainFit, effect: Effect) -> Points:
+    """The plain point as a point of the effect's model."""
+    return fit.point.with_phi(np.zeros(len(effect.parameters)))

@@ -1,0 +1,71 @@
+"""The diagnosis of one case: is there a gap, which effect, where, how far it shrinks. Numbers in, numbers out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.special import logsumexp
+
+from palpate.core.diagnose.case_data import CaseData
+from palpate.core.diagnose.detection.gap_test import CLEAR, Named, gap_test
+from palpate.core.diagnose.detection.location import look
+from palpate.core.diagnose.detection.score_test import Screened, screen
+from palpate.core.diagnose.effects import Effect, Surroundings
+from palpate.core.diagnose.refit.element_error_of_effects import with_own_error
+from palpate.core.diagnose.refit.refit import Refit
+from palpate.core.diagnose.refit.variants import refit_variants
+from palpate.core.diagnose.verdict.judge import Diagnosis, judge
+from palpate.core.forward.pressure_fields import pressure_fields
+from palpate.core.inference.evidence import mean_of_exponentials
+from palpate.core.residual.joint_states import factorised
+from palpate.core.residual.noise_estimation import GAPS
+from palpate.core.residual.plain_fit import PlainFit, fit_plain
+from palpate.core.residual.unknown_field import FreeField
+from palpate.core.worker.progress import Progress, part, silent
+
+# Effects whose linear evidence is further below the best than this are not refitted.
+_HOPELESS = 12.0
+
+
+def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress = silent, seed: int = 1) -> Diagnosis:
+    """Diagnose a case. Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved."""
+    fit = fit_plain(data.pairs, data.remeshed, part(progress, 0.0, 0.45))
+    factorised(fit.point)
+    forces = FreeField.around(fit.point, fit.bench.sights)
+    r, J, R = fit.point.residual, fit.point.in_theta, forces.free
+    progress(0.46, "score test of every effect")
+    stage, point = fit.bench.first.stage, fit.point.first
+    around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
+    screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
+    named = {s.effect.id: Named(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
+    test = gap_test(fit.noise, r, J, R, named, seed)
+    refits = [] if test.p_value > CLEAR else _refits(fit, screened, part(progress, 0.6, 0.8))
+    if refits:
+        found = {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect}
+        test = gap_test(fit.noise, r, J, R, named, seed, found)
+    refits = with_own_error(fit, screened, refits, part(progress, 0.8, 0.92)) if test.detected else []
+    progress(0.92, "prediction of what was left out")
+    where = look(fit, forces)
+    return judge(fit, test, screened, refits, where, forces, _unnamed(fit, forces), seed)
+
+
+def _unnamed(fit: PlainFit, forces: FreeField) -> float:
+    """Log evidence, against the plain model, of a free smooth field of any size, whatever the noise."""
+    r, J, R = fit.point.residual, fit.point.in_theta, forces.free
+    none = np.zeros((len(r), len(r)))
+    plain = fit.noise.log_likelihood(r, J, none)
+    logs = [logsumexp(fit.noise.log_likelihood(r, J, size**2 * R @ R.T) + fit.noise.log_prior) for size in GAPS if size]
+    return mean_of_exponentials(np.array(logs)) - float(logsumexp(plain + fit.noise.log_prior))
+
+
+def _refits(fit: PlainFit, screened: Sequence[Screened], progress: Progress) -> list[Refit]:
+    """Effects refitted in full, best first."""
+    worth = [s for s in screened if s.log_evidence > screened[0].log_evidence - _HOPELESS or s.tried == 1]
+    out = []
+    for k, s in enumerate(worth):
+        progress(k / len(worth), f"refit with {s.effect.id}")
+        found = refit_variants(fit, s)
+        if found is not None:
+            out.append(found)
+    return sorted(out, key=lambda f: -f.log_evidence)

@@ -1,0 +1,31 @@
+"""Diagnosis as a job of the worker process: case data in one file, diagnosis.json's content and the maps out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from palpate.core.diagnose.case_data import load
+from palpate.core.diagnose.diagnose import diagnose
+from palpate.core.diagnose.effects import library
+from palpate.core.diagnose.verdict.record import MAP_FILE, maps, record
+from palpate.core.worker.checkpoint import save_checkpoint
+from palpate.core.worker.executors import one_thread
+from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Reporter
+
+
+def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+    """Job kind "palpate.core.diagnose.job:run".
+
+    paths: data (npz of `case_data.arrays`). options: case (its name), effects (folder or null).
+
+    Writes the maps into the job's folder and returns diagnosis.json.
+    """
+    one_thread()  # the order of sums, and with it the last bits, must not depend on the machine's cores
+    data = load(Path(job.paths["data"]))
+    folder = job.options.get("effects")
+    effects = library(None if folder is None else Path(folder))
+    found = diagnose(data, effects, reporter.progress, job.seed)
+    save_checkpoint(Path(job.folder) / MAP_FILE, maps(found), job.fingerprint())
+    return record(found, str(job.options["case"]))

@@ -1,0 +1,1 @@
+"""Effects refitted in full, in variants and in pairs."""

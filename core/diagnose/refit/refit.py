@@ -1,0 +1,128 @@
+"""Refitting an effect in full: stiffness and the effect's parameters together, the model solved anew at every step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.diagnose.detection.score_test import Screened
+from palpate.core.inference.evidence import allowed
+from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.residual.joint_states import Points
+from palpate.core.residual.linearised_model import Trial
+from palpate.core.residual.plain_fit import FLAT, PlainFit
+
+FloatArray = NDArray[np.float64]
+
+# A fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations).
+_TOLERANCE = 0.03
+_EVALUATIONS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """An effect's variant where it fits best.
+
+    point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi).
+    own_evidence : log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
+    log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction (n,) : what a better element adds to its
+    residual. others : variants that were refitted too.
+    """
+
+    trial: Trial
+    point: Points
+    in_phi: FloatArray
+    covariance: FloatArray
+    own_evidence: float
+    log_evidence: float
+    correction: FloatArray
+    others: tuple[Refit, ...] = ()
+
+    @property
+    def phi(self) -> FloatArray:
+        """(k,) the effect's parameters."""
+        return self.point.phi
+
+    @property
+    def sd_phi(self) -> FloatArray:
+        """(k,) their standard deviations."""
+        return np.sqrt(np.diag(self.covariance))[len(self.point.theta) :]
+
+
+def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
+    """Gauss-Newton on (ln G, phi) from the plain fit, of one variant; None when the model with the effect cannot be solved."""
+    return _fitted(fit, screened, which, fit.point, _start(screened, which))
+
+
+def refit_again(fit: PlainFit, screened: Screened, found: Refit, correction: FloatArray) -> Refit | None:
+    """One variant refitted from where it was `found`, with another correction (n,) mm of the quick element.
+
+    None when the model with the effect cannot be solved.
+    """
+    assert found.trial.variant is not None
+    corrected = replace(fit, bench=fit.bench.corrected(correction))
+    which, scales = screened.variants.index(found.trial.variant), screened.effect.scales
+    return _fitted(corrected, screened, which, found.point, found.phi / scales)
+
+
+def _fitted(fit: PlainFit, screened: Screened, which: int, near: Points, start: FloatArray) -> Refit | None:
+    """Gauss-Newton from the point `near` and phi / scale = start (k,)."""
+    effect = screened.effect
+    trial = Trial(effect, screened.variants[which])
+    t, scales = len(fit.point.theta), effect.scales
+    best: tuple[float, Points, FloatArray] | None = None
+    here = near
+
+    def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        nonlocal best, here
+        point = fit.bench.solve(trial, x[:t], x[t:] * scales, here)
+        if point is None:
+            return None
+        S = fit.bench.directions(trial, point)
+        here = point
+        r = np.concatenate([fit.weighting.whiten(point.residual), x[t:]])
+        J = np.block(
+            [
+                [fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S) * scales],
+                [np.zeros((len(scales), t)), np.eye(len(scales))],
+            ]
+        )
+        if best is None or r @ r < best[0]:
+            best = float(r @ r), point, S
+        return r, J
+
+    bounds = np.vstack([fit.point.first.scene.parameters.bounds, effect.bounds / scales[:, None]])
+    gauss_newton(linearise, np.concatenate([near.theta, start]), bounds, _TOLERANCE, _EVALUATIONS)
+    if best is None:
+        return None
+    return _weighed(fit, screened, which, trial, best[1], best[2])
+
+
+def _start(screened: Screened, which: int) -> FloatArray:
+    """phi / scale (k,): half of what the linear look says, at most one standard deviation, never exactly the plain model."""
+    guess = 0.5 * screened.scores[which].estimate / screened.effect.scales
+    guess = np.clip(guess, -1.0, 1.0)
+    low, high = (screened.effect.bounds / screened.effect.scales[:, None]).T
+    guess = np.clip(guess, np.where(np.isfinite(low), low, -np.inf), high)
+    return guess if np.abs(guess).max() > 0.02 else np.clip(guess + 0.05, low, high)
+
+
+def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point: Points, S: FloatArray) -> Refit:
+    scales = screened.effect.scales
+    J = np.hstack([fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S)])
+    t = len(point.theta)
+    prior = np.diag(np.concatenate([np.full(t, FLAT), 1.0 / scales**2]))
+    covariance = np.asarray(np.linalg.inv(J.T @ J + prior), dtype=np.float64)
+    evidence = _whatever_noise(fit, point, S, scales)
+    evidence += allowed(point.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
+    return Refit(trial, point, S, covariance, evidence, evidence, fit.bench.correction)
+
+
+def _whatever_noise(fit: PlainFit, point: Points, S: FloatArray, scales: FloatArray) -> float:
+    """Log evidence against the plain model, the noise of neither given."""
+    J = np.hstack([point.in_theta, S])
+    precision = np.concatenate([np.full(len(point.theta), FLAT), 1.0 / scales**2])
+    prior = -0.5 * float(((point.phi / scales) ** 2).sum()) - float(np.log(scales).sum())
+    return fit.noise.log_evidence(point.residual, J, precision) + prior - fit.log_evidence

@@ -1,0 +1,102 @@
+"""How far the gap shrinks on points that the fit has not seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.special import softmax
+
+from palpate.core.diagnose.refit.refit import Refit
+from palpate.core.diagnose.verdict.judge import Diagnosis
+from palpate.core.residual.noise_covariance import LENGTHS_MM, organ_contours
+
+FloatArray = NDArray[np.float64]
+
+_DRAWS = 2000
+
+
+def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
+    """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
+
+    Every draw of the bootstrap takes one of the refitted effects, by its probability, and one of the sizes that the contours' noise may
+    have: the interval is for what adding the true effect would do, and which one that is may not be sure. The ceiling is what a saturated
+    smooth field of forces gains on the same points, the placebo what random fields gain.
+    """
+    assert best.trial.effect is not None
+    n = len(found.split.points)
+    before, after, top = (found.left_out[key][:n] ** 2 for key in ("", best.trial.effect.id, "ceiling"))
+    rivals, weight = _rivals(found)
+    floors, likely = contours_mm2(found, best)
+    floor = float(floors @ likely)
+    rng = np.random.default_rng(seed)
+    patch = found.split.patch[:n]
+    members = [np.flatnonzero(patch == p) for p in range(found.split.n_surface)]
+    tail = tail_of_few(len(members))
+    draws = []
+    for _ in range(_DRAWS):
+        chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
+        rival = rivals[rng.choice(len(rivals), p=weight)]
+        draws.append(_corrected(before[chosen].mean(), rival[chosen].mean(), rng.choice(floors, p=likely)))
+    return {
+        "held_out_rms_before_mm": float(np.sqrt(before.mean())),
+        "held_out_rms_after_mm": float(np.sqrt(after.mean())),
+        "fraction": _fraction(before.mean(), after.mean()),
+        "noise_corrected_fraction": _corrected(before.mean(), after.mean(), floor),
+        "ci95": np.quantile(draws, [tail, 1.0 - tail]).tolist(),
+        "ceiling_fraction": _corrected(before.mean(), top.mean(), floor),
+        "placebo_fraction": found.placebo,
+        "noise_floor_mm": float(np.sqrt(floor)),
+        "effect": best.trial.effect.id,
+    }
+
+
+def tail_of_few(n: int) -> float:
+    """Tail of a 95 % bootstrap interval from n blocks: a few, drawn again, scatter less than they should.
+
+    Hesterberg (2015), The American Statistician 69, 371-386, "expanded percentile interval".
+    """
+    return float(stats.norm.sf(np.sqrt(n / (n - 1.0)) * stats.t.isf(0.025, n - 1))) if n > 1 else 0.0
+
+
+def _rivals(found: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
+    """Squares (n,) mm2 that each refitted effect leaves on points left out, and the effects' probabilities among each other."""
+    n = len(found.split.points)
+    named = [(f.trial.effect.id, f.log_evidence) for f in found.refits if f.trial.effect is not None]
+    # From evidence: where no effect comes near a free field, all their probabilities may have become 0.
+    return [found.left_out[name][:n] ** 2 for name, _ in named], softmax([evidence for _, evidence in named])
+
+
+def contours_mm2(found: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]:
+    """What the organ's two contours alone add to the mean square of the points left out, for every size that noise may have, and how
+    probable each is where the best effect fits, (g,) each.
+
+    Walls read wrongly and the model's own errors stay with the model: no better scan of the organ would take them away.
+    """
+    fit = found.fit
+    sight, scene = fit.bench.first.sight, fit.point.first.scene
+    n, sd = len(found.split.points) // len(fit.bench.each), scene.problem.facts.noise_sd_mm  # as much in every state
+    reader = found.split.reader[:n, : sight.n_modes]
+    of_length = {
+        length: np.einsum("ij,jk,ik->", reader, organ_contours(sight, scene.observation.points, sd, length), reader) / n
+        for length in LENGTHS_MM
+    }
+    own = float((reader**2).sum()) / n
+    floors = np.array([s.contour**2 * of_length[s.length] + s.own**2 * own for s in fit.noise.sizes])
+    J = np.hstack([best.point.in_theta, best.in_phi])
+    none = np.zeros((fit.bench.n, fit.bench.n))
+    return floors, softmax(fit.noise.log_likelihood(best.point.residual, J, none) + fit.noise.log_prior)
+
+
+def _fraction(before: float, after: float) -> float:
+    return float(1.0 - np.sqrt(after / max(before, 1e-30)))
+
+
+def _corrected(before: float, after: float, floor: float) -> float:
+    """Share of the rms above the noise floor that is gone."""
+    excess = [np.sqrt(max(x - floor, 0.0)) for x in (before, after)]
+    if excess[0] <= 1e-12:
+        return 0.0
+    return float(np.clip(1.0 - excess[1] / excess[0], -1.0, 1.0))

@@ -1,0 +1,146 @@
+"""From evidence and predictions to an answer, or to a refusal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.core.inference.heldout import Gain
+
+NONE, AMBIGUOUS, UNKNOWN = "none", "ambiguous", "unknown"
+
+# Prior probability, once there is a gap, that no effect of the library causes it: as likely as any three of its twelve.
+PRIOR_UNKNOWN = 0.2
+# Effects whose probability is within this factor of the best one's cannot be told from it: less is "positive evidence" at best
+# (Kass & Raftery 1995). Twins, which could imitate all but a tenth of what the best does to the data, need more: there the odds
+# hang on the small errors of model and noise.
+TIED, TIED_TWINS, TWINS = 5.0, 20.0, 0.95
+# A verdict of one name must be this probable; else the fewest effects that are so together are named.
+SURE = 0.8
+# At most so many are named: more would say nothing.
+MOST_CANDIDATES = 3
+# A remainder this improbable under the noise is no noise. A verdict of one name needs more: what it leaves must not raise the alarm of the
+# gap test itself, or it must predict what was left out so nearly as well as a free field does, over what that gains: then what remains is
+# nothing that any missing force would foretell, but walls and mesh, which under good contours stand out of the noise where much moves.
+REMAINDER_LEVEL, LEFT_OVER, NEARLY_ALL = 0.01, 0.05, 0.9
+# Less than this of what a free field gains on data left out, and the name explains the smaller part of what can be foretold.
+HALF = 0.5
+
+_NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
+_TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
+_TWO = "no effect alone explains the gap, these two together do"
+_LEFT_OVER = (
+    "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it"
+)
+_UNSURE = "the effect explains the gap best, but less than four times as probably as all others together"
+_SMALLER_PART = (
+    "the effect fits best, but closes less than half of what can be closed: something else may be the larger part"
+)
+_UNCONFIRMED = "the effect fits best, but does not predict what was left out clearly better"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One effect after its refit.
+
+    log_evidence : against the plain model, tempered (`judge.tempered`). gain : on data left out. placebo_p : share of placebo effects that
+    gain as much.
+    share_of_ceiling : of what a saturated field gains on data left out. remainder_p : of the residual it leaves, under the noise.
+    cosine : between what the best effect does to the data, the stiffness projected out, and the nearest thing this one could do.
+    unlike : why what fits is not what the effect's name means, "" where it is.
+    """
+
+    effect: str
+    log_evidence: float
+    gain: Gain
+    placebo_p: float
+    share_of_ceiling: float
+    remainder_p: float
+    cosine: float = 0.0
+    unlike: str = ""
+
+    @property
+    def needed_odds(self) -> float:
+        """How many times likelier the best effect must be to be told from this one."""
+        return TIED_TWINS if self.cosine > TWINS else TIED
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether it predicts what it has not seen, better than placebo effects of its size."""
+        return self.gain.accepted and self.placebo_p <= 0.05
+
+    @property
+    def something_left(self) -> bool:
+        """Whether something like it may be the cause instead: it leaves more than noise, and a free field predicts better."""
+        return self.remainder_p < LEFT_OVER and self.share_of_ceiling < NEARLY_ALL
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """verdict and candidates as in diagnosis.json; probability of each effect and of "unknown"; why, in words."""
+
+    verdict: str
+    candidates: tuple[str, ...]
+    probability: Mapping[str, float]
+    why: str
+
+
+def probabilities(evidence: Mapping[str, float], unknown: float) -> dict[str, float]:
+    """Of every effect and of "unknown", given that there is a gap and the effects were equally likely before."""
+    names = [*evidence, UNKNOWN]
+    n = max(len(evidence), 1)
+    log = np.array(
+        [*(np.log((1.0 - PRIOR_UNKNOWN) / n) + v for v in evidence.values()), np.log(PRIOR_UNKNOWN) + unknown]
+    )
+    weight = np.exp(log - log.max())
+    return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))
+
+
+def decide(
+    detected: bool, judged: Sequence[Judged], unknown: float, pair: tuple[tuple[str, ...], float] | None = None
+) -> Verdict:
+    """The answer. unknown : log evidence of a free smooth field of forces; pair : two effects together and theirs."""
+    probability = probabilities({j.effect: j.log_evidence for j in judged}, unknown)
+    if not detected:
+        return Verdict(
+            NONE, (), probability, "what the plain model leaves is no more than contours, walls and mesh explain"
+        )
+    alone = max((j.log_evidence for j in judged), default=-np.inf)
+    if pair is not None and pair[1] > max(alone, unknown) + np.log(TIED_TWINS):
+        return Verdict(AMBIGUOUS, pair[0], probability, _TWO)
+    ranked = sorted(judged, key=lambda j: -probability[j.effect])
+    top = max((probability[j.effect] for j in ranked), default=0.0)
+    tied = [j for j in ranked[:1] if top > 0.0]
+    tied += [j for j in ranked[1:] if probability[j.effect] * j.needed_odds >= top]
+    if not tied or probability[UNKNOWN] > TIED * top:
+        return Verdict(UNKNOWN, (), probability, _NOTHING_NAMED)
+    best = tied[0]
+    if best.remainder_p < REMAINDER_LEVEL and best.share_of_ceiling < HALF:
+        return Verdict(UNKNOWN, (), probability, _TOO_LITTLE)
+    names = tuple(j.effect for j in tied[:MOST_CANDIDATES])
+    if len(tied) > 1:
+        return Verdict(AMBIGUOUS, names, probability, "these effects explain the gap about equally well")
+    if probability[UNKNOWN] * TIED > top:
+        return Verdict(
+            AMBIGUOUS, names, probability, "the effect explains the gap no better than something unnamed might"
+        )
+    if not best.confirmed:
+        return Verdict(AMBIGUOUS, names, probability, _UNCONFIRMED)
+    if top < SURE:
+        return Verdict(AMBIGUOUS, _together(ranked, probability), probability, _UNSURE)
+    if best.share_of_ceiling < HALF:
+        return Verdict(AMBIGUOUS, names, probability, _SMALLER_PART)
+    if best.unlike:
+        return Verdict(AMBIGUOUS, names, probability, best.unlike)
+    if best.something_left:
+        return Verdict(AMBIGUOUS, names, probability, _LEFT_OVER)
+    return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")
+
+
+def _together(ranked: Sequence[Judged], probability: Mapping[str, float]) -> tuple[str, ...]:
+    """The fewest effects, the likeliest first, that are sure together; at most as many as are named."""
+    total = np.cumsum([probability[j.effect] for j in ranked])
+    count = int(np.searchsorted(total, SURE)) + 1
+    return tuple(j.effect for j in ranked[: min(count, MOST_CANDIDATES)])

@@ -1,0 +1,1 @@
+"""Sparse factorisations by name, and the matrix structure that they share."""

@@ -1,0 +1,1 @@
+"""Equilibrium by Newton steps: displacement alone, or displacement and pressure."""

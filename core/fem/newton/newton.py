@@ -1,0 +1,162 @@
+"""Static equilibrium by a Newton method that survives inverted starts, large loads and nearly incompressible organs.
+
+Two iterations share one matrix: the mixed one (`newton_mixed`) is quick and blind to stability; the energy one (`newton_energy`)
+ends in a minimum. The load is cut when neither arrives. Failure is a value with its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.materials import Material
+from palpate.core.fem.newton.energy import leave_saddle, minimise
+from palpate.core.fem.newton.mixed import Outcome, iterate_mixed
+from palpate.core.fem.newton.work import FloatArray, NewtonOptions, Work, relative
+from palpate.core.fem.state import State
+
+__all__ = ["Equilibrium", "NewtonOptions", "quicker", "solve_equilibrium"]
+
+# Load increments above this are halved when the mixed iteration fails with a definite tangent; below it the energy iteration serves.
+_PATIENCE = 0.1
+# Energy iterations granted above and below that increment: far from the solution, half the load is the better bargain.
+_FEW, _MANY = 20, 80
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """The outcome of a solve.
+
+    converged : a stable equilibrium was found. reason : "" or why not. u (n, 3) mm, p (n_p,) kPa: the last good state.
+    load : fraction reached. stable : inertia says minimum (None when not checked). residual : relative. min_jacobian : of guarded cells.
+    buckled : the path to it went through a loss of stability, so that another branch may exist as well.
+    """
+
+    converged: bool
+    reason: str
+    u: FloatArray
+    p: FloatArray
+    load: float
+    stable: bool | None
+    residual: float
+    min_jacobian: float
+    factorisations: int
+    backsolves: int
+    load_steps: int
+    buckled: bool = False
+
+
+def solve_equilibrium(
+    assembler: Assembler,
+    materials: Mapping[int, Material] | None = None,
+    prescribed: FloatArray | None = None,
+    start: FloatArray | State | None = None,
+    options: NewtonOptions | None = None,
+) -> Equilibrium:
+    """Equilibrium under the full load of the assembler's terms and `prescribed` displacements.
+
+    materials : new ones, or None for those already set. prescribed : (3 n,) mm, read where unknowns are not free; default zero.
+    start : displacements (n, 3) or a whole state to start from (a neighbour's solution); an inverted start is repaired or dropped.
+    """
+    options = options or NewtonOptions()
+    if materials is not None:
+        assembler.set_materials(materials)
+    goal = np.zeros(assembler.space.n_displacements) if prescribed is None else np.asarray(prescribed, float).copy()
+    goal[assembler.free] = 0.0
+    work = Work(options)
+    with np.errstate(all="ignore"):  # a failed trial step may overflow; what it leaves is tested for being finite
+        state, load, stable = _march(assembler, goal, start, work)
+        residual = assembler.residual(state, load)
+    ok = load == 1.0 and work.reason == "" and stable is not False
+    return Equilibrium(
+        converged=ok,
+        reason=work.reason if work.reason or ok else "the equilibrium found is not stable",
+        u=state.u,
+        p=state.p,
+        load=load,
+        stable=stable,
+        residual=relative(assembler, residual),
+        min_jacobian=residual.min_jacobian,
+        factorisations=work.factorisations,
+        backsolves=work.backsolves,
+        load_steps=work.load_steps,
+        buckled=work.buckled,
+    )
+
+
+def _march(
+    assembler: Assembler, goal: FloatArray, start: FloatArray | State | None, work: Work
+) -> tuple[State, float, bool | None]:
+    """Raise the load to 1: at once from a given start, else in as large steps as converge."""
+    rest = State(np.zeros((assembler.space.n_nodes, 3)), np.zeros(assembler.space.n_pressures))
+    first = _usable_start(assembler, start)
+    if first is not None:
+        found = _one_load(assembler, first, goal, 0.0, 1.0, work)
+        if found.converged:
+            work.reason = ""
+            return found.state, 1.0, found.stable
+    state, load, step, stable = rest, 0.0, 1.0, None
+    while load < 1.0:
+        target = min(1.0, load + step)
+        found = _one_load(assembler, state, goal, load, target, work)
+        if found.converged:
+            state, load, stable, step = found.state, target, found.stable, 2.0 * step
+            continue
+        step = 0.5 * (target - load)
+        if step < work.options.min_load_step or work.exhausted:
+            work.reason = f"stopped at {100 * load:.0f} % of the load: {work.reason or 'no equilibrium within reach'}"
+            return state, load, stable
+    work.reason = ""
+    return state, load, stable
+
+
+def _usable_start(assembler: Assembler, start: FloatArray | State | None) -> State | None:
+    if start is None:
+        return None
+    state = start if isinstance(start, State) else None
+    u = state.u if state is not None else np.asarray(start, dtype=float).reshape(-1, 3)
+    if not np.isfinite(u).all() or not assembler.min_jacobian(u) > 0.0:
+        return None  # inverted: the march from rest, where J = 1, is safer than repairing it
+    if state is not None and np.isfinite(state.p).all():
+        return State(u.copy(), state.p.copy())
+    return State(u.copy(), assembler.balanced_pressure(u))
+
+
+def _one_load(assembler: Assembler, state: State, goal: FloatArray, reached: float, load: float, work: Work) -> Outcome:
+    """One load level: mixed iteration; the energy iteration if that ended unstable, or failed where half the step would not help."""
+    work.load_steps += 1
+    found = iterate_mixed(assembler, state, goal, load, work)
+    if found.converged and found.stable is not False:
+        return found
+    if found.stable is False and not work.options.follow_buckling:
+        work.reason = "the body loses its stability under this load (it buckles)"
+        return replace(found, converged=False)
+    if found.converged:
+        left = leave_saddle(assembler, found.state, load, work)
+        if left is None:
+            work.reason = "the equilibrium found is not stable"
+            return replace(found, converged=False)
+        work.buckled = True
+        return minimise(assembler, left, goal, load, work)
+    if not found.in_place:
+        return found
+    if found.stable is not False and load - reached > _PATIENCE:
+        return found  # half the increment is cheaper than a fight
+    return _fight(assembler, found, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
+
+
+def _fight(assembler: Assembler, found: Outcome, goal: FloatArray, load: float, work: Work, iterations: int) -> Outcome:
+    """The energy iteration from where the mixed one failed. From an indefinite tangent it goes to another branch, maybe."""
+    if not work.options.follow_buckling:
+        return found
+    end = minimise(assembler, found.state, goal, load, work, iterations)
+    work.buckled |= end.converged and found.stable is False
+    return end
+
+
+def quicker(options: NewtonOptions) -> NewtonOptions:
+    """The same without the extra factorisation that certifies stability: for a swarm's many particles."""
+    return replace(options, stability=False)

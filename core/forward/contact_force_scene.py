@@ -1,0 +1,109 @@
+"""The `contact-force` boundary: the organ alone, loaded by what the tissue's deformation says (paper Eq 9)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from palpate.core.errors import ConvergenceError
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.contact_force import InterfaceMotion, organ_terms, tissue_reaction
+from palpate.core.fem.materials import Material
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.sensitivity import direct
+from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
+from palpate.core.fem.terms.wall import SlidingWall
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions, Settled, prolonged
+from palpate.core.forward.parameters import TISSUE, StiffnessParameters
+from palpate.core.forward.sliding_match import slide_onto
+from palpate.core.laws import LINEAR, bulk_modulus
+from palpate.core.observe.surface_observation import SurfaceObservation
+from palpate.core.problem import IdentificationProblem
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class ContactForceScene:
+    """One problem with the organ loaded by contact forces; same use as `CoupledScene`.
+
+    interface : (n, 3) displacement of all vertices of the problem's mesh, read on the organ's surface; by default it comes from
+    sliding the rest surface onto the deformed one at the least energy of a uniform organ.
+    Raises ConvergenceError when the surfaces cannot be matched or the tissue cannot follow.
+    """
+
+    def __init__(
+        self, problem: IdentificationProblem, options: SceneOptions | None = None, interface: FloatArray | None = None
+    ) -> None:
+        options = options or SceneOptions()
+        self.problem = problem
+        self.parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
+        organ_mesh, vertices = problem.mesh.submesh(problem.regions)
+        self.space = Space.of(organ_mesh, options.element)
+        faces, _ = organ_mesh.region_boundary(problem.regions)
+        if interface is None:
+            u_s = slide_onto(self.space, faces, problem.organ, problem.facts.tissue_shear_modulus_kpa)
+        else:
+            u_s = prolonged(interface[vertices], self.space)
+        nodes = np.unique(self.space.face_nodes(faces))
+        motion = InterfaceMotion(nodes, u_s[nodes])
+        force = self._reaction(motion, options)
+        terms = organ_terms(self.space, motion, force, problem.facts.tissue_shear_modulus_kpa)
+        self.assembler = Assembler(self.space, np.ones(self.space.n_displacements, dtype=bool), terms, options.solver)
+        self.observation = SurfaceObservation.of(problem, self.space)
+        self.walls: list[SlidingWall] = []
+        self.linearised_at = u_s
+
+    def solve(
+        self, theta: FloatArray, start: State | FloatArray | None = None, options: NewtonOptions | None = None
+    ) -> Equilibrium:
+        """Equilibrium of the loaded organ at parameters theta; not converged, with its reason, where it is unstable."""
+        materials = {r: m for r, m in self.parameters.materials(theta).items() if r != TISSUE}
+        # Beyond buckling a dead load finds another branch, far from what was seen: a failure, to be said.
+        options = replace(options or NewtonOptions(), follow_buckling=False)
+        return solve_equilibrium(self.assembler, materials, start=start, options=options)
+
+    def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:
+        """There are no walls to settle: one solve."""
+        state = None if start is None else State(start.u, start.p)
+        return Settled(self.solve(theta, state), 0.0, 1)
+
+    def linearise(self, u: FloatArray, way: float = 1.0) -> None:
+        """Nothing to linearise."""
+        self.linearised_at = u
+
+    def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
+        """du/dtheta (t, n, 3) mm; the factor must be that of `found`."""
+        return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
+
+    def _reaction(self, motion: InterfaceMotion, options: SceneOptions) -> FloatArray:
+        """Force on the organ's surface nodes from the tissue alone, its walls where both scans show them."""
+        coupled = CoupledScene(self.problem, options)
+        mesh, _ = self.problem.mesh.submesh((TISSUE,))
+        tissue = Space.of(mesh, options.element)
+        shared = _same_points(tissue.nodes, self.space.nodes[motion.nodes])
+        walls = [_moved_to(w, tissue, coupled.space) for w in coupled.walls]
+        held = _same_points(tissue.nodes, coupled.space.nodes[coupled.held_nodes()], required=False)
+        facts = self.problem.facts
+        G = facts.tissue_shear_modulus_kpa
+        material = {TISSUE: Material(LINEAR, np.array([G, bulk_modulus(G, facts.tissue_poisson_ratio)]))}
+        return tissue_reaction(tissue, material, InterfaceMotion(shared, motion.u), held, walls)
+
+
+def _same_points(nodes: FloatArray, wanted: FloatArray, required: bool = True) -> IntArray:
+    """Index in `nodes` of each wanted point; those that are not there are left out, or an error when required."""
+    distance, index = cKDTree(nodes).query(wanted)
+    same = distance < 1e-6
+    if required and not same.all():
+        raise ConvergenceError("organ and tissue do not share the nodes of the organ's surface; mesh again")
+    return np.asarray(index[same], dtype=np.int64)
+
+
+def _moved_to(wall: SlidingWall, tissue: Space, whole: Space) -> SlidingWall:
+    """The same wall with the tissue's own node numbers."""
+    nodes = _same_points(tissue.nodes, whole.nodes[wall.points.nodes[:, 0]])
+    return replace(wall, points=replace(wall.points, nodes=nodes[:, None]))

@@ -1,0 +1,174 @@
+"""The `coupled` boundary: organ and tissue in one system, driven by the walls, the organ's own surface left to be predicted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.elements import EDGES
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.sensitivity import direct
+from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
+from palpate.core.fem.terms.wall import SlidingWall, wall_points
+from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.observe.surface_observation import SurfaceObservation
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.distance_field import SignedDistanceField
+
+FloatArray = NDArray[np.float64]
+
+# Wall stiffness over the tissue's shear modulus, 1/mm. Nearly incompressible tissue that must make room pulls on a wall with up to
+# ten times its modulus (measured): walls still stay within 0.03 mm of what was seen.
+WALL_STIFFNESS = 400.0
+
+
+# Walls have settled when a round moves them by less than this (rms), mm.
+SETTLED_MM = 0.01
+
+
+# Solves on the way to where the walls belong: no more exact than that asks for.
+_ON_THE_WAY = NewtonOptions(rtol=1e-5, stability=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The last equilibrium of `CoupledScene.settle`, the walls' last motion (rms mm) and the rounds it took."""
+
+    equilibrium: Equilibrium
+    last_motion_mm: float
+    rounds: int
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """How a problem is discretised. element : see core.fem.elements. solver : "auto", "pardiso" or "superlu"."""
+
+    element: str = "p2p1"
+    solver: str = "auto"
+    split_mu: bool = False
+
+
+class CoupledScene:
+    """One problem, ready to be solved for any stiffness.
+
+    Raises InputError when the problem has nothing that deforms the organ or nothing that holds it.
+    """
+
+    def __init__(self, problem: IdentificationProblem, options: SceneOptions | None = None) -> None:
+        options = options or SceneOptions()
+        self.problem = problem
+        self.parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
+        self.space = Space.of(problem.mesh, options.element)
+        self.walls = [
+            _wall(self.space, problem, name, pair)
+            for name, pair in problem.walls.items()
+            if name in problem.boundary and len(pair.rest.faces) and len(pair.deformed.faces)
+        ]
+        if not self.walls:
+            raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
+        free = np.ones((self.space.n_nodes, 3), dtype=bool)
+        free[self.held_nodes()] = False
+        if free.all():
+            raise InputError("the case has no bone and no fixed outer surface: nothing holds the organ in place")
+        self.assembler = Assembler(self.space, free.ravel(), self.walls, options.solver)
+        self.observation = SurfaceObservation.of(problem, self.space)
+        self.linearised_at = np.zeros((self.space.n_nodes, 3))
+
+    def solve(
+        self, theta: FloatArray, start: State | FloatArray | None = None, options: NewtonOptions | None = None
+    ) -> Equilibrium:
+        """Equilibrium at parameters theta."""
+        return solve_equilibrium(self.assembler, self.parameters.materials(theta), start=start, options=options)
+
+    def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:
+        """Let the walls find their place on the deformed surfaces for parameters theta: solve, linearise again, repeat.
+
+        Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at most,
+        which moves them off the surface by a thousandth. The factor left behind is that of the equilibrium returned.
+        """
+        found = self._approach(theta) if start is None else None
+        if found is not None and not found.converged:
+            return Settled(found, np.inf, 0)
+        state = _state(start if found is None else found)
+        moved, pace, k = np.inf, 1.0, 0
+        target = state.u
+        while k < rounds and moved >= SETTLED_MM:
+            k += 1
+            self.linearise(target)
+            found = self.solve(theta, state, _ON_THE_WAY)
+            if not found.converged:
+                return Settled(found, moved, k)
+            before, moved = moved, self._wall_motion(found.u - target)
+            if moved > 0.8 * before:
+                pace = max(0.5 * pace, 0.2)  # they swing: go part of the way
+            target = target + pace * (found.u - target)
+            state = _state(found)
+        return Settled(self.solve(theta, state), moved, k)
+
+    def _approach(self, theta: FloatArray, stages: int = 4) -> Equilibrium:
+        """Bring the walls to their surfaces in equal stages, each with normals of its own."""
+        state: State | None = None
+        for k in range(stages):
+            self.linearise(np.zeros((self.space.n_nodes, 3)) if state is None else state.u, 1.0 / (stages - k))
+            found = self.solve(theta, state, _ON_THE_WAY)
+            if not found.converged:
+                break
+            state = _state(found)
+        return found
+
+    def linearise(self, u: FloatArray, way: float = 1.0) -> None:
+        """Linearise the walls at nodal displacements u (n, 3); way as in `SlidingWall.linearised_at`."""
+        self.linearised_at = u
+        self.walls = [w.linearised(u, way) for w in self.walls]
+        self.assembler.terms = tuple(self.walls)
+
+    def _wall_motion(self, change: FloatArray) -> float:
+        parts = [w.points.displacements(change) for w in self.walls]
+        return float(np.sqrt((np.vstack(parts) ** 2).sum(axis=1).mean()))
+
+    def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
+        """du/dtheta (t, n, 3) mm; the factor must be that of `found` (a solve with its stability check leaves it)."""
+        return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
+
+    def held_nodes(self) -> NDArray[np.int64]:
+        """Nodes that do not move: bone, and the outer surface where the case says so."""
+        names = ("bone", "outer") if self.problem.facts.outer_fixed else ("bone",)
+        faces = [self.problem.boundary[n] for n in names if n in self.problem.boundary]
+        if not faces:
+            return np.zeros(0, dtype=np.int64)
+        return np.unique(self.space.face_nodes(np.vstack(faces)))
+
+
+def prolonged(u: FloatArray, space: Space) -> FloatArray:
+    """Nodal displacements (n, 3) of a space from vertex displacements u: mid-edge nodes take the mean of their ends."""
+    vertices = u[: len(space.mesh.points)]
+    if space.element.degree == 1:
+        return vertices.copy()
+    out = np.empty((space.n_nodes, 3))
+    out[: len(vertices)] = vertices
+    ends = space.mesh.cells[:, EDGES]
+    out[space.cell_nodes[:, 4:]] = vertices[ends].mean(axis=2)
+    return out
+
+
+def _state(found: State | Equilibrium | None) -> State:
+    assert found is not None
+    return found if isinstance(found, State) else State(found.u, found.p)
+
+
+def _wall(space: Space, problem: IdentificationProblem, name: str, pair: SurfacePair) -> SlidingWall:
+    points = wall_points(space.face_nodes(problem.boundary[name]), space.nodes)
+    rest = points.positions(space.nodes)
+    at_rest, deformed = (SignedDistanceField.from_surface(s.points, s.faces) for s in (pair.rest, pair.deformed))
+    return SlidingWall.between(
+        points,
+        rest,
+        at_rest.value_and_gradient,
+        deformed.value_and_gradient,
+        WALL_STIFFNESS * problem.facts.tissue_shear_modulus_kpa,
+    )

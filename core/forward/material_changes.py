@@ -1,0 +1,34 @@
+"""Pieces that effects on materials are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.materials import Material
+from palpate.core.forward.composition import MaterialChange
+from palpate.core.laws.base import Law
+from palpate.core.mesh import TetMesh
+
+FloatArray = NDArray[np.float64]
+
+
+def per_cell(mesh: TetMesh, materials: Mapping[int, Material], region: int) -> tuple[FloatArray, Law]:
+    """A region's parameter values (cells of the region, k) and its law."""
+    material = materials[region]
+    return material.per_cell(int((mesh.regions == region).sum())), material.law
+
+
+def scaled(regions: tuple[int, ...], factor: FloatArray) -> MaterialChange:
+    """All moduli of the given regions' cells times factor (cells of the mesh,)."""
+
+    def change(mesh: TetMesh, materials: Mapping[int, Material]) -> dict[int, Material]:
+        out = dict(materials)
+        for region in regions:
+            values, law = per_cell(mesh, materials, region)
+            out[region] = Material(law, values * factor[mesh.regions == region, None])
+        return out
+
+    return change

@@ -1,0 +1,50 @@
+"""How the body moves when a hollow organ fills: what an earlier filling has done to the shape that a scan calls rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.sensitivity import factorise_at, response_to_forces
+from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
+from palpate.core.fem.terms.base import face_points
+from palpate.core.forward.scene import GapScene
+from palpate.core.forward.shared_geometry import Stage
+
+FloatArray = NDArray[np.float64]
+
+
+def pressure_fields(stage: Stage, scene: GapScene, theta: FloatArray) -> dict[str, FloatArray]:
+    """Wall name -> displacement (points, 3) mm at rest when that wall alone is pushed by a pressure; 1 mm rms on the wall."""
+    problem = stage.problem
+    space = Space.of(problem.mesh, "p1p1")
+    free = np.ones((space.n_nodes, 3), dtype=bool)
+    free[np.unique(_held(scene, space))] = False
+    assembler = Assembler(space, free.ravel())
+    assembler.set_materials(scene.parameters.materials(theta))
+    rest = State(np.zeros((space.n_nodes, 3)), np.zeros(space.n_pressures))
+    factorise_at(assembler, rest)
+    out = {}
+    for name in stage.fields:
+        faces = problem.boundary[name]
+        points = face_points(space.nodes, faces)
+        X = space.nodes[faces]
+        normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+        normal = (
+            -normal / np.linalg.norm(normal, axis=1)[:, None]
+        )  # into the tissue: outwards seen from the hollow organ
+        force = np.zeros((space.n_nodes, 3))
+        pushed = points.spread(points.measure[:, None] * np.repeat(normal, 3, axis=0))
+        np.add.at(force.reshape(-1), points.unknowns, pushed)
+        u = response_to_forces(assembler, force[None])[0]
+        wall = np.unique(faces)
+        out[name] = u / np.sqrt((u[wall] ** 2).sum(axis=1).mean())
+    return out
+
+
+def _held(scene: GapScene, space: Space) -> NDArray[np.int64]:
+    names = ("bone", "outer") if scene.problem.facts.outer_fixed else ("bone",)
+    boundary = scene.stage.problem.boundary
+    return np.vstack([space.face_nodes(boundary[n]) for n in names if n in boundary])

@@ -1,0 +1,144 @@
+"""A composition ready to be solved: the coupled scene with whatever the composition adds to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.materials import Material
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
+from palpate.core.fem.sensitivity import Direction, direct
+from palpate.core.fem.space import Space
+from palpate.core.fem.state import State
+from palpate.core.fem.terms.base import Term
+from palpate.core.fem.terms.springs import Springs
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.coupled_scene import CoupledScene
+from palpate.core.forward.cut_interface import sliding_springs
+from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.forward.scene_parts import at_nodes, dead_load, moved_observation, on_other_shape, wall_of
+from palpate.core.mesh import TetMesh
+
+if TYPE_CHECKING:
+    from palpate.core.forward.shared_geometry import Stage
+
+FloatArray = NDArray[np.float64]
+
+# Stiffness across an opened interface over the tissue's shear modulus, 1/mm: the two sides stay within 0.03 mm.
+ACROSS = 200.0
+# Step of ln G in central differences of the materials.
+_STEP = 1e-4
+
+
+class GapScene(CoupledScene):
+    """`CoupledScene` of a composition. Nodal displacements are counted from the stress-free mesh; `seen` from the scanned one."""
+
+    def __init__(self, stage: Stage, composition: Composition) -> None:
+        self.stage, self.composition = stage, composition
+        opened = stage.opened if composition.interface > 0.0 else None
+        self.problem = stage.problem if opened is None else opened.problem
+        self.parameters = StiffnessParameters(self.problem.regions, self.problem.facts)
+        scanned = self.problem.mesh
+        shift = np.zeros_like(scanned.points) if composition.geometry is None else composition.geometry
+        shift = shift if opened is None else shift[opened.original]
+        mesh = scanned if not shift.any() else TetMesh(scanned.points + shift, scanned.cells, scanned.regions)
+        self.space = Space.of(mesh, stage.element)
+        self.shift = at_nodes(shift, self.space)
+        scanned_nodes = self.space.nodes - self.shift
+        self.walls = [
+            wall_of(fields, self.problem, name, self.space, scanned_nodes) for name, fields in stage.fields.items()
+        ]
+        self.drags = self._drags(np.zeros_like(self.shift), 1.0)
+        self.loads: tuple[Term, ...] = (dead_load(self.space, [make(self.space) for make in composition.load]),)
+        if opened is not None:
+            G = self.problem.facts.tissue_shear_modulus_kpa
+            across = ACROSS * G
+            along = 1.0 / (composition.interface + 1.0 / across)
+            self.loads = (*self.loads, sliding_springs(self.space, opened.split, across, along))
+        held = self.held_nodes()
+        free = np.ones((self.space.n_nodes, 3), dtype=bool)
+        free[held] = False
+        self.prescribed = self._prescribed(scanned_nodes)
+        self.observation = (
+            stage.observation if opened is None else moved_observation(stage.observation, self.space, self.problem)
+        )
+        self.assembler = self._assembler(free.ravel())
+        self.linearised_at = np.zeros((self.space.n_nodes, 3))
+
+    def solve(
+        self, theta: FloatArray, start: State | FloatArray | None = None, options: NewtonOptions | None = None
+    ) -> Equilibrium:
+        """Equilibrium at ln G = theta (t,)."""
+        self.assembler.terms = self.terms
+        return solve_equilibrium(self.assembler, self.materials(theta), self.prescribed, start, options)
+
+    def linearise(self, u: FloatArray, way: float = 1.0) -> None:
+        """See `CoupledScene.linearise`."""
+        super().linearise(u, way)
+        self.drags = self._drags(u, way)
+        self.assembler.terms = self.terms
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """All that acts on the body."""
+        return (*self.walls, *self.drags, *self.loads)
+
+    def _drags(self, u: FloatArray, way: float) -> list[Springs]:
+        shear = self.problem.facts.tissue_shear_modulus_kpa
+        motions = self.stage.motions.values()
+        return [
+            motion.drag(wall, wall.points.displacements(self.shift), u, way, shear)
+            for wall, motion in zip(self.walls, motions, strict=True)
+        ]
+
+    def materials(self, theta: FloatArray) -> dict[int, Material]:
+        """The composition's materials at ln G = theta (t,)."""
+        composition = replace(self.composition, problem=self.problem)
+        return composition.materials(self.parameters.materials(theta))
+
+    def directions(self, theta: FloatArray) -> list[Direction]:
+        """For each ln G, how the composition's material values change with it: central differences of smooth functions."""
+        out: list[Direction] = []
+        for k in range(len(theta)):
+            h = np.zeros(len(theta))
+            h[k] = _STEP
+            high, low = self.materials(theta + h), self.materials(theta - h)
+            out.append({r: (np.asarray(high[r].values) - np.asarray(low[r].values)) / (2.0 * _STEP) for r in high})
+        return out
+
+    def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
+        """See `CoupledScene.displacement_sensitivities`."""
+        self.assembler.set_materials(self.materials(theta))
+        return direct(self.assembler, State(found.u, found.p), self.directions(theta))
+
+    def seen(self, u: FloatArray) -> FloatArray:
+        """Nodal displacements (n, 3) mm from the scanned rest state, for u from the stress-free one."""
+        return u + self.shift
+
+    def _prescribed(self, scanned_nodes: FloatArray) -> FloatArray:
+        """(3 n,) mm: bones move as the composition says, from where the scan at rest shows them, and the region's edge near them."""
+        out = -self.shift.copy()
+        faces, edge_mm = self.problem.boundary.get("bone"), self.composition.edge_mm
+        if faces is not None and self.composition.support:
+            bone = np.unique(self.space.face_nodes(faces))
+            out[bone] += self.composition.bone_motion(scanned_nodes[bone])
+            outer = self.problem.boundary.get("outer")
+            if edge_mm > 0.0 and outer is not None:
+                edge = np.setdiff1d(self.space.face_nodes(outer), bone)
+                apart = cKDTree(scanned_nodes[bone]).query(scanned_nodes[edge])[0]
+                share = np.exp(-0.5 * (apart / edge_mm) ** 2)
+                out[edge] += share[:, None] * self.composition.bone_motion(scanned_nodes[edge])
+        return out.ravel()
+
+    def _assembler(self, free: NDArray[np.bool_]) -> Assembler:
+        """All compositions with the same unknowns share one matrix structure and one solver, whatever their loads and rest shape."""
+        key = self.composition.interface > 0.0
+        if key not in self.stage.assemblers:
+            self.stage.assemblers[key] = Assembler(self.space, free, self.terms)
+        shared = self.stage.assemblers[key]
+        return shared if shared.space.mesh is self.space.mesh else on_other_shape(shared, self.space)

@@ -1,0 +1,77 @@
+"""What a scene is put together from: its walls, loads and observation on a space, and the same matrix on another rest shape."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.elements import EDGES
+from palpate.core.fem.space import Space
+from palpate.core.fem.terms.base import Term
+from palpate.core.fem.terms.loads import PointForce, nodal_force
+from palpate.core.fem.terms.wall import SlidingWall, wall_points
+from palpate.core.forward.coupled_scene import WALL_STIFFNESS
+from palpate.core.observe.surface_observation import SurfaceObservation
+from palpate.core.problem import IdentificationProblem
+from palpate.core.surfaces.distance_field import SignedDistanceField
+
+FloatArray = NDArray[np.float64]
+
+
+def on_other_shape(assembler: Assembler, space: Space) -> Assembler:
+    """The same structure and solver on a mesh of the same cells whose points lie elsewhere."""
+    out = copy.copy(assembler)
+    out.space = space
+    out.total_volume = float(space.mesh.volumes.sum())
+    out.weight = np.ascontiguousarray(space.mesh.volumes[:, None] * space.element.weights)
+    return out
+
+
+def dead_load(space: Space, loads: Sequence[Term]) -> PointForce:
+    """All dead loads as forces on nodes; there even when it is zero, so that a load changes no matrix structure."""
+    force = np.zeros((space.n_nodes, 3))
+    for load in loads:
+        np.add.at(force.reshape(-1), load.unknowns, -load.evaluate(np.zeros_like(force), 1.0, 1)[1])
+    return nodal_force(np.arange(space.n_nodes), force)
+
+
+def wall_of(
+    fields: tuple[SignedDistanceField, SignedDistanceField],
+    problem: IdentificationProblem,
+    name: str,
+    space: Space,
+    scanned_nodes: FloatArray,
+) -> SlidingWall:
+    """The mesh's wall `name`, between the distance fields of its surface at rest and deformed."""
+    points = wall_points(space.face_nodes(problem.boundary[name]), scanned_nodes)
+    at_rest, deformed = fields
+    scanned = points.positions(scanned_nodes)
+    stiffness = WALL_STIFFNESS * problem.facts.tissue_shear_modulus_kpa
+    wall = SlidingWall.between(points, scanned, at_rest.value_and_gradient, deformed.value_and_gradient, stiffness)
+    moved = replace(wall, rest=points.positions(space.nodes))
+    return moved.linearised_at(np.zeros_like(scanned))
+
+
+def at_nodes(vertices: FloatArray, space: Space) -> FloatArray:
+    """Nodal values (n, 3) of vertex values (v, 3)."""
+    if space.element.degree == 1:
+        return vertices.copy()
+    out = np.empty((space.n_nodes, 3))
+    out[: len(vertices)] = vertices
+    out[space.cell_nodes[:, 4:]] = vertices[space.mesh.cells[:, EDGES]].mean(axis=2)
+    return out
+
+
+def moved_observation(
+    observation: SurfaceObservation, space: Space, problem: IdentificationProblem
+) -> SurfaceObservation:
+    """The same observation of another space."""
+    marks = observation.landmarks
+    operator: sp.csr_matrix = space.interpolation(observation.points, problem.regions)
+    return replace(observation, operator=operator, landmark_operator=space.interpolation(marks[:, :3], problem.regions))

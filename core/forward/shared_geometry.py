@@ -1,0 +1,92 @@
+"""What all compositions of one problem share, so that trying another one costs no more than its solve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.space import Space
+from palpate.core.fem.terms.base import PointSet
+from palpate.core.fem.terms.wall import SlidingWall
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.cut_interface import OpenedProblem, open_problem
+from palpate.core.forward.scene import GapScene
+from palpate.core.forward.scene_parts import moved_observation
+from palpate.core.observe.surface_observation import SurfaceObservation, sample_surface
+from palpate.core.observe.wall_motion import POINTS, WallMotion
+from palpate.core.problem import IdentificationProblem
+from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.distance_field import SignedDistanceField
+from palpate.core.surfaces.triangle_tree import TriangleTree
+
+FloatArray = NDArray[np.float64]
+
+# A point of a wall's surface belongs to the model when the mesh has its wall this close, mm.
+_CLOSE_MM = 3.0
+# Cubes of a surface's own spacing that its area fills, over area / spacing^2.
+_CUBES = 1.5
+
+
+@dataclass(eq=False)
+class Stage:
+    """What all compositions of one problem share: distance fields, walls' likeliest motions, and scenes' structures by need.
+
+    element : see core.fem.elements.
+    """
+
+    problem: IdentificationProblem
+    element: str
+    observation: SurfaceObservation
+    fields: dict[str, tuple[SignedDistanceField, SignedDistanceField]]
+    motions: dict[str, WallMotion] = field(default_factory=dict)
+    assemblers: dict[bool, Assembler] = field(default_factory=dict)
+    _opened: OpenedProblem | None = None
+
+    @classmethod
+    def of(cls, problem: IdentificationProblem, element: str, like: Stage | None = None) -> Stage:
+        """A stage with another element shares the distance fields of `like`."""
+        space = Space.of(problem.mesh, element)
+        if like is not None:
+            return cls(problem, element, moved_observation(like.observation, space, problem), like.fields, like.motions)
+        fields = {
+            name: (
+                SignedDistanceField.from_surface(pair.rest.points, pair.rest.faces),
+                SignedDistanceField.from_surface(pair.deformed.points, pair.deformed.faces),
+            )
+            for name, pair in problem.walls.items()
+            if name in problem.boundary and len(pair.rest.faces) and len(pair.deformed.faces)
+        }
+        stage = cls(problem, element, SurfaceObservation.of(problem, space), fields)
+        for name in fields:
+            seen = _seen(problem, name, fields[name])
+            stage.motions[name] = WallMotion.of(seen, fields[name][0].value_and_gradient, problem.facts.noise_sd_mm)
+        return stage
+
+    @property
+    def opened(self) -> OpenedProblem:
+        """The problem with the organ cut from its surroundings."""
+        if self._opened is None:
+            self._opened = open_problem(self.problem)
+        return self._opened
+
+    def scene(self, composition: Composition) -> GapScene:
+        """The composition, ready to be solved."""
+        return GapScene(self, composition)
+
+
+def _seen(
+    problem: IdentificationProblem, name: str, fields: tuple[SignedDistanceField, SignedDistanceField]
+) -> SlidingWall:
+    """The wall as the scans show it where the model has it: the same points whatever the mesh, so that its motion is the same."""
+    surface, faces = problem.walls[name].rest, problem.boundary[name]
+    X = problem.mesh.points[faces]
+    area = 0.5 * float(np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1).sum())
+    spacing = max(0.5 * float(np.round(2.0 * np.sqrt(_CUBES * area / POINTS))), 1.0)
+    points = sample_surface(surface, spacing)[0]
+    near = closest_points(TriangleTree.of(problem.mesh.points, faces), points).distance < _CLOSE_MM
+    points = points[near] if near.any() else X.mean(axis=1)
+    one = PointSet(np.arange(len(points))[:, None], np.ones((len(points), 1)), np.ones(len(points)))
+    return SlidingWall.between(one, points, fields[0].value_and_gradient, fields[1].value_and_gradient, 1.0)

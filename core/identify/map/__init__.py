@@ -1,0 +1,1 @@
+"""A smooth map of stiffness within the organ."""

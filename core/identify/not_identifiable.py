@@ -1,0 +1,107 @@
+"""The answer for a pair that tells no stiffness: the one that was allowed before, and no more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.pair.rigid_pair import RigidPair
+from palpate.core.identify.result_misfit import misfit_figures
+from palpate.core.identify.result_parameters import parameter_facts
+from palpate.core.inference.posterior import Posterior, laplace
+from palpate.core.observe.surface_observation import sample_surface
+from palpate.core.problem import IdentificationProblem
+
+FloatArray = NDArray[np.float64]
+
+# Points on the organ's surface, about as far apart as this, mm.
+SURFACE_MM = 2.0
+
+
+def prior_of(problem: IdentificationProblem) -> Posterior:
+    """What was allowed, as the posterior of data that say nothing."""
+    bounds = StiffnessParameters(problem.regions, problem.facts).bounds  # of G alone: nothing says more of mu1 and mu2
+    return laplace(bounds.mean(axis=1), np.zeros(1), np.zeros((1, len(bounds))), bounds)
+
+
+@dataclass(frozen=True, eq=False)
+class Untold:
+    """Why a pair tells no stiffness, and how the organ moves nevertheless.
+
+    in_words : the reason. mesh_displacement : (n, 3) mm of the problem's mesh. points (q, 3), region (q,), displacement (q, 3) :
+    of the organ's surface. expected_mm : rms distance that contours of this noise would leave. notes : further lines.
+    landmarks, surface_mm : distances by way of moving landmarks and surface, for result.json; None where there are none.
+    """
+
+    in_words: str
+    mesh_displacement: FloatArray
+    points: FloatArray
+    region: NDArray[np.int64]
+    displacement: FloatArray
+    expected_mm: float
+    notes: tuple[str, ...] = ()
+    landmarks: Mapping[str, Any] | None = None
+    surface_mm: Mapping[str, float] | None = None
+
+
+def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair) -> Untold:
+    """Of a pair that a rigid motion explains."""
+    points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
+    nodes = problem.mesh.points
+    return Untold(
+        pair.in_words, pair.moved(nodes) - nodes, points, region, pair.moved(points) - points, pair.expected_mm["organ"]
+    )
+
+
+def nothing_found(
+    problem: IdentificationProblem, untold: Untold, options: IdentifyOptions, seconds: float
+) -> tuple[dict[str, Any], dict[str, NDArray[np.generic]]]:
+    """result.json without versions and inputs, and fields.npz, of a pair that tells no stiffness.
+
+    seconds : spent so far.
+    """
+    prior = prior_of(problem)
+    names = tuple(problem.region_names[r] for r in problem.regions)
+    result = {
+        "parameters": parameter_facts(names, StiffnessParameters(problem.regions, problem.facts), prior),
+        "identifiability": {
+            "singular_values": [0.0] * len(names),
+            "mu1_mu2_separable": False,
+            "verdict": f"nothing can be identified: {untold.in_words}; "
+            "the stiffness given is the middle of what was allowed, its interval the whole of it",
+        },
+        "misfit": _misfit(problem, untold),
+        "solver": {"forward_solves": 0, "newton_iterations": 0, "failed": 0, "seconds": round(seconds, 2)},
+        "method": options.method,
+        "boundary": options.boundary,
+        "seed": options.seed,
+        "options": asdict(options),
+        "convergence": [],
+        "notes": [f"nothing was searched for: {untold.in_words}", *untold.notes],
+    }
+    if untold.landmarks is not None:
+        result["landmarks"] = dict(untold.landmarks)
+    return result, _fields(untold, prior)
+
+
+def _misfit(problem: IdentificationProblem, untold: Untold) -> dict[str, Any]:
+    """Eqs 10 to 13 after the motion."""
+    figures = misfit_figures(problem, untold.points, untold.region, untold.points + untold.displacement)
+    return {**figures, "expected_noise_rms_mm": untold.expected_mm}
+
+
+def _fields(untold: Untold, prior: Posterior) -> dict[str, NDArray[np.generic]]:
+    return {
+        "mesh_displacement": untold.mesh_displacement,
+        "surface_points": untold.points,
+        "surface_displacement": untold.displacement,
+        "surface_region": untold.region,
+        "theta": prior.mean,
+        "covariance": prior.covariance,
+    }

@@ -1,0 +1,1 @@
+"""Pairs that need care: moved rigidly, surfaces alone, no wall that drives."""

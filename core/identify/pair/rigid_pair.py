@@ -1,0 +1,157 @@
+"""Did the second scan deform anything, or is it the first one again, at most moved as a whole?
+
+The rigid motion that best takes every surface at rest onto its deformed one is found by iterated closest points, point to
+plane (Chen and Medioni 1992). What it leaves over is compared with what two contours of a body that did not change would leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from palpate.core.identify.misfit import LANDMARK_SD_MM
+from palpate.core.observe.contour_noise import EXTRACTION_MM
+from palpate.core.observe.surface_observation import sample_surface
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.triangle_tree import TriangleTree
+
+FloatArray = NDArray[np.float64]
+
+# Some thirty independent looks at a surface: its rms scatters by 13 %, and this is two of that.
+TOLERANCE = 1.26
+# Points on each surface, about as far apart as this, mm.
+_SPACING_MM = 4.0
+_ROUNDS, _STILL = 60, 1e-5
+# Motions smaller than these are told as none: below what aligning on bone leaves.
+_NO_ANGLE_DEG, _NO_SHIFT_MM = 0.3, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPair:
+    """rotation (3, 3) and translation (3,) mm : x -> rotation x + translation. centre (3,) mm : of the organ at rest.
+
+    left_mm : surface name -> rms distance that this motion leaves, mm; "landmarks" too where there are any.
+    expected_mm : the same names -> what contours that err as the case says would leave of a body that did not change.
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+    centre: FloatArray
+    left_mm: dict[str, float]
+    expected_mm: dict[str, float]
+
+    @property
+    def nothing_deformed(self) -> bool:
+        """Whether the motion explains every surface as well as contours of one unchanged body could be expected to agree."""
+        return all(left <= TOLERANCE * self.expected_mm[name] for name, left in self.left_mm.items())
+
+    @property
+    def angle_deg(self) -> float:
+        """Of the rotation."""
+        return float(np.degrees(np.linalg.norm(Rotation.from_matrix(self.rotation).as_rotvec())))
+
+    @property
+    def shift_mm(self) -> float:
+        """How far the organ's centre moves."""
+        return float(np.linalg.norm(self.moved(self.centre) - self.centre))
+
+    def moved(self, x: FloatArray) -> FloatArray:
+        """Points (n, 3) or (3,) mm after the motion."""
+        return np.asarray(x @ self.rotation.T + self.translation, dtype=np.float64)
+
+    @property
+    def in_words(self) -> str:
+        """Why nothing can be identified."""
+        left = max(self.left_mm.values())
+        noise = f"what is left of their surfaces ({left:.2f} mm rms at most) is within the contours' own error"
+        if self.angle_deg < _NO_ANGLE_DEG and self.shift_mm < _NO_SHIFT_MM:
+            return f"the second scan shows the same as the first; {noise}"
+        return (
+            f"the second scan shows the first one moved as a whole, by {self.shift_mm:.1f} mm and {self.angle_deg:.1f} degrees; "
+            f"{noise}"
+        )
+
+
+def rigid_pair(problem: IdentificationProblem) -> RigidPair:
+    """The rigid motion of all surfaces of a problem together, and what it leaves over."""
+    parts = {name: _Part.of(pair) for name, pair in _pairs(problem)}
+    rotation, shift, centre = _motion(list(parts.values()), problem.organ)
+    found = RigidPair(rotation, centre + shift - rotation @ centre, centre, {}, _expected(problem))
+    left = {name: _rms(part.met(found.moved(part.points))[1]) for name, part in parts.items()}
+    if len(problem.landmarks):
+        left["landmarks"] = _rms(found.moved(problem.landmarks[:, :3]) - problem.landmarks[:, 3:])
+    return RigidPair(found.rotation, found.translation, centre, left, found.expected_mm)
+
+
+def rigid_motion(pair: SurfacePair, start: FloatArray | None = None) -> FloatArray:
+    """(4, 4) the rigid motion that takes the rest surface of one pair best onto its deformed one, mm.
+
+    start : rotation (3, 3) to begin with; none by default.
+    """
+    rotation, shift, centre = _motion([_Part.of(pair)], pair, start)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, centre + shift - rotation @ centre
+    return matrix
+
+
+def _motion(
+    parts: list[_Part], about: SurfacePair, start: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rotation, shift and the centre they are about (of `about` at rest) that take all parts together onto their targets."""
+    centre = about.rest.points.mean(axis=0)
+    rotation = np.eye(3) if start is None else start
+    shift = about.deformed.points.mean(axis=0) - centre
+    for _ in range(_ROUNDS):
+        rows, values = [], []
+        for part in parts:
+            x = (part.points - centre) @ rotation.T + centre + shift
+            x, distance, normal = part.met(x)
+            rows.append(np.hstack([np.cross(x - centre - shift, normal), normal]))
+            values.append(distance)
+        # A ball or a plane alone leaves some turn open: it is not taken.
+        step, *_ = np.linalg.lstsq(np.vstack(rows), -np.concatenate(values), rcond=1e-3)
+        rotation = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation
+        shift = shift + step[3:]
+        if np.abs(step * np.array([10.0, 10.0, 10.0, 1.0, 1.0, 1.0])).max() < _STILL:
+            break
+    return rotation, shift, centre
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    points: FloatArray
+    target: TriangleTree
+
+    @classmethod
+    def of(cls, pair: SurfacePair) -> _Part:
+        return cls(
+            sample_surface(pair.rest, _SPACING_MM)[0], TriangleTree.of(pair.deformed.points, pair.deformed.faces)
+        )
+
+    def met(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Those of x (n, 3) mm that have a partner, not beyond the end of an open surface: signed distance, unit normal."""
+        near = closest_points(self.target, x)
+        inside = ~self.target.rim[near.triangle, near.part]
+        normal = self.target.normals[near.triangle, near.part][inside]
+        return x[inside], near.signed[inside], normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[:, None]
+
+
+def _pairs(problem: IdentificationProblem) -> Iterator[tuple[str, SurfacePair]]:
+    yield "organ", problem.organ
+    for name, pair in problem.walls.items():
+        if len(pair.rest.faces) and len(pair.deformed.faces):
+            yield name, pair
+
+
+def _expected(problem: IdentificationProblem) -> dict[str, float]:
+    contours = float(np.hypot(np.sqrt(2.0) * problem.facts.noise_sd_mm, EXTRACTION_MM))
+    return {**{name: contours for name, _ in _pairs(problem)}, "landmarks": LANDMARK_SD_MM}
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt((values**2).mean())) if values.size else 0.0

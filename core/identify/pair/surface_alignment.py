@@ -1,0 +1,57 @@
+"""Where to begin when two surfaces may lie in frames that have nothing to do with each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.identify.pair.rigid_pair import rigid_motion
+from palpate.core.identify.pair.surface_only import transformed
+from palpate.core.problem import Surface, SurfacePair
+from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.triangle_tree import TriangleTree
+
+FloatArray = NDArray[np.float64]
+
+# Left over after the nearest motion, as a share of the extent: beyond it turns are tried, and taken where they leave less by
+# this factor.
+_NEAR, _LESS = 0.002, 0.75
+
+
+def aligned(pair: SurfacePair) -> FloatArray:
+    """(4, 4) the rigid motion that takes the deformed surface onto the one at rest.
+
+    The nearest motion is taken where it fits; where it does not, the principal axes are tried in all their directions. Shape
+    alone cannot tell which end of a symmetric body is which.
+    """
+    back = SurfacePair(pair.deformed, pair.rest)
+    first = rigid_motion(back)
+    size = float(np.ptp(pair.rest.points, axis=0).max())
+    if _left(back, first) < _NEAR * size:
+        return first
+    best = min((rigid_motion(back, turn) for turn in _turns(back)), key=lambda m: _left(back, m))
+    return best if _left(back, best) < _LESS * _left(back, first) else first
+
+
+def _turns(pair: SurfacePair) -> list[FloatArray]:
+    """Rotations (3, 3) that bring the principal axes of one surface onto the other's."""
+    a, b = (_axes(surface) for surface in (pair.rest, pair.deformed))
+    signs = [np.diag([x, y, x * y]) for x in (1.0, -1.0) for y in (1.0, -1.0)]
+    return [b @ sign @ a.T for sign in signs]
+
+
+def _axes(surface: Surface) -> FloatArray:
+    """(3, 3) principal axes in columns, a right-handed system."""
+    X = surface.points[surface.faces]
+    area = np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
+    centre = X.mean(axis=1) - np.average(X.mean(axis=1), axis=0, weights=area)
+    _, axes = np.linalg.eigh((centre * area[:, None]).T @ centre)
+    return np.asarray(axes * np.array([1.0, 1.0, np.linalg.det(axes)]))
+
+
+def _left(pair: SurfacePair, matrix: FloatArray) -> float:
+    """Rms distance, mm, of the moved surface's points from the other."""
+    target = TriangleTree.of(pair.deformed.points, pair.deformed.faces)
+    step = max(1, len(pair.rest.points) // 2000)
+    distance = closest_points(target, transformed(matrix, pair.rest.points[::step])).distance
+    return float(np.sqrt((distance**2).mean()))

@@ -1,0 +1,102 @@
+"""What a pair of surfaces tells when nothing beside the organ is known: how it moves inside, and nothing of its stiffness.
+
+With unknown loads on its own surface an organ takes the shape that was seen at any stiffness, under loads in proportion. What
+can be computed is where its inside goes if it is one uniform body, and landmarks say how good that guess is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.space import Space
+from palpate.core.forward.sliding_match import slide_onto
+from palpate.core.identify.pair.rigid_pair import rigid_motion
+from palpate.core.observe.surface_observation import sample_surface
+from palpate.core.problem import SurfacePair
+from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.triangle_tree import TriangleTree
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Ways of moving the organ that are compared, the poorest first.
+WAYS = ("still", "rigid", "affine", "model")
+# Of the uniform body. Nearer to one half it cannot follow what two ways of scanning differ by in volume.
+POISSON = 0.4
+_ROUNDS, _STILL_MM = 60, 1e-4
+# Points on the surface, about as far apart as this share of its extent.
+_SPACING = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceAlone:
+    """u : (n, 3) mm, where the uniform body's nodes go.
+
+    surface_mm : way -> rms distance of the moved rest surface from the deformed one. landmarks_mm : way -> (k,) distance of each
+    moved landmark from where it was seen.
+    """
+
+    u: FloatArray
+    surface_mm: dict[str, float]
+    landmarks_mm: dict[str, FloatArray]
+
+
+def explain_surface(
+    space: Space, faces: IntArray, pair: SurfacePair, landmarks: FloatArray, poisson_ratio: float = POISSON
+) -> SurfaceAlone:
+    """Move an organ by every one of WAYS and say what is left.
+
+    faces : (f, 3) of the organ's boundary. landmarks : (k, 6) mm, at rest and deformed. Raises ConvergenceError when the
+    surfaces cannot be matched.
+    """
+    rigid = rigid_motion(pair)
+    affine = affine_motion(pair, rigid)
+    u = slide_onto(space, faces, pair, poisson_ratio=poisson_ratio)
+    spacing = _SPACING * float(np.ptp(pair.rest.points, axis=0).max())
+    points = sample_surface(pair.rest, spacing)[0]
+    moved = _moved(points, rigid, affine, space, u)
+    target = TriangleTree.of(pair.deformed.points, pair.deformed.faces)
+    surface = {way: _rms(closest_points(target, x).distance) for way, x in moved.items()}
+    marks = _moved(landmarks[:, :3], rigid, affine, space, u) if len(landmarks) else {}
+    return SurfaceAlone(u, surface, {w: np.linalg.norm(x - landmarks[:, 3:], axis=1) for w, x in marks.items()})
+
+
+def affine_motion(pair: SurfacePair, start: FloatArray) -> FloatArray:
+    """(4, 4) the affine map that takes the rest surface best onto the deformed one, by closest points, point to plane.
+
+    start : (4, 4) to begin with. What the surfaces leave open (a ball may turn) is not taken.
+    """
+    spacing = _SPACING * float(np.ptp(pair.rest.points, axis=0).max())
+    points = sample_surface(pair.rest, spacing)[0]
+    target = TriangleTree.of(pair.deformed.points, pair.deformed.faces)
+    centre, scale = points.mean(axis=0), float(np.sqrt(points.var(axis=0).sum()))
+    about = np.hstack([(points - centre) / scale, np.ones((len(points), 1))])
+    matrix = start.copy()
+    for _ in range(_ROUNDS):
+        near = closest_points(target, transformed(matrix, points))
+        normal = target.normals[near.triangle, near.part]
+        normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        rows = (normal[:, :, None] * about[:, None, :]).reshape(len(points), 12)
+        step = np.linalg.lstsq(rows, -near.signed, rcond=1e-3)[0].reshape(3, 4)
+        matrix[:3, :3] += step[:, :3] / scale
+        matrix[:3, 3] += step[:, 3] - step[:, :3] @ centre / scale
+        if np.abs(step).max() < _STILL_MM:
+            break
+    return matrix
+
+
+def transformed(matrix: FloatArray, x: FloatArray) -> FloatArray:
+    """Points (n, 3) after an affine map (4, 4)."""
+    return np.asarray(x @ matrix[:3, :3].T + matrix[:3, 3], dtype=np.float64)
+
+
+def _moved(x: FloatArray, rigid: FloatArray, affine: FloatArray, space: Space, u: FloatArray) -> dict[str, FloatArray]:
+    ends = (x, transformed(rigid, x), transformed(affine, x), x + space.interpolation(x) @ u)
+    return dict(zip(WAYS, ends, strict=True))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt((values**2).mean()))

@@ -1,0 +1,165 @@
+"""The reference of an identification: walls settled, noise carried through, the optimum by Gauss-Newton from several starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import ConvergenceError
+from palpate.core.fem.newton.newton import Equilibrium
+from palpate.core.fem.state import State
+from palpate.core.forward.make_scene import Scene
+from palpate.core.identify.misfit import Misfit, wall_response
+from palpate.core.identify.uneven_regions import UNEVEN_SD, uneven_responses
+from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
+from palpate.core.inference.posterior import NoiseFacts
+from palpate.core.worker.progress import Progress
+
+FloatArray = NDArray[np.float64]
+
+# Starts whose optima differ by less than this in ln G are the same optimum.
+SAME_OPTIMUM = 0.05
+
+
+@dataclass
+class Counter:
+    """Work done so far; reduced : evaluations that the reduced model answered."""
+
+    solves: int = 0
+    factorisations: int = 0
+    failed: int = 0
+    reduced: int = 0
+
+    def add(self, found: Equilibrium) -> None:
+        """Count one equilibrium."""
+        self.solves += 1
+        self.factorisations += found.factorisations
+        self.failed += 0 if found.converged else 1
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """One deformed state: its scene, what its data weigh, and an equilibrium to start from."""
+
+    scene: Scene
+    misfit: Misfit
+    equilibrium: Equilibrium
+
+
+def noise_of(states: Sequence[Posed], jacobian: FloatArray) -> NoiseFacts:
+    """What the noise of all states does to their weighted residual with Jacobian (rows of all states, t)."""
+    score, expected, row = np.zeros((jacobian.shape[1],) * 2), 0.0, 0
+    for state in states:
+        score += state.misfit.score_covariance(jacobian[row : row + state.misfit.rows])
+        expected += state.misfit.expected
+        row += state.misfit.rows
+    return NoiseFacts(score, expected)
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """fit : of the best start. equilibria : there, of every state, walls settled. others : (starts, t) theta of every start that
+    ended. scout : (t,) the best of them when they were made with another element. stiffness : where in theta the ln G are."""
+
+    fit: GaussNewtonResult
+    equilibria: tuple[Equilibrium, ...]
+    others: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    scout: FloatArray | None = None
+    stiffness: slice = field(default_factory=lambda: slice(None))
+
+    @property
+    def agree(self) -> bool:
+        """Whether all starts ended at the same stiffnesses."""
+        centre = self.fit.theta if self.scout is None else self.scout
+        return bool((np.abs(self.others - centre)[:, self.stiffness] < SAME_OPTIMUM).all())
+
+
+def middle(bounds: FloatArray) -> FloatArray:
+    """A start (t,) in the lower middle of the bounds, where sensitivities are largest."""
+    return bounds[:, 0] + 0.4 * (bounds[:, 1] - bounds[:, 0])
+
+
+def settle_first(
+    scene: Scene, theta: FloatArray, count: Counter, start: FloatArray | None = None, uneven: bool = False
+) -> tuple[Equilibrium, Misfit]:
+    """Settle the walls at theta, from displacements `start` (n, 3) if given, and weigh the data.
+
+    uneven : count what regions that are not uniform would do, see `uneven_responses`.
+    Raises ConvergenceError when the model has no equilibrium there.
+    """
+    scene.assembler.set_materials(scene.parameters.materials(theta))
+    state = None if start is None else State(start, scene.assembler.balanced_pressure(start))
+    settled = scene.settle(theta, state)
+    count.add(settled.equilibrium)
+    if not settled.equilibrium.converged:
+        raise ConvergenceError(
+            f"the rest anatomy cannot be deformed into what the second scan shows: {settled.equilibrium.reason}; "
+            "look at the contours of bladder and rectum, or mesh more finely"
+        )
+    found = settled.equilibrium
+    errors = [wall_response(scene, found.u)]
+    if uneven:
+        seen = lambda field: scene.observation.jacobian(found.u, field[None])[:, 0]  # noqa: E731
+        responses = uneven_responses(scene.assembler, scene.parameters, theta, found, seen)
+        errors += [UNEVEN_SD * response for response in responses]
+    return found, Misfit.of(scene, *errors)
+
+
+def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, progress: Progress) -> Optimum:
+    """Gauss-Newton on the states' misfits added up, from each start (s, t). Raises ConvergenceError when none ends."""
+    parameters = states[0].scene.parameters
+    best: tuple[GaussNewtonResult, tuple[Equilibrium, ...]] | None = None
+    ends = []
+    for k, start in enumerate(starts):
+        # How many equilibria a start takes is not known: the fraction nears the start's end without reaching it.
+        told = lambda solved, k=k: progress(  # noqa: E731
+            (k + solved / (solved + 6.0)) / len(starts),
+            f"Gauss-Newton, start {k + 1} of {len(starts)}, equilibrium {solved + 1}",
+        )
+        walk = Walk(states, count, told)
+        fit = gauss_newton(walk.linearise, start, parameters.bounds)
+        if fit is None or not walk.best:
+            continue
+        ends.append(fit.theta)
+        if best is None or fit.misfit < best[0].misfit:
+            best = fit, walk.best
+    if best is None:
+        raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
+    return Optimum(best[0], best[1], np.array(ends), stiffness=parameters.stiffness)
+
+
+class Walk:
+    """Linearises the states' misfits along a path of thetas, each equilibrium started from the one before.
+
+    best : every state's equilibrium where their misfits added up least; none before there was one. told : hears how many
+    equilibria have been solved, before each.
+    """
+
+    def __init__(self, states: Sequence[Posed], count: Counter, told: Callable[[int], None] = lambda _: None) -> None:
+        self.states, self.count = states, count
+        self._told, self._solved = told, 0
+        self.last = [state.equilibrium for state in states]
+        self.best: tuple[Equilibrium, ...] = ()
+        self._lowest = np.inf
+
+    def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Whitened residual and Jacobian of all states at theta, walls settled; None when one has no equilibrium."""
+        residuals, jacobians = [], []
+        for k, state in enumerate(self.states):
+            self._told(self._solved)
+            self._solved += 1
+            found = state.scene.settle(theta, self.last[k], rounds=2).equilibrium
+            self.count.add(found)
+            if not found.converged:
+                return None
+            self.last[k] = found
+            residuals.append(state.misfit.residual(found.u))
+            # At once: the factor is that of this state's last solve.
+            jacobians.append(state.misfit.jacobian(found.u, state.scene.displacement_sensitivities(theta, found)))
+        residual = np.concatenate(residuals)
+        if residual @ residual < self._lowest:
+            self._lowest, self.best = float(residual @ residual), tuple(self.last)
+        return residual, np.vstack(jacobians)

@@ -1,0 +1,61 @@
+"""The contours' own error from an organ drawn twice on one scan: how far apart the two are, and over what length they err alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
+
+from palpate.core.errors import InputError
+from palpate.core.observe.contour_noise import EXTRACTION_MM
+from palpate.core.observe.surface_observation import sample_surface
+from palpate.core.problem import Surface
+from palpate.core.surfaces.distance_field import SignedDistanceField
+
+FloatArray = NDArray[np.float64]
+
+# Two drawings further apart than this (rms mm) are not of one organ on one scan.
+MOST_MM = 5.0
+# Least that is believed of a person, mm.
+LEAST_MM = 0.1
+_SPACING_MM = 2.0
+# Distances between points at which two errors are compared: beyond the surface extraction's own reach, within an organ's.
+_NEAR_MM, _FAR_MM = 3.0, 20.0
+_LENGTHS_MM = np.linspace(3.0, 15.0, 49)
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """sd_mm : of one contour, along its normal. correlation_mm : l of exp(-r^2 / (2 l^2)). apart_mm : rms distance of the two."""
+
+    sd_mm: float
+    correlation_mm: float
+    apart_mm: float
+
+
+def repeat_of(first: Surface, second: Surface) -> Repeat:
+    """From the surfaces of one organ drawn twice. Both err, and each by what extraction from voxels adds (core.observe.noise).
+
+    Raises InputError when they are too far apart to be two drawings of one organ.
+    """
+    points = sample_surface(first, _SPACING_MM)[0]
+    distance = SignedDistanceField.from_surface(second.points, second.faces).value_and_gradient(points)[0]
+    apart = float(np.sqrt((distance**2).mean()))
+    if apart > MOST_MM:
+        raise InputError(f"the two drawings are {apart:.1f} mm apart; give the same organ drawn twice on the same scan")
+    sd = np.sqrt(max(apart**2 - EXTRACTION_MM**2, 0.0) / 2.0)
+    return Repeat(max(float(sd), LEAST_MM), _length(points, distance), apart)
+
+
+def _length(points: FloatArray, distance: FloatArray) -> float:
+    """The l whose Gaussian fits the products of errors at pairs of points best (least squares, its height free)."""
+    r = pdist(points)
+    i, j = np.triu_indices(len(points), 1)
+    use = (r > _NEAR_MM) & (r < _FAR_MM)
+    product, r = (distance[i] * distance[j])[use], r[use]
+    curves = np.exp(-0.5 * (r[None] / _LENGTHS_MM[:, None]) ** 2)
+    height = np.maximum(curves @ product / (curves**2).sum(axis=1), 0.0)
+    gain = 2.0 * height * (curves @ product) - height**2 * (curves**2).sum(axis=1)
+    return float(_LENGTHS_MM[np.argmax(gain)])

@@ -1,0 +1,83 @@
+"""What the two scans show of a model, as one vector: smooth modes of the organ's surface, landmarks, motion of the bones.
+
+Contour noise is correlated over millimetres, so 1,300 surface points are some tens of independent looks. The surface residual is
+therefore read in the leading modes of the noise's own covariance; what is left out is finer than any effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.forward.scene import GapScene
+from palpate.core.observe.bone_registration import BoneSight
+from palpate.core.observe.contour_noise import smooth_covariance
+from palpate.core.observe.surface_observation import SurfaceObservation
+
+FloatArray = NDArray[np.float64]
+
+# Correlation length that decides the modes, mm, and the smallest of their variances, over the largest, that is kept.
+MODE_LENGTH_MM = 7.0
+SMALLEST_VARIANCE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """modes : (q, k) orthonormal. bone : how the bones are seen, None where the case has none. n_marks : landmarks."""
+
+    modes: FloatArray
+    n_marks: int
+    bone: BoneSight | None
+
+    @classmethod
+    def of(cls, observation: SurfaceObservation, bone: BoneSight | None) -> Sight:
+        """The modes of an observation's points."""
+        values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, MODE_LENGTH_MM))
+        kept = values > SMALLEST_VARIANCE * values[-1]
+        return cls(np.ascontiguousarray(vectors[:, kept][:, ::-1]), len(observation.landmarks), bone)
+
+    @property
+    def n_modes(self) -> int:
+        """Number of surface modes."""
+        return self.modes.shape[1]
+
+    @property
+    def n(self) -> int:
+        """Length of the data vector."""
+        return self.n_modes + 3 * self.n_marks + (6 if self.bone else 0)
+
+    @property
+    def wider(self) -> FloatArray:
+        """(n,) change of the residual when the whole contour is 1 mm wider."""
+        out = np.zeros(self.n)
+        out[: self.n_modes] = self.modes.sum(axis=0)
+        return out
+
+    @property
+    def marks(self) -> slice:
+        """Where the landmarks are in the data vector."""
+        return slice(self.n_modes, self.n_modes + 3 * self.n_marks)
+
+    def residual(self, scene: GapScene, u: FloatArray) -> FloatArray:
+        """(n,) predicted minus seen, for displacements u (nodes, 3) of the scene."""
+        seen = scene.seen(u)
+        surface = self.modes.T @ self.surface_residual(scene, u)
+        parts = [surface, scene.observation.landmark_residual(seen).ravel()]
+        if self.bone is not None:
+            parts.append(self.bone.residual(scene.composition.bone_motion))
+        return np.concatenate(parts)
+
+    def surface_residual(self, scene: GapScene, u: FloatArray) -> FloatArray:
+        """(q,) mm, predicted minus seen distance along the normal, point by point."""
+        return scene.observation.residual(scene.seen(u)) + scene.composition.observation
+
+    def response(self, scene: GapScene, u: FloatArray, moves: FloatArray) -> FloatArray:
+        """(n, r) change of the residual for changes of displacement (r, nodes, 3) at u."""
+        seen = scene.seen(u)
+        rows = [self.modes.T @ scene.observation.jacobian(seen, moves)]
+        rows.append(np.stack([(scene.observation.landmark_operator @ m).ravel() for m in moves], axis=1))
+        if self.bone is not None:
+            rows.append(np.zeros((6, len(moves))))
+        return np.vstack(rows)

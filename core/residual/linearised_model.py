@@ -1,0 +1,184 @@
+"""Fitting a composition: stiffness and the effect's own parameters together, by Gauss-Newton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.newton.newton import Equilibrium
+from palpate.core.fem.state import State
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.coupled_scene import prolonged
+from palpate.core.forward.effect import Effect, Variant
+from palpate.core.forward.scene import GapScene
+from palpate.core.forward.shared_geometry import Stage
+from palpate.core.residual.data_vector import Sight
+
+FloatArray = NDArray[np.float64]
+
+# Rounds in which walls find their place: from rest, and from a neighbour's equilibrium.
+_FROM_AFAR, _FROM_NEARBY = 8, 2
+# Step of phi's finite differences, in prior standard deviations.
+_STEP = 1e-3
+# Share of such a step at which an opened interface still counts as tied.
+_TIED = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """An effect's variant under test; None, None stands for the plain model."""
+
+    effect: Effect | None = None
+    variant: Variant | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of the effect's parameters."""
+        return 0 if self.effect is None else len(self.effect.parameters)
+
+    def composition(self, plain: Composition, phi: FloatArray) -> Composition:
+        """The composition at phi (n,)."""
+        return plain if self.variant is None else self.variant.applied(plain, phi)
+
+
+PLAIN = Trial()
+NOTHING = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A model solved in one deformed state. residual (n,), with what the better element adds; in_theta (n, t) its derivative.
+
+    out_of_balance : what Newton left.
+    """
+
+    theta: FloatArray
+    phi: FloatArray
+    scene: GapScene
+    equilibrium: Equilibrium
+    residual: FloatArray
+    in_theta: FloatArray
+    out_of_balance: FloatArray
+
+
+@dataclass(eq=False)
+class Bench:
+    """Where models are tried in one deformed state: what all trials share.
+
+    plain : the composition without an effect. correction : (n,) what a better element adds to every residual.
+    """
+
+    stage: Stage
+    sight: Sight
+    plain: Composition
+    correction: FloatArray
+
+    def solve(self, trial: Trial, theta: FloatArray, phi: FloatArray, near: Point | None) -> Point | None:
+        """The model at (theta, phi), from a neighbour's equilibrium; None when it has none."""
+        composition = trial.composition(self.plain, phi)
+        try:
+            scene = self.stage.scene(composition)
+        except InputError:
+            return None  # a stress-free mesh that is turned inside out
+        u = None if near is None else carried(near, scene)
+        start = None
+        if u is not None:
+            scene.assembler.set_materials(scene.materials(theta))
+            start = State(u, scene.assembler.balanced_pressure(u))
+        settled = scene.settle(theta, start, rounds=_FROM_AFAR if near is None else _FROM_NEARBY)
+        found = settled.equilibrium
+        if not found.converged:
+            return None
+        residual = self.sight.residual(scene, found.u) + self.correction
+        sensitivities = scene.displacement_sensitivities(theta, found)
+        in_theta = self.sight.response(scene, found.u, sensitivities)
+        left = out_of_balance(scene.assembler, State(found.u, found.p))
+        return Point(theta, phi, scene, found, residual, in_theta, left)
+
+    def directions(self, trial: Trial, at: Point) -> FloatArray:
+        """(n, k) derivative of the residual in phi: one back-substitution each at the point's own tangent.
+
+        The point must be the last one solved on its structure.
+        """
+        assert trial.effect is not None
+        columns = []
+        here = np.array([p.state in (None, self.plain.state) for p in trial.effect.parameters])
+        for j, parameter in enumerate(trial.effect.parameters):
+            if not here[j] or (parameter.secondary and not at.phi[here].any()):
+                columns.append(np.zeros(self.sight.n))
+                continue
+            step = np.zeros(trial.n)
+            step[j] = _STEP * parameter.scale * (-1.0 if at.phi[j] + _STEP * parameter.scale > parameter.high else 1.0)
+            columns.append(self._difference(trial, at, step) / step[j])
+        return np.stack(columns, axis=1)
+
+    def _difference(self, trial: Trial, at: Point, step: FloatArray) -> FloatArray:
+        """Change of the residual (n,) from phi to phi + step, to first order."""
+        if trial.composition(self.plain, at.phi + step) is at.scene.composition:
+            return np.zeros(self.sight.n)
+        scene = self.stage.scene(trial.composition(self.plain, at.phi + step))
+        u = carried(at, scene)
+        scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
+        moved = newton_step(at, scene, u)
+        after = self.sight.residual(scene, u + moved) + self.correction
+        if scene.space.n_nodes == at.scene.space.n_nodes:
+            return after - at.residual
+        # Cutting the mesh open moves it a little by itself: count from the cut mesh held together.
+        scene = self.stage.scene(trial.composition(self.plain, at.phi + _TIED * step))
+        scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
+        return after - self.sight.residual(scene, u + newton_step(at, scene, u)) - self.correction
+
+
+def carried(at: Point, scene: GapScene) -> FloatArray:
+    """Displacements (nodes, 3) of another scene that put its nodes where the point's are."""
+    return carried_nodes(at, scene, at.equilibrium.u)
+
+
+def carried_nodes(at: Point, scene: GapScene, u: FloatArray) -> FloatArray:
+    """The same for any displacement u of the point's scene; mid-edge nodes of a better element take the mean of their ends."""
+    place = u + at.scene.shift
+    if scene.space.element.degree != at.scene.space.element.degree:
+        place = prolonged(place, scene.space)
+    if len(place) != scene.space.n_nodes:
+        opened = scene.stage.opened
+        if len(place) < scene.space.n_nodes:
+            place = place[opened.original]
+        else:
+            place = place[: scene.space.n_nodes]
+    out: FloatArray = place - scene.shift
+    return out
+
+
+def newton_step(at: Point, scene: GapScene, u: FloatArray) -> FloatArray:
+    """(nodes, 3) first-order change of the equilibrium when the point's model becomes the scene's.
+
+    Where unknowns are the same, the point's factor serves; a model with other unknowns is factorised once.
+    """
+    there = scene.assembler
+    n = there.space.n_displacements
+    held = (scene.prescribed - u.ravel()) * ~there.free
+    state = State(u, at.equilibrium.p)
+    there.set_materials(scene.materials(at.theta))
+    there.terms = scene.terms
+    force = out_of_balance(there, state)
+    if there.space.n_nodes == at.scene.space.n_nodes:
+        if held.any():
+            force = force + there.tangent(state, 1.0, held)[1]
+        step = -at.scene.assembler.solver.solve(force - at.out_of_balance)
+    else:
+        values, product = there.tangent(state, 1.0, held)
+        there.solver.factorise(values)
+        step = -there.solver.solve(force + product)
+    full = np.zeros(n + there.space.n_pressures)
+    full[there.kept] = step
+    return (full[:n] + held).reshape(-1, 3)
+
+
+def out_of_balance(assembler: Assembler, state: State) -> FloatArray:
+    """(kept,) residual of an assembler with its materials and terms."""
+    r = assembler.residual(state, 1.0)
+    return np.concatenate([r.r_u, r.r_p])[assembler.kept]

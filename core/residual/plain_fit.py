@@ -1,0 +1,176 @@
+"""The plain model fitted: an element that is quick looks for the stiffness, a better one says by how much that was wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.diagnose.case_data import Pair
+from palpate.core.errors import ConvergenceError
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.forward.shared_geometry import Stage
+from palpate.core.identify.plain_fit import middle
+from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.observe.bone_registration import BoneSight
+from palpate.core.observe.contour_noise import Weighting
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.element_error import QUICK, UNKNOWN_MM, better_differences, scatter_mm
+from palpate.core.residual.joint_states import Points, States, apart
+from palpate.core.residual.linearised_model import NOTHING, PLAIN, Bench
+from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
+from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
+from palpate.core.residual.remeshing import Remeshed, left_by_all
+from palpate.core.residual.unknown_field import TYPICAL_MM, FreeField
+from palpate.core.residual.wall_error_bias import noise_slope
+from palpate.core.worker.progress import Progress, part, silent
+
+FloatArray = NDArray[np.float64]
+
+# Precision of ln G's prior: none to speak of.
+FLAT = 1e-4
+# How far a contour may be offset, mm, and bones may seem to have moved, mm and degrees, while the noise is estimated.
+_OFFSET_MM, _BONES = 1.0, 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlainFit:
+    """The plain model where it fits best.
+
+    bench : of all deformed states. point : at the quick element, residuals corrected; its tangents are those factorised. mesh : (n,) what
+    the better element changed, the mean over all `meshes` on which it was solved (the fewest of any state), 0 for none; on_own_mesh (n,)
+    the same on the case's own mesh alone, None where that is not known. noise_slope (t,) : see the function. scatter_mm : rms along the
+    surface of what one mesh differs from that mean in the first state, NaN for one mesh. noise : all that it may be; sizes : of this
+    case's. weighting : of the data vector.
+    """
+
+    bench: States
+    point: Points
+    mesh: FloatArray
+    on_own_mesh: FloatArray | None
+    meshes: int
+    noise_slope: FloatArray
+    scatter_mm: float
+    noise: NoiseGrid
+    sizes: NoiseSizes
+    weighting: Weighting
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Of the plain model, whatever the noise."""
+        J = self.point.in_theta
+        return self.noise.log_evidence(self.point.residual, J, np.full(J.shape[1], FLAT))
+
+
+def fit_plain(
+    pairs: Sequence[Pair],
+    remeshed: Sequence[Remeshed] = (),
+    progress: Progress = silent,
+) -> PlainFit:
+    """Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
+
+    pairs : for each deformed state the problem and the bones. remeshed : other meshes of the same labels; the better element's prediction
+    is the mean over all of them.
+    """
+    sizes = NoiseSizes()
+    progress(0.0, "plain model: surfaces and distances")
+    bench = States(tuple(_bench(problem, bones, k) for k, (problem, bones) in enumerate(pairs)))
+    progress(0.2, "plain model: stiffness with the quick element")
+    bounds = StiffnessParameters(pairs[0][0].regions, pairs[0][0].facts).bounds
+    first = _solved(bench, middle(bounds), None)
+    noise = NoiseParts.of(first.each, bench.sights)
+    weighting = Weighting(noise.covariance(sizes, np.zeros((bench.n, 1))))
+    point = _best(bench, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
+    progress(0.4, "plain model: the better element")
+    better = [
+        better_differences(b, p, remeshed, part(progress, 0.4, 0.8))
+        for b, p in zip(bench.each, point.each, strict=True)
+    ]
+    differences = [d.every for d in better]
+    own = [d.own for d in better if d.own is not None]
+    on_own_mesh = np.concatenate(own) if len(own) == len(better) else None
+    mesh = np.concatenate([d.mean(axis=0) if len(d) else np.zeros(d.shape[1]) for d in differences])
+    bench, point = bench.corrected(mesh), point.corrected(mesh)
+    progress(0.8, "plain model: noise of this case's contours")
+    noise = NoiseParts.of(point.each, bench.sights)
+    gap = FreeField.around(point, bench.sights)
+    grid = NoiseGrid.of(
+        noise, sizes, np.hstack([left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, sizes)])
+    )
+    fitted = fit_noise(
+        grid, point.residual, point.in_theta, gap.free, [apart(f) for f in zip(*map(_free, bench.sights), strict=True)]
+    )
+    weighting = Weighting(fitted.covariance)
+    point = _best(bench, weighting, [point.theta], point)
+    progress(0.95, "plain model: what walls read wrongly do to the stiffness")
+    slope = noise_slope(bench, weighting, fitted.sizes, point)
+    point = _solved(bench, point.theta, point)  # its factor must be the one left behind
+    scatter = scatter_mm(differences[0], bench.first.sight)
+    meshes = min(map(len, differences))
+    return PlainFit(bench, point, mesh, on_own_mesh, meshes, slope, scatter, grid, fitted.sizes, weighting)
+
+
+def _bench(problem: IdentificationProblem, bones: SurfacePair | None, state: int) -> Bench:
+    stage = Stage.of(problem, QUICK)
+    bone = None if bones is None else BoneSight.of(bones, problem.organ.rest.points.mean(axis=0))
+    sight = Sight.of(stage.observation, bone)
+    return Bench(stage, sight, Composition(problem, state=state), np.zeros(sight.n))
+
+
+def _of_the_model(gap: FreeField, differences: Sequence[FloatArray], sizes: NoiseSizes) -> FloatArray:
+    """(n, m) columns of the model's own smooth error: half of its variance the same forces in every state, half each state's own.
+
+    Where no better element could be solved, it is larger by what that would have changed.
+    """
+    unsolved = float(np.hypot(sizes.model, UNKNOWN_MM / TYPICAL_MM))
+    each = [(sizes.model if len(d) else unsolved) * f.response for f, d in zip(gap.each, differences, strict=True)]
+    return np.sqrt(0.5) * np.hstack([np.vstack(each), apart(each)])
+
+
+def _free(sight: Sight) -> list[FloatArray]:
+    """What may have moved a state's data besides noise and a gap: an offset of the contour, the bones. (n, k) each."""
+    offset = _OFFSET_MM * sight.wider[:, None]
+    bones = np.zeros((sight.n, 6))
+    if sight.bone is not None:
+        bones[-6:] = _BONES * np.eye(6)
+    return [offset, bones]
+
+
+def _solved(bench: States, theta: FloatArray, near: Points | None) -> Points:
+    point = bench.solve(PLAIN, theta, NOTHING, near)
+    if point is None:
+        raise ConvergenceError(
+            "the rest anatomy cannot be deformed into what the other scans show; look at the contours of bladder and "
+            "rectum, or mesh more finely"
+        )
+    return point
+
+
+def _best(bench: States, weighting: Weighting, starts: list[FloatArray], near: Points) -> Points:
+    """Gauss-Newton from every start; the best point of all."""
+    best: tuple[float, Points] | None = None
+    bounds = near.first.scene.parameters.bounds
+    for start in starts:
+        here = near
+
+        def linearise(theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+            nonlocal best, here
+            point = bench.solve(PLAIN, theta, NOTHING, here)
+            if point is None:
+                return None
+            here = point
+            residual = weighting.whiten(point.residual)
+            if best is None or residual @ residual < best[0]:
+                best = float(residual @ residual), point
+            return residual, weighting.whiten(point.in_theta)
+
+        gauss_newton(linearise, start, bounds)
+    if best is None:
+        raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
+    # The factor left behind must be that of the best point.
+    return _solved(bench, best[1].theta, best[1])

@@ -1,0 +1,96 @@
+"""What a gap could be that has no name: smooth missing forces around the organ, and smooth errors of its contour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.fem.sensitivity import response_to_forces
+from palpate.core.observe.contour_noise import noise_modes
+from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.joint_states import Points, apart
+from palpate.core.residual.linearised_model import Point
+
+FloatArray = NDArray[np.float64]
+
+# Correlation length of a missing force, mm; forces are looked for this far around the organ, mm.
+LENGTH_MM = 12.0
+REACH_MM = 12.0
+# Prior standard deviation of the surface's motion along its normal that missing forces cause, mm.
+TYPICAL_MM = 0.6
+# Correlation length of an error of the contour that is no noise, mm: longer than noise is ever taken to be.
+SHAPE_MM = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class ForceFields:
+    """In one deformed state. fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by TYPICAL_MM (rms).
+
+    response : (n, k) of the residual. shapes : (n, m) of the residual, contours drawn wrongly by as much, which no force explains.
+    share : (nodes,) mm3 each node stands for.
+    """
+
+    fields: FloatArray
+    response: FloatArray
+    shapes: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def around(cls, point: Point, sight: Sight) -> ForceFields:
+        """At a point whose tangent is factorised."""
+        scene = point.scene
+        mesh, nodes = scene.space.mesh, scene.space.nodes
+        share = np.zeros(len(nodes))
+        np.add.at(share, mesh.cells, np.repeat(mesh.volumes[:, None] / 4.0, 4, axis=1))
+        organ = scene.observation.points
+        low, high = organ.min(axis=0) - REACH_MM, organ.max(axis=0) + REACH_MM
+        near = np.flatnonzero(((nodes > low) & (nodes < high)).all(axis=1))
+        modes = noise_modes(nodes[near], 1.0, LENGTH_MM, 0.9)
+        fields = np.zeros((3 * modes.shape[1], len(nodes), 3))
+        for j, mode in enumerate(modes.T):
+            for axis in range(3):
+                fields[3 * j + axis, near, axis] = mode * share[near]
+        response = sight.response(scene, point.equilibrium.u, response_to_forces(scene.assembler, fields))
+        q = len(organ)
+        size = float(np.sqrt((response[: sight.n_modes] ** 2).sum() / q))
+        scale = TYPICAL_MM / max(size, 1e-30)
+        return cls(fields * scale, response * scale, contour_shapes(organ, sight), share)
+
+    def force_density(self, amplitudes: FloatArray) -> FloatArray:
+        """(nodes, 3) kPa/mm of the amplitudes (k,)."""
+        total = np.einsum("k,kni->ni", amplitudes, self.fields)
+        return total / np.maximum(self.share, 1e-30)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeField:
+    """What has no name, in every deformed state by itself: each state's forces and shapes."""
+
+    each: tuple[ForceFields, ...]
+
+    @classmethod
+    def around(cls, points: Points, sights: Sequence[Sight]) -> FreeField:
+        """At points whose tangents are factorised."""
+        return cls(tuple(ForceFields.around(p, s) for p, s in zip(points.each, sights, strict=True)))
+
+    @cached_property
+    def response(self) -> FloatArray:
+        """(n, k) of the residual to forces."""
+        return apart([f.response for f in self.each])
+
+    @cached_property
+    def free(self) -> FloatArray:
+        """(n, k + m): forces and shapes."""
+        return np.hstack([self.response, apart([f.shapes for f in self.each])])
+
+
+def contour_shapes(organ: FloatArray, sight: Sight) -> FloatArray:
+    """(n, m) of the residual for smooth errors of a contour with points organ (q, 3) mm, as large as TYPICAL_MM."""
+    modes = noise_modes(organ, TYPICAL_MM, SHAPE_MM, 0.97)
+    shapes = np.zeros((sight.n, modes.shape[1]))
+    shapes[: sight.n_modes] = sight.modes.T @ modes
+    return shapes

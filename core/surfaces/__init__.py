@@ -1,0 +1,1 @@
+"""Geometry of triangle surfaces: closest points, distance fields, splines over points."""
