@@ -112,7 +112,7 @@ def _rendering() -> Check:
 
 def _window() -> Check:
     # Here, so that the other checks work where Qt does not load.
-    from palpate.ui.desktop import display_server
+    from palpate.ui.desktop.window import display_server
 
     try:
         display_server.check(headless=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.ui.cli.bench import text_of
+from palpate.ui.cli.commands.bench import text_of
 from palpate.validate.bench.contender import PEERS, Contender, ContenderSpec, solve_with_fewest_steps
 from palpate.validate.bench.environment import ours, peer_python
 from palpate.validate.bench.equilibrium import EquilibriumTable, scenes

@@ -29,7 +29,7 @@ from palpate.imaging.dicom.series import read_series
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
 from palpate.ui.cli.signals import descendants
-from palpate.ui.desktop import application
+from palpate.ui.desktop.window import application
 
 TOP = Path(__file__).parents[2]
 SHAPE = (512, 512, 150)

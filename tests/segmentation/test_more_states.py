@@ -25,8 +25,8 @@ from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_file import mesh_arrays
-from palpate.ui.cli import further_states as options
 from palpate.ui.cli.arguments import Parser, UsageError
+from palpate.ui.cli.commands import further_states as options
 
 TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
 QUICK = identify.IdentifyStepOptions(

@@ -20,7 +20,7 @@ from palpate.core.observe.contour_noise import EXTRACTION_LENGTH_MM, EXTRACTION_
 from palpate.core.observe.repeat_contours import repeat_of
 from palpate.core.problem import Surface
 from palpate.imaging.contours.nifti_labels import write_labels
-from palpate.ui.cli import identify
+from palpate.ui.cli.commands import identify
 
 
 def ball(radius: float = 20.0, level: int = 18) -> Surface:

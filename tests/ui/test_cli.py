@@ -16,8 +16,8 @@ from phantoms import write_case
 
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.ui.cli import main as cli
-from palpate.ui.cli import report as report_command
 from palpate.ui.cli.arguments import UsageError, no_points, points, random_seed
+from palpate.ui.cli.commands import report as report_command
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.signals import descendants
 
@@ -25,7 +25,7 @@ from palpate.ui.cli.signals import descendants
 SLEEPER = """
 import subprocess, sys, types, time
 import palpate.ui.cli.main as cli
-sleeper = types.ModuleType("palpate.ui.cli.sleeper")
+sleeper = types.ModuleType("palpate.ui.cli.commands.sleeper")
 sleeper.NAME, sleeper.HELP, sleeper.add_arguments = "sleeper", "sleeps", lambda parser: None
 def run(args, console):
     with console.progress("sleeper") as progress:
@@ -33,7 +33,7 @@ def run(args, console):
         print("CHILD", child.pid, file=sys.stderr, flush=True)
         time.sleep(60)
 sleeper.run = run
-sys.modules["palpate.ui.cli.sleeper"] = sleeper
+sys.modules["palpate.ui.cli.commands.sleeper"] = sleeper
 cli.COMMANDS = {"sleeper": "sleeper"}
 sys.exit(cli.main(["sleeper", *sys.argv[1:]]))
 """

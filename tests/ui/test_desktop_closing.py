@@ -19,9 +19,9 @@ from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
 from PySide6.QtWidgets import QMessageBox
 from palpate.ui.desktop import application
-from palpate.ui.desktop.charts import SwarmChart
-from palpate.ui.desktop.jobs import Swarm
-from palpate.ui.desktop.questions import may_close
+from palpate.ui.desktop.panels.charts import SwarmChart
+from palpate.ui.desktop.session.jobs import Swarm
+from palpate.ui.desktop.window.questions import may_close
 
 case, scans, centre = Path(sys.argv[1]), [Path(p) for p in sys.argv[2].split(",")], json.loads(sys.argv[3])
 window, qt = application.new_window(headless=True)

@@ -15,9 +15,9 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import diagnose, identify, mesh
 from palpate.core.errors import Cancelled, InputError
 from palpate.meshing.mesh_labels import MeshOptions
-from palpate.ui.desktop import freshness
-from palpate.ui.desktop.freshness import FileHashes, Freshness, judged
-from palpate.ui.desktop.open_case import OpenCase
+from palpate.ui.desktop.session import out_of_date as freshness
+from palpate.ui.desktop.session.open_case import OpenCase
+from palpate.ui.desktop.session.out_of_date import FileHashes, Freshness, judged
 from palpate.ui.report import report_step
 from palpate.ui.report.drawn_by import drawn_by
 

@@ -15,11 +15,11 @@ from phantoms import CENTRE, MARKER, result, write_case
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
 from palpate.ui.cli.signals import descendants
-from palpate.ui.desktop import steps
-from palpate.ui.desktop.controller import Controller
-from palpate.ui.desktop.crosshair import words_at_crosshair
-from palpate.ui.desktop.jobs import JobControl
-from palpate.ui.desktop.script import Driver
+from palpate.ui.desktop.scripting.commands_script import Driver
+from palpate.ui.desktop.session import steps
+from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.session.crosshair import words_at_crosshair
+from palpate.ui.desktop.session.jobs import JobControl
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.planes import AXIAL
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QRectF, QSize, Qt
 
-from palpate.ui.desktop import slice_marks
-from palpate.ui.desktop.field import Field, Screen
+from palpate.ui.desktop.slices import slice_marks
+from palpate.ui.desktop.slices.slice_viewport import Field, Screen
 from palpate.ui.pictures.planes import PLANES, Plane
 
 WIDE = 7.2  # pixels of a letter of DejaVu Sans at 8 points, the widest but W and M

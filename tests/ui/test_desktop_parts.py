@@ -12,14 +12,15 @@ from phantoms import result, write_case
 
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
-from palpate.ui.desktop import commands, steps, touch_script
-from palpate.ui.desktop.display import Display
-from palpate.ui.desktop.dropping import Pair, case_beside
-from palpate.ui.desktop.jobs import JobControl
-from palpate.ui.desktop.obey import names_of
-from palpate.ui.desktop.open_case import GapMap, OpenCase
-from palpate.ui.desktop.recent import recent_cases, remember
-from palpate.ui.desktop.script import Driver, parse
+from palpate.ui.desktop.scripting.commands_script import Driver, parse
+from palpate.ui.desktop.scripting.script_runner import names_of
+from palpate.ui.desktop.session import commands, steps
+from palpate.ui.desktop.session.display import Display
+from palpate.ui.desktop.session.dropped_files import Pair, case_beside
+from palpate.ui.desktop.session.jobs import JobControl
+from palpate.ui.desktop.session.open_case import GapMap, OpenCase
+from palpate.ui.desktop.session.recent import recent_cases, remember
+from palpate.ui.desktop.touch import script
 
 EVERYTHING = frozenset(step.command for step in steps.STEPS)
 
@@ -174,6 +175,6 @@ def test_the_pages_tell_every_command_and_every_field_of_the_display() -> None:
     told = set(re.findall(r"`([a-z]+)[ `]", (docs / "desktop.md").read_text(encoding="utf-8")))
     assert names_of(Driver) <= told, names_of(Driver) - told
     felt = set(re.findall(r"`([a-z]+)[ `]", (docs / "touch.md").read_text(encoding="utf-8")))
-    assert names_of(touch_script.Driver) | touch_script.OF_THE_WINDOW <= felt
+    assert names_of(script.Driver) | script.OF_THE_WINDOW <= felt
     page = (docs / "desktop.md").read_text(encoding="utf-8")
     assert all(f"`{field.name}`" in page for field in fields(Display) if field.name != "crosshair")

@@ -10,12 +10,12 @@ from palpate.core.identify.map.patches import Patches
 from palpate.core.identify.map.smoothness_prior import SmoothPrior
 from palpate.core.identify.map.stiffness_map import StiffnessMap
 from palpate.imaging.grid import in_lps_order
-from palpate.ui.desktop import overlay
-from palpate.ui.desktop.display import Display
-from palpate.ui.desktop.grey import PRESETS, WindowLevel, to_grey
-from palpate.ui.desktop.map_layer import map_layer
-from palpate.ui.desktop.sheets import Sheet, cut, is_aligned, positions
-from palpate.ui.desktop.solid_shapes import map_colours
+from palpate.ui.desktop.session.display import Display
+from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel, to_grey
+from palpate.ui.desktop.slices import overlay
+from palpate.ui.desktop.slices.map_layer import map_layer
+from palpate.ui.desktop.slices.slice_sampling import Sheet, cut, is_aligned, positions
+from palpate.ui.desktop.solid.solid_shapes import map_colours
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import AXIAL, PLANES, SAGITTAL, Plane
 from palpate.ui.report.regions import RegionStiffness

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from palpate.ui import doctor
-from palpate.ui.cli import doctor as command
 from palpate.ui.cli import main as cli
+from palpate.ui.cli.commands import doctor as command
 from palpate.ui.pictures import offscreen
 
 

@@ -15,10 +15,11 @@ from palpate.core.dynamics.drop import DropOptions, dish_for
 from palpate.core.errors import Cancelled, InputError
 from palpate.core.fem.meshes import box, with_regions
 from palpate.ui.cli import main as cli
-from palpate.ui.pictures import drop_film, offscreen
-from palpate.ui.pictures.drop_canvas import Canvas, slower
-from palpate.ui.pictures.drop_stage import DropStage
-from palpate.ui.pictures.drop_words import stage_of
+from palpate.ui.pictures import offscreen
+from palpate.ui.pictures.drop import film as drop_film
+from palpate.ui.pictures.drop.canvas import Canvas, slower
+from palpate.ui.pictures.drop.stage import DropStage
+from palpate.ui.pictures.drop.words import stage_of
 from palpate.ui.pictures.film import read_film, write_film
 
 G = {"prostate_left": 12.0, "prostate_right": 30.0}

@@ -8,8 +8,8 @@ from phantoms import result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
-from palpate.ui.cli import diagnose
-from palpate.ui.cli.identify import text_of
+from palpate.ui.cli.commands import diagnose
+from palpate.ui.cli.commands.identify import text_of
 
 
 def test_the_console_says_what_the_pair_tells(tmp_path: Path) -> None:

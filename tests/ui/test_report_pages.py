@@ -11,7 +11,7 @@ from pypdf import PdfReader
 from reportlab.pdfbase.pdfmetrics import stringWidth
 
 from palpate.case.case_folder import CaseFacts
-from palpate.ui.cli import import_scans, segment
+from palpate.ui.cli.commands import import_scans, segment
 from palpate.ui.report import document as doc
 from palpate.ui.report import pdf
 from palpate.ui.report.pdf_parts import SMALLEST_TOGETHER, column_widths

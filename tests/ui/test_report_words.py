@@ -11,7 +11,6 @@ from phantoms import affine, labels, result
 
 from palpate.case.case_folder import CaseFacts
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, SURROUNDING_TISSUE
-from palpate.ui.number_words import measured, three_figures
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import stiffness_planes, stiffness_series
 from palpate.ui.report.quality import without_paths
@@ -19,6 +18,7 @@ from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
 from palpate.ui.report.stiffness_section import limits, told
 from palpate.ui.report.summary import summary
+from palpate.ui.words.number_words import measured, three_figures
 
 
 def record(found: dict, covariance: np.ndarray | None = None) -> CaseRecord:

@@ -13,8 +13,8 @@ from palpate.case.steps.sketch import SketchOptions, run_sketch
 from palpate.core.sketch.motion import MotionOptions
 from palpate.ui.cli.main import main
 from palpate.ui.pictures.film import read_film
-from palpate.ui.pictures.sketch_example import letter_loops, write_example
-from palpate.ui.pictures.sketch_files import write_sketch
+from palpate.ui.pictures.sketch.example import letter_loops, write_example
+from palpate.ui.pictures.sketch.files import write_sketch
 
 
 def test_letters_stand_on_their_feet() -> None:

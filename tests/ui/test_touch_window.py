@@ -16,17 +16,17 @@ from x_display import needs_xvfb, x_display
 
 from palpate.core.mesh import TetMesh
 from palpate.core.touch.body import Body
-from palpate.ui.desktop.camera import Camera, first_hit
-from palpate.ui.desktop.touch_child import Child, load_body, save_body
+from palpate.ui.desktop.solid.camera import Camera, first_hit
+from palpate.ui.desktop.touch.child import Child, load_body, save_body
 from palpate.validate.touch_study import halved_ellipsoid
 
 # Plays a script in a window of its own process: Qt allows one application in a process.
 PLAY = """
 import json, sys
 from pathlib import Path
-from palpate.ui.desktop.touch_application import Playing, show
-from palpate.ui.desktop.touch_child import load_body
-from palpate.ui.desktop.touch_script import parse
+from palpate.ui.desktop.touch.application import Playing, show
+from palpate.ui.desktop.touch.child import load_body
+from palpate.ui.desktop.touch.script import parse
 folder, headless = Path(sys.argv[1]), sys.argv[2] == "headless"
 script = folder / "script.txt"
 commands = parse(script.read_text(), str(script))

@@ -10,7 +10,7 @@ import pytest
 from palpate.core.fem.elements import DEFAULT_ELEMENT
 from palpate.core.fem.meshes import ORGAN, TISSUE, refined, sphere_in_cube
 from palpate.core.fem.scenes import DRIVES, sphere_scene, standard_sphere_mesh
-from palpate.ui.cli.validate import STUDIES
+from palpate.ui.cli.commands.validate import STUDIES
 from palpate.ui.pictures.element_errors import element_errors
 from palpate.validate.bench.options import BenchOptions
 from palpate.validate.forward.study import ForwardOptions, forward, reference_rms, seconds_to

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
-from palpate.ui.cli.validate import STUDIES
+from palpate.ui.cli.commands.validate import STUDIES
 from palpate.validate.coverage import CoverageOptions, coverage
 from palpate.validate.paper.cohort import CohortOptions, cohort, cohort_of_table
 from palpate.validate.paper.resolution import ResolutionOptions, resolution

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from palpate.ui.cli.validate import STUDIES
+from palpate.ui.cli.commands.validate import STUDIES
 from palpate.validate.paper.tumour_data import tumour_data
 from palpate.validate.paper.tumour_scene import LEFT, TUMOUR, Divisions, halved_ball, organ_volume, with_tumour
 from palpate.validate.paper.tumour_tables import TableOptions, table1

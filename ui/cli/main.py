@@ -95,7 +95,7 @@ def _run(given: Sequence[str], console: Console) -> int:
 
 
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"palpate.ui.cli.{COMMANDS[name]}")
+    return importlib.import_module(f"palpate.ui.cli.commands.{COMMANDS[name]}")
 
 
 def _os_error(error: OSError) -> str:

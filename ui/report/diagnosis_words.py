@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from palpate.ui.number_words import three_figures
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
+from palpate.ui.words.number_words import three_figures
 
 VERDICTS = {"none": "no gap found", "ambiguous": "a gap, its cause not settled", "unknown": "a gap of unknown cause"}
 GAP_TITLE = "What the model leaves out"

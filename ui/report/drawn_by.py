@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 _UI = Path(__file__).resolve().parents[1]
-_DRAWING = ("*_words.py", "pictures/*.py", "report/*.py", "report/*.html")
+_DRAWING = ("words/*.py", "pictures/**/*.py", "report/*.py", "report/*.html")
 
 
 @cache

@@ -13,7 +13,6 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.mesh import load_surfaces
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
-from palpate.ui.number_words import three_figures
 from palpate.ui.pictures import slices, solids
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.convergence import convergence
@@ -26,6 +25,7 @@ from palpate.ui.report.misfit_map import misfit_map
 from palpate.ui.report.moving import moving_view
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.summary import tells_apart
+from palpate.ui.words.number_words import three_figures
 
 _PLANES_CAPTION = (
     "Slices through the organ ({ground}). Above, dotted lines show where the other slices lie; below, the shear modulus "

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
-from palpate.ui.number_words import measured, three_figures
 from palpate.ui.pictures.gap_pictures import force_planes, residual_views
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import save
@@ -26,6 +25,7 @@ from palpate.ui.report.diagnosis_words import (
 from palpate.ui.report.document import Block, Bullets, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
+from palpate.ui.words.number_words import measured, three_figures
 
 DIAGNOSIS = "diagnosis.json"
 _SHOWN = 6

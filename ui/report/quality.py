@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
-from palpate.ui.label_words import CARRIED, WORDS
 from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import in_words, region_words
+from palpate.ui.words.label_words import CARRIED, WORDS
 
 # From its first separator to the word after its last one, spaces included.
 _ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")

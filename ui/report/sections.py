@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from palpate.ui.number_words import three_figures
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Drawn
 from palpate.ui.report.gap_section import gap_section
@@ -13,6 +12,7 @@ from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
 from palpate.ui.report.summary import summary
+from palpate.ui.words.number_words import three_figures
 
 
 def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Document:

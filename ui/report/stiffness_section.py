@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from palpate.ui.number_words import three_figures
 from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Drawn
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness, in_words
+from palpate.ui.words.number_words import three_figures
 
 MU_NOTE = (
     "G = 2 (\u03bc1 + \u03bc2) is the small-strain shear modulus; Young's modulus, which elastography often gives, is E = 3 G in such "

@@ -1,0 +1,56 @@
+"""The whole way from two scans to a report: import, segment, mesh, identify, report.
+
+Each step that has been done on the same input is passed over, so that a run that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+from palpate.case.case_folder import CaseFolder
+from palpate.ui.cli.commands import further_states, identify, import_scans, mesh, report, segment
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.steps import record
+
+NAME, HELP = "analyze", "the whole way from two DICOM folders to a report"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """REST DEFORMED -o CASE and the options of every step."""
+    import_scans.add_arguments(parser, alone=False)
+    segment.add_options(parser)
+    mesh.add_options(parser)
+    identify.add_options(parser)
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Runs every step."""
+    from palpate.case.steps import identify as identify_step
+    from palpate.case.steps import mesh as mesh_step
+    from palpate.case.steps.import_scans.pair import run_import
+    from palpate.case.steps.segment import SegmentOptions, run_segment
+    from palpate.ui.report import report_step
+
+    began = time.monotonic()
+    # A wrong option is told before the work, not after it.
+    more = further_states.states_of(args)
+    search, pointed = identify.options_of(args), SegmentOptions(*segment.prompts_of(args), model=args.model)
+    with console.progress(import_scans.NAME) as progress:
+        imported = run_import(args.rest, args.deformed, args.output, import_scans.options_of(args), progress)
+    case = CaseFolder(args.output)
+    with console.progress(segment.NAME) as progress:
+        labelled = run_segment(case, pointed, progress)
+    states = further_states.add_states(case, more)
+    with console.progress(mesh.NAME) as progress:
+        meshed = mesh_step.run(case, mesh.options_of(args), progress)
+    with console.progress(identify.NAME) as progress:
+        found = identify_step.run(case, identify_step.IdentifyStepOptions(search), progress)
+    record(case, args, time.monotonic() - began)
+    with console.progress(report.NAME) as progress:
+        written = report_step.run(case, None, progress)
+    text = [*import_scans.text_of(imported), *states, *segment.text_of(labelled), mesh.text_of(case, meshed)]
+    text += [*identify.text_of(case, found), *report.text_of(written)]
+    data = {"case": str(case.path), "import": imported, "segment": labelled, "mesh": meshed, "result": found}
+    return data | {"report": written}, "\n".join(text)

@@ -1,0 +1,214 @@
+"""Studies that put figures on what is claimed.
+
+forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
+gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
+meshing: angles, volumes and surfaces of meshes of contoured scans.
+robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
+table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
+sensitivity, resolution, swarm, threads, cohort: the paper's Figs 8, 11 and 12, 10, 14, 13.
+drop: motion, contact and friction against closed forms; the energy of a soft ball in a dish.
+coverage: do the 95 % intervals hold the truth 95 times in 100?
+touch: quick answers to a probe beside the full solve, and a press on a ball beside Hertz.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate.core.files.atomic import atomic_path
+from palpate.core.worker.progress import Progress
+from palpate.ui.cli.arguments import no_points, random_seed, whole_number, workers
+from palpate.ui.cli.console import Console
+from palpate.ui.cli.studies import paper, touch
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from palpate.validate.segmentation.contoured_scan import ContouredScan
+
+NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
+_DPI = 160
+
+
+def _plain_text(found: dict[str, Any]) -> str:
+    return "\n".join(f"{key}: {value}" for key, value in found.items() if not isinstance(value, list))
+
+
+@dataclass(frozen=True)
+class Study:
+    """run : makes the figures. text : says them to a person. picture : draws them, where there is something to draw."""
+
+    run: Callable[[argparse.Namespace, Progress], dict[str, Any]]
+    text: Callable[[dict[str, Any]], str] = _plain_text
+    picture: Callable[[dict[str, Any]], Figure] | None = None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """STUDY, and how large."""
+    parser.add_argument("study", choices=tuple(STUDIES), metavar="STUDY", help=", ".join(STUDIES))
+    parser.add_argument("--quick", action="store_true", help="the paper's studies in short, on coarse meshes")
+    parser.add_argument("--patients", type=whole_number(4, 1000), default=10, metavar="N",
+                        help="cohort: how many virtual patients (default %(default)s)")  # fmt: skip
+    parser.add_argument("--cluster", metavar="ADDRESS",
+                        help="cohort, robustness: a Dask scheduler instead of processes of this machine")  # fmt: skip
+    parser.add_argument("--table", type=Path, metavar="CSV",
+                        help="cohort: real cases instead, columns stage and mu_kpa")  # fmt: skip
+    parser.add_argument("--scenes", type=whole_number(1, 1_000_000), default=1000, metavar="N",
+                        help="robustness: how many random scenes (default %(default)s)")  # fmt: skip
+    parser.add_argument("--log", type=Path, metavar="FILE",
+                        help="robustness: keep every scene's outcome in this file; the same command then goes on from it")  # fmt: skip
+    parser.add_argument("--cells", type=whole_number(80, 20_000), default=4000, metavar="N",
+                        help="forward: about how many tetrahedra (default %(default)s)")  # fmt: skip
+    parser.add_argument("--cases", type=whole_number(1, 10_000), default=60, metavar="N",
+                        help="gap: how many cases (default %(default)s; each takes minutes)")  # fmt: skip
+    parser.add_argument("--states", type=whole_number(1, 9), default=1, metavar="N",
+                        help="gap: how many deformed states every patient has, each of another filling of rectum and bladder "
+                        "(default %(default)s)")  # fmt: skip
+    parser.add_argument("--effect-free", action="store_true",
+                        help="gap: hide nothing in any case; are p-values uniform, and how wrong is the stiffness?")  # fmt: skip
+    parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
+                        help="gap: for cases, answers and ledger; the same command goes on from it (default %(default)s)")  # fmt: skip
+    parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
+                        help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
+    parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
+                        help="meshing, segmentation: a DICOM folder and its contours, several times (default: phantom)")  # fmt: skip
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE",
+                        help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
+
+
+def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+    """Runs one study."""
+    from palpate.core.worker.messages import encode
+
+    no_points(args)
+    study = STUDIES[args.study]
+    with console.progress(args.study) as progress:
+        found = study.run(args, progress)
+    if args.output is not None:
+        with atomic_path(args.output) as path:
+            path.write_text(encode(found) + "\n", encoding="utf-8")
+        if study.picture is not None:
+            with atomic_path(args.output.with_suffix(".png")) as path:
+                study.picture(found).savefig(path, dpi=_DPI)
+    return found, study.text(found)
+
+
+def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.validate.forward.robustness import RobustnessOptions, robustness
+
+    options = RobustnessOptions(
+        args.scenes, random_seed(args, 0), log=args.log, workers=workers(args), cluster=args.cluster
+    )
+    return robustness(options, progress)
+
+
+def _forward(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.validate.forward.study import ForwardOptions, forward
+
+    return forward(ForwardOptions(cells=args.cells), progress)
+
+
+def _forward_text(found: dict[str, Any]) -> str:
+    lines = [
+        f"{'drive':13}{'v1/mu':>6}  {'element':8}{'unknowns':>9}{'rms %':>8}{'largest %':>11}{'seconds':>9}{'cpu s':>9}"
+    ]
+    for r in found["rows"]:
+        lines.append(
+            f"{r['drive']:13}{r['ratio']:6g}  {r['element']:8}{r['unknowns']:9}{100 * r['rms']:8.2f}"
+            f"{100 * r['largest']:11.2f}{r['seconds']:9.3f}{r['cpu_seconds']:9.3f}"
+            + ("" if r["converged"] else "  no equilibrium")
+        )
+    for element, seconds in found["seconds_to_1_percent"].items():
+        lines.append(
+            f"processor seconds to 1 %, {element}: " + ("not reached" if seconds is None else f"{seconds:.3g}")
+        )
+    lines.append(f"the reference's own error: {100 * found['reference_rms']:.3f} %")
+    lines += [f"reduced model, {key}: {value:.4g}" for key, value in found["reduced_model"].items()]
+    return "\n".join(lines)
+
+
+def _forward_picture(found: dict[str, Any]) -> Figure:
+    from palpate.ui.pictures.element_errors import element_errors
+
+    return element_errors(found)
+
+
+def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.validate.blind.recipes import StudyOptions
+    from palpate.validate.blind.study import run as gap_study
+
+    options = StudyOptions(
+        cases=args.cases,
+        seed=random_seed(args),
+        workers=args.workers or 1,
+        states=args.states,
+        effect_free=args.effect_free,
+    )
+    return gap_study(args.folder, options, progress)
+
+
+def _drawn_by(name: str) -> Callable[[dict[str, Any]], Figure]:
+    """The picture of `ui.pictures.studies.NAME`."""
+
+    def draw(found: dict[str, Any]) -> Figure:
+        module = import_module(f"palpate.ui.pictures.studies.{name}")
+        figure: Figure = getattr(module, f"study_{name}")(found)
+        return figure
+
+    return draw
+
+
+def _scans(args: argparse.Namespace) -> list[ContouredScan]:
+    from palpate.validate.segmentation.contoured_scan import contoured_scan, phantom_scan
+
+    given = [contoured_scan(ct, contours, f"scan {k}") for k, (ct, contours) in enumerate(args.scan, 1)]
+    return given or [phantom_scan()]
+
+
+def _meshing(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.meshing.mesh_labels import MeshOptions
+    from palpate.validate.meshing_study import meshing_study
+
+    return meshing_study(_scans(args), MeshOptions(target_tets=args.tets), progress)
+
+
+def _meshing_text(found: dict[str, Any]) -> str:
+    from palpate.validate.meshing_study import study_text
+
+    return study_text(found)
+
+
+def _segmentation(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from palpate.validate.segmentation.study import segmentation_study
+
+    return segmentation_study(_scans(args), seed=random_seed(args), progress=progress)
+
+
+def _segmentation_text(found: dict[str, Any]) -> str:
+    from palpate.validate.segmentation.study import study_text
+
+    return study_text(found)
+
+
+STUDIES: dict[str, Study] = {
+    "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
+    "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
+    "swarm": Study(paper.swarm, paper.swarm_text, _drawn_by("swarm")),
+    "threads": Study(paper.threads, picture=_drawn_by("threads")),
+    "cohort": Study(paper.cohort, paper.cohort_text, _drawn_by("cohort")),
+    "coverage": Study(paper.coverage, paper.coverage_text, _drawn_by("coverage")),
+    "table1": Study(paper.tables, paper.tables_text, _drawn_by("table")),
+    "table2": Study(paper.tables, paper.tables_text, _drawn_by("table")),
+    "drop": Study(paper.drop, paper.drop_text, _drawn_by("drop")),
+    "gap": Study(_gap),
+    "forward": Study(_forward, _forward_text, _forward_picture),
+    "meshing": Study(_meshing, _meshing_text),
+    "touch": Study(touch.touch, touch.touch_text),
+    "robustness": Study(_robustness),
+    "segmentation": Study(_segmentation, _segmentation_text),
+}

@@ -1,0 +1,1 @@
+"""How `palpate validate` runs and tells its studies."""

@@ -1,0 +1,106 @@
+"""What runs now: step, progress, time left, the swarm, and the button that stops it."""
+
+from __future__ import annotations
+
+import time
+
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QVBoxLayout, QWidget
+
+from palpate.ui.desktop.panels.charts import SwarmChart
+from palpate.ui.desktop.panels.panel_parts import group
+from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.session.jobs import JobState, Swarm
+from palpate.ui.desktop.session.steps import BY_COMMAND
+from palpate.ui.desktop.window import style
+
+_OUTCOMES = {"done": ("done", style.GOOD), "cancelled": ("cancelled", style.WARN), "failed": ("failed", style.BAD)}
+
+
+class JobPanel(QWidget):
+    """Shows the job of the controller, else the reading of scans."""
+
+    def __init__(self, controller: Controller) -> None:
+        super().__init__()
+        self._controller = controller
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        box, form = group("Progress")
+        self.title, self.message, self.left = QLabel("Nothing runs"), QLabel(""), QLabel("")
+        self.message.setWordWrap(True)
+        self.message.setStyleSheet(f"color: {style.FAINT}")
+        self.left.setStyleSheet(f"color: {style.FAINT}")
+        self.bar = QProgressBar()
+        self.bar.setRange(0, 1000)
+        self.bar.setFormat("%p %")
+        self.bar.setTextVisible(False)
+        self.stop = QPushButton("Cancel")
+        self.stop.setObjectName("stop")
+        self.stop.setShortcut("Esc")
+        self.stop.clicked.connect(lambda: controller.cancel())
+        row = QHBoxLayout()
+        row.addWidget(self.bar, 1)
+        row.addWidget(self.stop)
+        form.addRow(self.title)
+        form.addRow(row)
+        form.addRow(self.message)
+        form.addRow(self.left)
+        self.chart = SwarmChart()
+        form.addRow(self.chart)
+        column.addWidget(box)
+        self.chart.hide()
+
+    def told(self, what: str) -> None:
+        """Something has changed."""
+        if what in ("job", "case"):
+            self.refresh()
+
+    def refresh(self) -> None:
+        """Also called every second, for the time left."""
+        controller = self._controller
+        job = (
+            controller.jobs.state
+            if controller.jobs.running or not controller.reader.running
+            else controller.reader.state
+        )
+        busy = controller.jobs.running or controller.reader.running
+        self.stop.setEnabled(busy and not controller.jobs.cancelling)
+        self.stop.setToolTip("Stop within a second; what is done is kept" if busy else "Nothing runs")
+        if job is None:
+            self._clear()
+            return
+        self.bar.setTextVisible(True)
+        self.title.setText(self._title(job))
+        done = job.outcome == "done"
+        self.bar.setValue(1000 if done else round(1000 * job.step_fraction))
+        self.message.setText(job.error or ("" if job.outcome else job.message))
+        seconds = job.seconds_left(time.monotonic())
+        self.left.setText("" if seconds is None else f"about {_duration(seconds)} left")
+        self.left.setVisible(seconds is not None)
+        self.chart.setVisible(bool(job.swarm.iterations))
+        if job.swarm.iterations:
+            case = controller.case
+            bounds = (5.0, 500.0) if case is None else case.folder.facts.organ_shear_modulus_bounds_kpa
+            self.chart.show_swarm(job.swarm, (float(bounds[0]), float(bounds[1])))
+
+    def _clear(self) -> None:
+        self.title.setText("Nothing runs")
+        self.bar.setValue(0)
+        self.bar.setTextVisible(False)  # "0 %" would be of nothing
+        self.message.clear()
+        self.left.clear()
+        self.chart.setVisible(False)
+        self.chart.swarm = Swarm()
+
+    def _title(self, job: JobState) -> str:
+        name = BY_COMMAND[job.step].title if job.step in BY_COMMAND else job.title
+        if not job.outcome:
+            stopping = self._controller.jobs.cancelling
+            return f"<b>{name}</b>" + (" (stopping)" if stopping else "")
+        words, tone = _OUTCOMES[job.outcome]
+        return f"<b>{name}</b> <span style='color:{tone}'>{words}</span>"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{5 * max(1, round(seconds / 5))} s"
+    return f"{round(seconds / 60)} min"

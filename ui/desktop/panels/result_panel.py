@@ -1,0 +1,120 @@
+"""What was found, in words and figures: stiffness with intervals, misfit, and what the diagnosis says."""
+
+from __future__ import annotations
+
+from html import escape
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
+
+from palpate.ui.desktop.panels.panel_parts import group
+from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.session.open_case import OpenCase
+from palpate.ui.desktop.window import style
+from palpate.ui.words.number_words import three_figures
+
+_RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."
+_NOTHING = f"<span style='color:{style.FAINT}'>Nothing found yet.</span>"
+
+
+class ResultPanel(QWidget):
+    """open_report : what the button does."""
+
+    def __init__(self, controller: Controller, open_report: object) -> None:
+        super().__init__()
+        self._controller = controller
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        box, form = group("Result")
+        self.words = QLabel()
+        self.words.setWordWrap(True)
+        self.words.setTextFormat(Qt.TextFormat.RichText)
+        self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        form.addRow(self.words)
+        self.report = QPushButton("Show the report")
+        self.report.clicked.connect(lambda: open_report())  # type: ignore[operator]
+        form.addRow(self.report)
+        column.addWidget(box)
+
+    def told(self, what: str) -> None:
+        """Something has changed."""
+        if what not in ("case", "results", "job", "labels", "steps"):
+            return
+        case = self._controller.case
+        old = self._controller.out_of_date("identify"), self._controller.out_of_date("report")
+        has_report = case is not None and case.folder.has("report/report.html")
+        self.report.setEnabled(has_report)
+        self.report.setText("Show the report (out of date)" if has_report and old[1] else "Show the report")
+        tip = f"It shows what was found before: {old[1]}" if old[1] else "In the web browser"
+        self.report.setToolTip(tip if has_report else "There is no report yet; run Report")
+        words = _found(case, old[0]) if case is not None and case.regions else _NOTHING
+        words = _simulated(case) + _doubts(case) + words
+        if words != self.words.text():  # a stroke tells often
+            self.words.setText(words)
+
+
+def _simulated(case: OpenCase | None) -> str:
+    """That the pair is not two scans of a patient."""
+    if case is None or not case.simulated:
+        return ""
+    return f"<span style='color:{style.WARN}'><b>Simulated</b>: {escape(case.simulated)}</span><br>"
+
+
+def _doubts(case: OpenCase | None) -> str:
+    """What the segmentation is not sure of, above everything that stands on it."""
+    notes = (
+        []
+        if case is None
+        else [str(n) for n in case.segmentation.get("notes", ()) if "doubtful" in str(n) or "no prostate" in str(n)]
+    )
+    # The window has its own way to point at an organ.
+    said = [escape(note.split("; ")[0]) + ": look at its outline, correct it or point at it" for note in notes]
+    return "".join(f"<span style='color:{style.WARN}'>{text}</span><br>" for text in said)
+
+
+def _found(case: OpenCase, old: str) -> str:
+    """old : why the stiffness is out of date, or empty."""
+    rows = []
+    beside_value = f" <span style='color:{style.WARN}'>out of date</span>" if old else ""
+    weight, tone = ("span", style.FAINT) if old else ("b", style.TEXT)
+    for region in case.regions:
+        if region.told:
+            interval = (
+                "error not known"
+                if region.ci is None
+                else f"{three_figures(region.ci[0])}\N{EN DASH}{three_figures(region.ci[1])} kPa"
+            )
+            value = f"<{weight} style='color:{tone}'>{three_figures(region.G)} kPa</{weight}>{beside_value}"
+            value += f"<br><span style='color:{style.FAINT}'>95 % {interval}</span>"
+        else:
+            value = f"<span style='color:{style.WARN}'>not told by this pair</span>"
+        rows.append(f"<tr><td style='padding-right:10px'>{escape(region.words)}</td><td>{value}</td></tr>")
+    misfit = case.result.get("misfit", {})
+    expected = misfit.get("expected_noise_rms_mm")
+    beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
+    # The values stand below it.
+    parts = [f"<span style='color:{style.WARN}'>Out of date: {escape(old)}. Found before that:</span>"] if old else []
+    parts += [escape(case.first_words.split(": shear modulus G =")[0].rstrip(".") + ".")] if case.first_words else []
+    parts += [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
+             f"Misfit {misfit.get('rms_mm', float('nan')):.2f} mm rms{beside}"]  # fmt: skip
+    parts += _gap(case)
+    parts.append(f"<span style='color:{style.FAINT}'>{_RESEARCH}</span>")
+    return "<br>".join(parts)
+
+
+def _gap(case: OpenCase) -> list[str]:
+    found = case.diagnosis
+    if not found:
+        return []
+    gap, verdict = found.get("gap", {}), str(found.get("verdict", ""))
+    names = ", ".join(escape(str(c).replace("_", " ").replace("-", " ")) for c in found.get("candidates", []))
+    said = {"none": "no gap beyond the noise", "unknown": "a gap of a kind that is not known",
+            "ambiguous": f"a gap, by one of: {names}"}  # fmt: skip
+    out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
+    if verdict != "none" and "rms_mm" in gap:
+        out.append(
+            f"{gap['rms_mm']:.2f} mm rms, noise floor {gap.get('noise_floor_mm', float('nan')):.2f} mm; may be a false alarm"
+        )
+    if found.get("next_measurement"):
+        out.append(f"Next: {escape(str(found['next_measurement']))}")
+    return out

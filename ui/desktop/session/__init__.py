@@ -1,0 +1,1 @@
+"""What the window knows, without a toolkit: open case, steps, jobs, edits."""

@@ -1,0 +1,73 @@
+"""What lies under the crosshair, in words, and where it is put when a case is opened."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.imaging.labels import LABELS, ORGAN_LABELS
+from palpate.imaging.volume import Volume
+from palpate.ui.desktop.slices import overlay
+from palpate.ui.pictures.planes import centre_of
+from palpate.ui.words.number_words import three_figures
+
+if TYPE_CHECKING:
+    from palpate.ui.desktop.session.controller import Controller
+
+Point = tuple[float, float, float]
+
+
+def words_at_crosshair(controller: Controller) -> str:
+    """HU, label and stiffness where the crosshair is."""
+    state = "deformed" if controller.display.mode == "deformed" else "rest"
+    at = np.array([controller.display.crosshair])
+    words = []
+    hu, label = _voxel(controller.ct(state), at), _voxel(controller.labels(state), at)
+    if hu is not None:
+        words.append(f"{hu:.0f} HU".replace("-", "\N{MINUS SIGN}"))
+    if label is not None:
+        words.append(LABELS[int(label)].replace("_", " "))
+        words += _stiffness_words(controller, int(label), state, at)
+    return ", ".join(words)
+
+
+def _stiffness_words(controller: Controller, label: int, state: str, at: NDArray[np.float64]) -> list[str]:
+    """What is known of the stiffness at a point (1, 3) mm of a label: by the map where that is shown, else of the region."""
+    case, display = controller.case, controller.display
+    if case is None or label not in ORGAN_LABELS:
+        return []
+    old = ["out of date"] if controller.out_of_date("identify") else []
+    if display.overlay == "map" and case.stiffness_map is not None and state == "rest":
+        (G,), (told,) = overlay.map_at(case.stiffness_map, at, display.surest_factor)
+        return [f"G here = {three_figures(G)} kPa", *old] if told else ["the map does not tell G here"]
+    whole = "of the half " if display.overlay == "map" and len(case.regions) > 1 else ""
+    found = [r for r in case.regions if r.label == label]
+    values = [f"G {whole}= {three_figures(r.G)} kPa" if r.told else "stiffness not told" for r in found]
+    return values + (old if found else [])
+
+
+def _voxel(volume: Volume | None, at: NDArray[np.float64]) -> float | None:
+    """The value of the voxel that holds a point (1, 3) mm; None outside."""
+    if volume is None:
+        return None
+    index = np.rint(volume.to_index(at)[0]).astype(int)
+    inside = (index >= 0).all() and (index < volume.array.shape).all()
+    return float(volume.array[tuple(index)]) if inside else None
+
+
+def first_place(labels: Volume | None, ct: Volume | None) -> Point | None:
+    """Where the crosshair begins: in the organ, or the middle of the scan; None where neither is read yet."""
+    if labels is None:
+        return None if ct is None else _middle(ct)
+    # Into the larger half: where the halves meet a sagittal slice shows neither.
+    halves = [label for label in ORGAN_LABELS if (labels.array == label).any()]
+    larger = max(halves, key=lambda label: int((labels.array == label).sum()), default=ORGAN_LABELS[0])
+    _, y, z = centre_of(labels, ORGAN_LABELS)
+    return float(centre_of(labels, (larger,))[0]), float(y), float(z)
+
+
+def _middle(volume: Volume) -> Point:
+    x, y, z = (float(c) for c in volume.to_lps((np.array([volume.array.shape]) - 1) / 2.0)[0])
+    return x, y, z

@@ -1,0 +1,56 @@
+"""How a case is shown: everything on the screen that is not the case itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel
+
+MODES = ("rest", "deformed", "side by side", "blend")
+OVERLAYS = ("labels", "stiffness", "map", "misfit", "none")
+
+
+@dataclass
+class Display:
+    """crosshair : (x, y, z) mm LPS. blend : share of the deformed scan, 0 to 1. opacity : of the overlay.
+
+    low_kpa, high_kpa : stiffness outside is not coloured; None is no limit. surest_factor : stiffness known to a larger
+    factor than this is hatched instead of coloured; None hatches only what the pair does not tell at all.
+    """
+
+    crosshair: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mode: str = "rest"
+    blend: float = 0.5
+    centre: float = PRESETS["Soft tissue"].centre
+    width: float = PRESETS["Soft tissue"].width
+    overlay: str = "labels"
+    opacity: float = 0.45
+    outlines: bool = True
+    low_kpa: float | None = None
+    high_kpa: float | None = None
+    surest_factor: float | None = None
+    tool: str = "look"
+    label: int = 1
+    radius_mm: float = 4.0
+    seed_name: str = "prostate"
+
+    @property
+    def window(self) -> WindowLevel:
+        """Grey window."""
+        return WindowLevel(self.centre, self.width)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able form."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Display:
+        """A display as it was; what is missing or of another version is as by default."""
+        known = {field.name for field in fields(cls)}
+        out = cls(**{name: value for name, value in data.items() if name in known})
+        out.crosshair = (float(out.crosshair[0]), float(out.crosshair[1]), float(out.crosshair[2]))
+        out.tool = "look"
+        if out.mode not in MODES or out.overlay not in OVERLAYS:
+            out.mode, out.overlay = MODES[0], OVERLAYS[0]
+        return out

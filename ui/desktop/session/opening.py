@@ -1,0 +1,115 @@
+"""Opening two scans, or a case: what is read in the worker, and the import that makes a case of a pair."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate.core.errors import InputError
+from palpate.ui.desktop.session import commands, steps
+from palpate.ui.desktop.session.crosshair import first_place
+from palpate.ui.desktop.session.jobs import JobControl
+from palpate.ui.desktop.session.read_scans import Scan, mapped_labels, mapped_scan
+
+if TYPE_CHECKING:
+    from palpate.ui.desktop.session.controller import Controller
+
+# Files with contours of the scan at rest and of the deformed one.
+Labels = tuple[Path | None, Path | None]
+
+
+@dataclass(frozen=True)
+class ScanPair:
+    """Two scans, the case that is to be made of them, and contours of them where there are any."""
+
+    rest: Path
+    deformed: Path
+    case: Path
+    labels: Labels
+
+    def check(self) -> None:
+        """Raises InputError for paths that are not there."""
+        for path in self.labels:
+            if path is not None and not path.is_file():
+                raise InputError(f"{path} is not there; choose the file that holds the contours")
+        for path in (self.rest, self.deformed):
+            if not path.exists():
+                raise InputError(f"{path} is not there; choose the folder that holds the slices of the CT")
+
+
+class Opening:
+    """reader : the job that reads scans and labels. scans : what has been read. pair : of which a case is being made, if any."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.reader = JobControl()
+        self.scans: dict[str, Scan] = {}
+        self.pair: ScanPair | None = None
+        self._scratch = Path(tempfile.mkdtemp(prefix="palpate-window-"))
+        self._number = 0
+
+    def forget(self) -> None:
+        """What has been read, and the pair."""
+        self.scans, self.pair = {}, None
+
+    def clean_up(self) -> None:
+        """Removes the reader's files."""
+        shutil.rmtree(self._scratch, ignore_errors=True)
+
+    def begin(self, pair: ScanPair) -> None:
+        """Shows two scans as soon as they are read, then makes their case."""
+        self.pair = pair
+        if pair.rest.is_dir() and pair.deformed.is_dir():
+            self.read({"rest": pair.rest, "deformed": pair.deformed})
+        else:
+            self._import(pair)
+
+    def read(self, sources: dict[str, Path]) -> None:
+        """Starts reading scans, and the labels of the open case."""
+        self._number += 1
+        case = self._controller.case
+        folder = None if case is None else case.folder.path
+        job = commands.scans_job(sources, folder, self._scratch / f"read{self._number}")
+        self.reader.start(job, "Reading the scans" if sources else "Reading the labels")
+        self._controller.notify("job")
+
+    def told(self) -> None:
+        """Takes in what the reader has told."""
+        state = self.reader.state
+        assert state is not None
+        while state.found:
+            self._found(state.found.pop(0))
+        unmade = self.pair if self._controller.case is None else None
+        if state.outcome == "done" and unmade is not None:
+            self._import(unmade)
+        elif state.outcome in ("failed", "cancelled"):
+            self.pair = None if unmade is not None else self.pair
+            self._controller.say(state.error or "reading was cancelled")
+        self._controller.notify("job")
+
+    def _import(self, pair: ScanPair) -> None:
+        asked = commands.import_command(pair.rest, pair.deformed, pair.case, pair.labels)
+        job = commands.steps_job([asked], self._scratch / "import")
+        self._controller.jobs.start(job, steps.BY_COMMAND["import"].title)
+        self._controller.notify("job")
+
+    def _found(self, found: dict[str, Any]) -> None:
+        """Takes in a scan, or the labels, that have been read."""
+        controller, case = self._controller, self._controller.case
+        had_labels = controller.labels("rest") is not None
+        if "scan" in found:
+            self.scans[found["scan"]["state"]] = mapped_scan(found["scan"])
+        elif case is not None:
+            told = found["labels"]
+            volumes = {state: mapped_labels(one) for state, one in told.items()}
+            case.take_labels(volumes, {state: one["hash"] for state, one in told.items()})
+            if case.corrections.unsaved:
+                controller.say("corrections that had not been saved are back; save them or undo them")
+        labels = controller.labels("rest")
+        if (labels is None or not had_labels) and not (case is not None and case.has_session):
+            place = first_place(labels, controller.ct("rest"))
+            controller.display.crosshair = place or controller.display.crosshair
+        controller.notify("case")

@@ -1,0 +1,79 @@
+"""A job that reads scans and labels, in the worker, into files that the window maps into memory without reading them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.case.case_folder import STATES, CaseFolder
+from palpate.core.worker.executors import make_executor
+from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Reporter
+from palpate.imaging.dicom.series import read_series
+from palpate.imaging.grid import in_lps_order
+from palpate.imaging.volume import Volume
+from palpate.ui.desktop.session.journal import content_hash
+
+KIND = "palpate.ui.desktop.session.read_scans:run"
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """volume : HU, axes in LPS order, in the scanner's own frame. file : the mapped voxels."""
+
+    volume: Volume
+    file: Path
+
+
+def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+    """Options: sources {state: folder} of scans, case: folder whose labels are read, or null. Everything is told when it is read,
+    by a progress message with `found`: labels {state: ...} or scan {...}; the result is empty. Raises InputError as `read_series`."""
+    sources = dict(job.options["sources"])
+    folder = Path(job.folder)
+    if job.options["case"] is not None:
+        reporter.progress(0.05, "labels", found={"labels": read_labels(folder, CaseFolder(job.options["case"]))})
+    if sources:
+        reporter.progress(0.1, "reading the scans")
+        with make_executor(min(job.workers, len(sources))) as executor:
+            read = executor.map(partial(read_scan, folder), sources, sources.values())
+            for number, one in enumerate(read, start=1):
+                reporter.progress(number / len(sources), f"the {one['state']} scan is read", found={"scan": one})
+    return {}
+
+
+def read_scan(folder: Path, state: str, source: str) -> dict[str, Any]:
+    """One scan into STATE.npy of a folder, in Fortran order, so that axial slices lie together."""
+    volume, _ = read_series(source)
+    volume = in_lps_order(volume)
+    path = folder / f"{state}.npy"
+    with path.open("wb") as stream:
+        np.save(stream, np.asfortranarray(volume.array))
+    return {"state": state, "file": str(path), "affine": volume.affine}
+
+
+def read_labels(folder: Path, case: CaseFolder) -> dict[str, Any]:
+    """The label volumes of a case into files of a folder: state -> file, affine and hash of the voxels."""
+    found = {}
+    for state in STATES:
+        if case.has_labels(state):
+            labels = case.labels(state)
+            path = folder / f"labels_{state}.npy"
+            np.save(path, np.ascontiguousarray(labels.array, dtype=np.uint8))
+            found[state] = {"file": str(path), "affine": labels.affine, "hash": content_hash(labels)}
+    return found
+
+
+def mapped_scan(found: Mapping[str, Any]) -> Scan:
+    """A scan that the job has told of."""
+    path = Path(found["file"])
+    return Scan(Volume(np.load(path, mmap_mode="r"), np.array(found["affine"], dtype=np.float64)), path)
+
+
+def mapped_labels(found: Mapping[str, Any]) -> Volume:
+    """Labels that the job has told of; what is changed in them stays in this process."""
+    return Volume(np.load(found["file"], mmap_mode="c"), np.array(found["affine"], dtype=np.float64))

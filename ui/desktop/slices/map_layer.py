@@ -1,0 +1,80 @@
+"""The stiffness map within the organ as a layer of a slice view at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QImage, QPainterPath, QPolygonF
+from skimage import measure
+
+from palpate.imaging.labels import ORGAN_LABELS
+from palpate.ui.desktop.session.display import Display
+from palpate.ui.desktop.slices import overlay
+from palpate.ui.desktop.slices.slice_sampling import Sheet
+from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.planes import Plane
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class MapLayer:
+    """image : premultiplied colours of the organ's pixels, clear elsewhere. hatched : where the scans do not tell enough, mm
+    across and down. data : what the image looks at."""
+
+    image: QImage
+    hatched: list[QPainterPath]
+    data: NDArray[np.uint8]
+
+
+def map_layer(
+    arrays: Arrays, sheet: Sheet, plane: Plane, position: float, display: Display, scale: StiffnessScale
+) -> MapLayer:
+    """The layer over a sheet of labels at rest. arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`."""
+    inside = np.isin(sheet.values, ORGAN_LABELS)
+    rows, columns = np.nonzero(inside)
+    points = _places(sheet, plane, position, rows, columns)
+    G, told = overlay.map_at(arrays, points, display.surest_factor)
+    low = -np.inf if display.low_kpa is None else display.low_kpa
+    high = np.inf if display.high_kpa is None else display.high_kpa
+    shown = told & (low <= G) & (high >= G)
+    data = np.zeros((*inside.shape, 4), dtype=np.uint8)
+    colours = scale.colormap(scale.norm(G[shown]))
+    colours[:, 3] = display.opacity
+    colours[:, :3] *= display.opacity
+    data[rows[shown], columns[shown]] = np.rint(255.0 * colours)
+    untold = np.zeros(inside.shape)
+    untold[rows[~told], columns[~told]] = 1.0
+    height, width = inside.shape
+    image = QImage(data.data, width, height, 4 * width, QImage.Format.Format_RGBA8888_Premultiplied)
+    return MapLayer(image, _outlines(untold, sheet), data)
+
+
+def _places(
+    sheet: Sheet, plane: Plane, position: float, rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Patient coordinates (n, 3) mm of pixel centres."""
+    left, right, bottom, top = sheet.extent
+    height, width = sheet.values.shape
+    out = np.full((len(rows), 3), position, dtype=np.float64)
+    out[:, plane.across] = left + (columns + 0.5) * (right - left) / width
+    out[:, plane.down] = top + (rows + 0.5) * (bottom - top) / height
+    return out
+
+
+def _outlines(inside: NDArray[np.float64], sheet: Sheet) -> list[QPainterPath]:
+    left, right, bottom, top = sheet.extent
+    height, width = inside.shape
+    paths = []
+    for line in measure.find_contours(np.pad(inside, 1), 0.5):
+        across = left + (line[:, 1] - 0.5) * (right - left) / width
+        down = top + (line[:, 0] - 0.5) * (bottom - top) / height
+        path = QPainterPath()
+        path.addPolygon(QPolygonF([QPointF(float(a), float(d)) for a, d in zip(across, down, strict=True)]))
+        paths.append(path)
+    return paths

@@ -1,0 +1,117 @@
+"""What lies over the grey slices: a colour for every label, as a table that is cheap to change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+from skimage import measure
+
+from palpate.core.identify.map.stiffness_map import nearest_patch, painted
+from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
+from palpate.ui.desktop.session.display import Display
+from palpate.ui.desktop.slices.slice_sampling import Sheet
+from palpate.ui.pictures.colours import OUTLINES, StiffnessScale
+from palpate.ui.report.regions import RegionStiffness
+
+# Labels by outline: the organ's two halves apart, so that the plane between them is seen.
+OUTLINED: Mapping[int, str] = {
+    **dict.fromkeys(ORGAN_LABELS, OUTLINES["organ"]),
+    BLADDER: OUTLINES["bladder"],
+    RECTUM: OUTLINES["rectum"],
+    BONE: OUTLINES["bone"],
+}
+_RESIDUAL_MAP = "RdBu_r"
+
+RGBA = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class Painted:
+    """table : label -> red, green, blue, alpha (0 to 255). hatched : labels whose stiffness is not shown because it is not known
+    well enough."""
+
+    table: Mapping[int, RGBA]
+    hatched: frozenset[int] = frozenset()
+
+
+def painted_labels(display: Display) -> Painted:
+    """Every label in its colour; tissue all around stays as it is unless it is being drawn."""
+    alpha = round(255 * display.opacity)
+    table = {label: (*rgb, alpha) for label, (*rgb, _) in LABEL_COLOURS.items() if label}
+    table[BONE] = (*table[BONE][:3], alpha // 3)
+    if not (display.label == SURROUNDING_TISSUE and display.tool in ("brush", "eraser")):
+        table.pop(SURROUNDING_TISSUE)
+    return Painted({label: (c[0], c[1], c[2], c[3]) for label, c in table.items()})
+
+
+def painted_stiffness(display: Display, regions: Iterable[RegionStiffness], scale: StiffnessScale) -> Painted:
+    """The organ by stiffness: nothing outside the threshold, hatched where the pair does not tell enough."""
+    table: dict[int, RGBA] = {}
+    hatched = set()
+    for region in regions:
+        if not is_sure(region, display.surest_factor):
+            hatched.add(region.label)
+        elif is_within(region.G, display):
+            r, g, b = (round(255 * c) for c in scale.rgb(region.G))
+            table[region.label] = (r, g, b, round(255 * display.opacity))
+    return Painted(table, frozenset(hatched))
+
+
+def is_sure(region: RegionStiffness, factor: float | None) -> bool:
+    """Whether the pair tells this stiffness, to the factor asked for (95 % interval from G / factor to G times factor)."""
+    if not region.told or factor is None:
+        return region.told
+    return region.ln_sd is not None and float(np.exp(1.96 * region.ln_sd)) <= factor
+
+
+def is_within(G: float, display: Display) -> bool:
+    """Whether a stiffness, kPa, lies within the threshold."""
+    low = -np.inf if display.low_kpa is None else display.low_kpa
+    high = np.inf if display.high_kpa is None else display.high_kpa
+    return bool(low <= G <= high)
+
+
+def map_at(
+    arrays: Mapping[str, NDArray[Any]], points: NDArray[np.float64], factor: float | None
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """G (n,) kPa of the map at points (n, 3) mm of the organ at rest, and where it tells it, to the factor asked for."""
+    if not len(points):
+        return np.zeros(0), np.zeros(0, dtype=bool)
+    G, told = painted(arrays, points)
+    if factor is not None:
+        told = told & (np.exp(1.96 * np.asarray(arrays["sd"])[nearest_patch(arrays, points)]) <= factor)
+    return G, told
+
+
+def only_at_rest(overlay: str, state: str) -> str:
+    """Why an overlay is not shown on a scan, in words; empty where it is."""
+    return f"{overlay} is shown at rest only" if overlay in ("map", "misfit") and state == "deformed" else ""
+
+
+def outlines(sheet: Sheet, label: int) -> list[NDArray[np.float64]]:
+    """Lines (n, 2) of (across, down) mm around a label in a sheet of labels."""
+    inside = np.pad(np.asarray(sheet.values == label, dtype=np.float32), 1)
+    if not inside.any():
+        return []
+    left, _, _, top = sheet.extent
+    step_a, step_d = sheet.step
+    down = 1.0 if sheet.extent[2] > top else -1.0
+    lines = measure.find_contours(inside, 0.5)
+    # Row r of the padded picture has its centre r - 1/2 pixels below the top edge.
+    return [np.column_stack([left + (c[:, 1] - 0.5) * step_a, top + down * (c[:, 0] - 0.5) * step_d]) for c in lines]
+
+
+def residual_rgb(residual: NDArray[np.float64], limit: float) -> NDArray[np.uint8]:
+    """Colours (n, 3) of residuals (n,) mm: blue inside (-), red outside (+), white where the model meets the scan."""
+    rgba = colormaps[_RESIDUAL_MAP]((np.clip(residual / limit, -1.0, 1.0) + 1.0) / 2.0)
+    return np.rint(255.0 * rgba[:, :3]).astype(np.uint8)
+
+
+def residual_limit(residual: NDArray[np.float64]) -> float:
+    """A round limit, mm, for the colours of residuals: all but the largest 2 % lie within."""
+    return max(0.5, float(np.ceil(2.0 * np.percentile(np.abs(residual), 98)) / 2.0))

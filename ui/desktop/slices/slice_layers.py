@@ -1,0 +1,93 @@
+"""The layers of one slice view, each kept until what it shows has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QImage, QPainterPath, QPolygonF, qRgba
+
+from palpate.imaging.volume import Volume
+from palpate.ui.desktop.session.window_level import WindowLevel, to_grey
+from palpate.ui.desktop.slices.overlay import RGBA, outlines
+from palpate.ui.desktop.slices.slice_sampling import Sheet, cut, is_aligned
+from palpate.ui.desktop.slices.slice_viewport import Screen
+from palpate.ui.pictures.images import AIR_HU
+
+
+class Kept:
+    """The last value of each layer with what it was made from."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, tuple[Any, Any]] = {}
+
+    def get(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
+        """The kept value where the key is the same, else a new one."""
+        if name not in self._made or self._made[name][0] != key:
+            self._made[name] = (key, make())
+        return self._made[name][1]
+
+    def forget(self) -> None:
+        """Drops all."""
+        self._made.clear()
+
+
+def sheet_of(kept: Kept, name: str, volume: Volume, version: int, screen: Screen, position: float) -> Sheet | None:
+    """The slice of a volume that a view shows. version : changes when voxels or place of the volume do."""
+    oblique = not kept.get(f"{name} aligned", version, lambda: is_aligned(volume))
+    region = screen.region() if oblique else None
+    labels = volume.array.dtype == np.uint8
+    fill = 0.0 if labels else AIR_HU
+    key = (version, position, region)
+    made: Sheet | None = kept.get(
+        f"{name} sheet", key, lambda: cut(volume, screen.plane, position, fill, labels, region)
+    )
+    return made
+
+
+def grey_image(kept: Kept, name: str, sheet: Sheet, window: WindowLevel) -> QImage:
+    """A slice of HU as grey."""
+    made: tuple[QImage, Any] = kept.get(f"{name} grey", (id(sheet), window), lambda: _grey(sheet, window))
+    return made[0]
+
+
+def label_image(kept: Kept, name: str, sheet: Sheet, table: Mapping[int, RGBA]) -> QImage:
+    """A slice of labels in colours."""
+    key = (id(sheet), tuple(table.items()))
+    made: tuple[QImage, Any] = kept.get(f"{name} colours", key, lambda: _coloured(sheet, table))
+    return made[0]
+
+
+def outline_paths(kept: Kept, name: str, sheet: Sheet, labels: tuple[int, ...]) -> dict[int, QPainterPath]:
+    """Outlines of labels, with their holes, in mm across and down."""
+
+    def make() -> dict[int, QPainterPath]:
+        present = [label for label in labels if (sheet.values == label).any()]
+        return {label: _path(outlines(sheet, label)) for label in present}
+
+    made: dict[int, QPainterPath] = kept.get(f"{name} outlines", (id(sheet), labels), make)
+    return made
+
+
+def _grey(sheet: Sheet, window: WindowLevel) -> tuple[QImage, NDArray[np.uint8]]:
+    data = to_grey(sheet.values, window)
+    rows, columns = data.shape
+    return QImage(data.data, columns, rows, columns, QImage.Format.Format_Grayscale8), data
+
+
+def _coloured(sheet: Sheet, table: Mapping[int, RGBA]) -> tuple[QImage, NDArray[np.uint8]]:
+    data = np.ascontiguousarray(sheet.values, dtype=np.uint8)
+    rows, columns = data.shape
+    image = QImage(data.data, columns, rows, columns, QImage.Format.Format_Indexed8)
+    image.setColorTable([qRgba(*table.get(value, (0, 0, 0, 0))) for value in range(256)])
+    return image, data
+
+
+def _path(lines: list[NDArray[np.float64]]) -> QPainterPath:
+    path = QPainterPath()
+    for line in lines:
+        path.addPolygon(QPolygonF([QPointF(float(a), float(d)) for a, d in line]))
+    return path

@@ -1,0 +1,125 @@
+"""What one slice view paints: scan, labels or stiffness over it, outlines and marks, as the controller shows them."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QPoint, QRect, QRectF, Qt
+from PySide6.QtGui import QColor, QFont, QPainter, QPen
+
+from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.slices import overlay, slice_marks
+from palpate.ui.desktop.slices.map_layer import map_layer
+from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sheet_of
+from palpate.ui.desktop.slices.slice_sampling import Sheet
+from palpate.ui.desktop.slices.slice_viewport import Screen
+from palpate.ui.desktop.window import style
+from palpate.ui.pictures.planes import Plane
+
+BLEND = "blend"
+
+
+class SlicePicture:
+    """plane : which. state : "rest", "deformed", or BLEND for one over the other. labels_version : grows with the labels.
+
+    Keeps what it has cut and coloured till that changes.
+    """
+
+    def __init__(self, controller: Controller, plane: Plane, state: str) -> None:
+        self._controller, self._plane, self._state = controller, plane, state
+        self._kept = Kept()
+        self.labels_version = 0
+
+    def paint(self, painter: QPainter, screen: Screen, position: float) -> None:
+        """The slice at a position along its normal, mm."""
+        states = ("rest", "deformed") if self._state == BLEND else (self._state,)
+        shown = {state: self._scan(painter, screen, position, state) for state in states}
+        for state, scan in shown.items():
+            painter.save()
+            if scan is not None:  # what labels carry on beyond the scan, nobody has seen
+                painter.setClipRect(scan)
+            self._overlay(painter, screen, position, state)
+            painter.restore()
+        self._marks(painter, screen, position, any(scan is not None for scan in shown.values()))
+
+    def _scan(self, painter: QPainter, screen: Screen, position: float, state: str) -> QRectF | None:
+        """Draws the scan; where it lies on the screen."""
+        volume = self._controller.ct(state)
+        if volume is None:
+            return None
+        version = hash((id(volume.array), volume.affine.tobytes()))
+        sheet = sheet_of(self._kept, f"ct {state}", volume, version, screen, position)
+        if sheet is None:
+            return None
+        painter.setOpacity(self._controller.display.blend if self._state == BLEND and state == "deformed" else 1.0)
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        place = screen.rect(sheet.extent)
+        painter.drawImage(place, grey_image(self._kept, state, sheet, self._controller.display.window))
+        painter.setOpacity(1.0)
+        return place
+
+    def _overlay(self, painter: QPainter, screen: Screen, position: float, state: str) -> None:
+        labels, display = self._controller.labels(state), self._controller.display
+        sheet = None
+        if labels is not None:
+            sheet = sheet_of(self._kept, f"labels {state}", labels, self.labels_version, screen, position)
+        if sheet is None:
+            return
+        painted = self._painted()
+        in_mm, to_pixels = outline_paths(self._kept, state, sheet, tuple(overlay.OUTLINED)), screen.transform()
+        paths = {label: to_pixels.map(path) for label, path in in_mm.items()}
+        if display.overlay == "map" and state == "rest":
+            self._map(painter, screen, position, sheet)
+        if painted is not None and (self._state != BLEND or state == "rest"):
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
+            painter.drawImage(screen.rect(sheet.extent), label_image(self._kept, state, sheet, painted.table))
+            hatched = [path for label, path in paths.items() if label in painted.hatched]
+            slice_marks.hatch(painter, hatched)
+        if display.outlines:
+            dashes = Qt.PenStyle.DashLine if self._state == BLEND and state == "deformed" else Qt.PenStyle.SolidLine
+            for label, path in paths.items():
+                painter.setPen(QPen(QColor(overlay.OUTLINED[label]), 1.3, dashes))
+                painter.setBrush(Qt.BrushStyle.NoBrush)
+                painter.drawPath(path)
+
+    def _map(self, painter: QPainter, screen: Screen, position: float, sheet: Sheet) -> None:
+        case, display = self._controller.case, self._controller.display
+        if case is None or case.stiffness_map is None:
+            return
+        arrays, scale = case.stiffness_map, case.scale
+        key = (id(sheet), id(arrays), display.opacity, display.low_kpa, display.high_kpa, display.surest_factor)
+        layer = self._kept.get("map", key, lambda: map_layer(arrays, sheet, self._plane, position, display, scale))
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        painter.drawImage(screen.rect(sheet.extent), layer.image)
+        slice_marks.hatch(painter, [screen.transform().map(path) for path in layer.hatched])
+
+    def _painted(self) -> overlay.Painted | None:
+        case, display = self._controller.case, self._controller.display
+        if display.overlay == "labels":
+            return overlay.painted_labels(display)
+        if display.overlay == "stiffness" and case is not None and case.regions:
+            return overlay.painted_stiffness(display, case.regions, case.scale)
+        return None
+
+    def _marks(self, painter: QPainter, screen: Screen, position: float, shown: bool) -> None:
+        case, display = self._controller.case, self._controller.display
+        if case is not None and case.gap is not None and display.overlay == "misfit" and self._state != "deformed":
+            rgb = overlay.residual_rgb(case.gap.residual, overlay.residual_limit(case.gap.residual))
+            slice_marks.misfit_points(painter, screen, case.gap.points, rgb, position)
+        slice_marks.crosshair(painter, screen, display.crosshair)
+        if case is not None:
+            slice_marks.seeds(
+                painter, screen, case.seeds["deformed" if self._state == "deformed" else "rest"], position
+            )
+        slice_marks.letters(painter, screen)
+        painter.setFont(QFont("DejaVu Sans", 8))
+        slice_marks.scale_bar(painter, screen)
+        name = {"rest": "at rest", "deformed": "deformed", BLEND: "rest, deformed dashed"}[self._state]
+        there = case is not None and (case.stiffness_map if display.overlay == "map" else case.gap) is not None
+        why = overlay.only_at_rest(display.overlay, self._state) if there else ""
+        place = slice_marks.position_words(screen, position)
+        slice_marks.captions(painter, screen, self._plane.name.capitalize(), name, (place, why))
+        slice_marks.window_words(painter, screen, display.centre, display.width)
+        if not shown:
+            text = "reading the scan \N{HORIZONTAL ELLIPSIS}" if self._controller.reader.running else "no scan here"
+            slice_marks.text(
+                painter, QRectF(QRect(QPoint(), screen.size)), text, Qt.AlignmentFlag.AlignCenter, style.FAINT
+            )

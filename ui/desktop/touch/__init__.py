@@ -1,0 +1,1 @@
+"""The window in which an organ is touched."""

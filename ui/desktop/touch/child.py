@@ -1,0 +1,107 @@
+"""The process that answers the probe for the window of `palpate touch`: ``python -m palpate.ui.desktop.touch.child``.
+
+| type | further keys | answer |
+| --- | --- | --- |
+| body | file (see `save_body`), radius | ready |
+| touch, slide | point | felt |
+| at | point, depth: slides there at once | felt; of several that wait together only the last is answered |
+| press | depth: in small steps | felt |
+| radius | mm | felt |
+| forget | | felt |
+| save | path | felt, with `files` |
+
+felt: {"id", "facts", "rows": new [touch, region, indentation_mm, force_n] of the curve}, then the surface's displacement, (s, 3) float32,
+mm. What cannot be done is answered by {"type": "refused", "id", "reason"}.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.core.errors import InputError
+from palpate.core.mesh import TetMesh
+from palpate.core.touch.body import Body
+from palpate.ui.desktop.solid.pipe_child import Answer, Message, serve
+from palpate.ui.desktop.touch.protocol import Hand
+
+
+def save_body(path: Path, body: Body) -> None:
+    """A body as an npz without pickle."""
+    facts = {
+        "shear_kpa": body.shear_kpa, "names": body.names, "support": body.support, "tissue_kpa": body.tissue_kpa,
+        "poisson_ratio": body.poisson_ratio, "interval_kpa": body.interval_kpa,
+    }  # fmt: skip
+    m = body.mesh
+    np.savez(path, points=m.points, cells=m.cells, regions=m.regions, facts=np.array(json.dumps(facts)))
+
+
+def load_body(path: Path) -> Body:
+    """What `save_body` wrote."""
+    with np.load(path, allow_pickle=False) as file:
+        mesh = TetMesh(file["points"], file["cells"], file["regions"])
+        facts = json.loads(str(file["facts"]))
+    by_region = ({int(k): v for k, v in facts.pop(key).items()} for key in ("shear_kpa", "names", "interval_kpa"))
+    shear, names, interval = by_region
+    return Body(mesh, shear, names, interval_kpa=interval, **facts)
+
+
+class Child:
+    """Messages to a hand, and what it feels back."""
+
+    def __init__(self) -> None:
+        self._hand: Hand | None = None
+        self._told = 0
+
+    def handle(self, messages: list[Message], answer: Answer) -> None:
+        """Does what the messages ask; of places of the mouse only the last counts."""
+        for k, message in enumerate(messages):
+            later = messages[k + 1 : k + 2]
+            if message["type"] == "at" and later and later[0]["type"] == "at":
+                continue
+            try:
+                self._do(message, answer)
+            except InputError as error:
+                answer({"type": "refused", "id": message["id"], "reason": str(error)}, b"")
+
+    def _do(self, message: Message, answer: Answer) -> None:
+        if message["type"] == "body":
+            self._hand = Hand(load_body(Path(message["file"])), message["radius"])
+            answer({"type": "ready", "id": message["id"], "facts": self._hand.facts()}, b"")
+            return
+        hand = self._hand
+        assert hand is not None
+        facts = self._ask(hand, message)
+        new = [(row.touch, row.region, row.indentation_mm, row.force_n) for row in hand.rows[self._told :]]
+        self._told = len(hand.rows)
+        u = np.zeros((len(hand.session.body.surface.nodes), 3))
+        if hand.answer is not None:
+            u = hand.answer.u[hand.session.body.surface.nodes]
+        head = {"type": "felt", "id": message["id"], "facts": facts, "rows": new}
+        answer(head, np.ascontiguousarray(u, dtype=np.float32).tobytes())
+
+    def _ask(self, hand: Hand, message: Message) -> dict[str, Any]:
+        kind = message["type"]
+        if kind == "touch":
+            return hand.touch(np.array(message["point"]))
+        if kind == "slide":
+            return hand.slide(np.array(message["point"]))
+        if kind == "at":
+            hand.session.slide(np.array(message["point"]))
+            return hand.go(message["depth"])
+        if kind == "press":
+            return hand.press(message["depth"])
+        if kind == "radius":
+            return hand.resize(message["mm"])
+        if kind == "save":
+            return hand.save(Path(message["path"]))
+        self._told = 0
+        return hand.forget()
+
+
+if __name__ == "__main__":
+    sys.exit(serve(Child().handle, gives_way=False))  # a hand waits for it

@@ -1,0 +1,171 @@
+"""What the window of `palpate touch` knows: the organ's surface as it is now, what the probe feels, and the curve. Knows no toolkit."""
+
+from __future__ import annotations
+
+import base64
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.errors import InputError
+from palpate.core.touch.body import SUPPORTS, Body
+from palpate.ui.desktop.solid.process_pipe import Pipe, Reply
+from palpate.ui.desktop.touch.child import save_body
+
+FloatArray = NDArray[np.float64]
+
+COLOURS = ((0x31, 0x68, 0x8E), (0xB5, 0x65, 0x1D), (0x88, 0x88, 0x88))
+_CHILD, _DRAWING = "palpate.ui.desktop.touch.child", "palpate.ui.desktop.touch.drawing"
+# Longest wait of a script for one answer: making the organ ready may have to compile.
+_SECONDS = 120.0
+_RATE_OVER_S = 1.0
+
+
+@dataclass(eq=False)
+class TouchModel:
+    """folder : for what passes between the processes. process : lets the window's events be handled for so many seconds.
+
+    facts : of the hand. u : (s, 3) mm. curve : [touch, region, indentation_mm, force_n]. said : what went wrong last. ready : whether
+    the probe can be used.
+    """
+
+    body: Body
+    radius: float
+    folder: Path
+    process: Callable[[float], None]
+    facts_now: dict[str, Any] = field(default_factory=dict)
+    curve: list[tuple[int, str, float, float]] = field(default_factory=list)
+    said: str = ""
+    ready: bool = False
+    changed: bool = True
+
+    def __post_init__(self) -> None:
+        surface = self.body.surface
+        self.rest, self.faces = surface.rest, surface.local_faces
+        self.u = np.zeros_like(self.rest)
+        self.colours = {r: COLOURS[min(k, 2)] for k, r in enumerate(sorted(self.body.names))}
+        self._sent = self._answered = 0
+        self._refused: dict[int, str] = {}
+        self._times: deque[float] = deque(maxlen=400)
+        save_body(self.folder / "body.npz", self.body)
+        rgb = np.array([self.colours[int(r)] for r in self.body.mesh.regions[surface.owner]])
+        np.savez(self.folder / "surface.npz", points=self.rest, faces=self.faces, rgb=rgb)
+        self._hand = Pipe(_CHILD, self.folder / "hand.log")
+        self.drawing = Pipe(_DRAWING, self.folder / "drawing.log")
+        self.drawing.say(type="body", file=str(self.folder / "surface.npz"))
+        self.ask("body", file=str(self.folder / "body.npz"), radius=self.radius)
+
+    @property
+    def answers_per_second(self) -> int:
+        """Answers of the last second."""
+        now = time.monotonic()
+        return sum(now - t < _RATE_OVER_S for t in self._times)
+
+    @property
+    def held(self) -> str:
+        """What holds the organ, in words."""
+        return SUPPORTS[self.body.support]
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is still to come."""
+        return self._answered < self._sent and not self._hand.over
+
+    def ask(self, kind: str, **what: Any) -> int:
+        """Sends a message to the hand and returns its number."""
+        self._sent += 1
+        self._hand.say(type=kind, id=self._sent, **what)
+        return self._sent
+
+    def tick(self) -> None:
+        """Takes what has come."""
+        for reply in self._hand.replies():
+            self._take(reply)
+        if self._hand.over and not self.said:
+            self.said, self.changed = (
+                "the process that answers the probe has ended; close this window and open it again",
+                True,
+            )
+
+    def position(self) -> tuple[list[float], bool] | None:
+        """Where the probe is, [x, y, z, radius] mm, and whether it grips; None before a touch."""
+        if not self.facts_now.get("region"):
+            return None
+        point, normal = np.array(self.facts_now["point"]), np.array(self.facts_now["normal"])
+        depth, radius = float(self.facts_now["indentation_mm"]), float(self.facts_now["probe_radius_mm"])
+        return [*(point + (radius - depth) * normal).tolist(), radius], depth < 0.0
+
+    def packed_u(self) -> str:
+        """Displacements for the drawing process."""
+        return base64.b64encode(self.u.astype(np.float32).tobytes()).decode()
+
+    def close(self) -> None:
+        """Ends both processes."""
+        self._hand.close()
+        self.drawing.close()
+
+    # As `Hand`, for scripts: each waits for its answer.
+
+    def touch(self, point: FloatArray) -> dict[str, Any]:
+        """See `Hand.touch`."""
+        return self._wait(self.ask("touch", point=list(map(float, point))))
+
+    def press(self, depth: float) -> dict[str, Any]:
+        """See `Hand.press`."""
+        return self._wait(self.ask("press", depth=float(depth)))
+
+    def slide(self, point: FloatArray) -> dict[str, Any]:
+        """See `Hand.slide`."""
+        return self._wait(self.ask("slide", point=list(map(float, point))))
+
+    def resize(self, radius: float) -> dict[str, Any]:
+        """See `Hand.resize`."""
+        return self._wait(self.ask("radius", mm=float(radius)))
+
+    def forget(self) -> dict[str, Any]:
+        """See `Hand.forget`."""
+        return self._wait(self.ask("forget"))
+
+    def save(self, path: Path) -> dict[str, Any]:
+        """See `Hand.save`."""
+        told = self._wait(self.ask("save", path=str(path)))
+        self.facts_now = {key: value for key, value in told.items() if key != "files"}
+        return told
+
+    def facts(self) -> dict[str, Any]:
+        """See `Hand.facts`; all that was asked is answered first."""
+        self._wait(self._sent)
+        return {**self.facts_now, "answers_per_second": self.answers_per_second}
+
+    def _wait(self, number: int) -> dict[str, Any]:
+        end = time.monotonic() + _SECONDS
+        while self._answered < number:
+            if self._hand.over or time.monotonic() > end:
+                raise InputError(self.said or f"the probe did not answer within {_SECONDS:g} s")
+            self.process(0.002)
+            self.tick()
+        if number in self._refused:
+            raise InputError(self._refused[number])
+        return self.facts_now
+
+    def _take(self, reply: Reply) -> None:
+        head = reply.head
+        self._answered, self.changed = max(self._answered, head["id"]), True
+        if head["type"] == "refused":
+            self.said = self._refused[head["id"]] = head["reason"]
+            return
+        self.facts_now, self.ready = head["facts"], True
+        self.said = self.facts_now.get("said", "")
+        if head["type"] == "ready":
+            return
+        self._times.append(time.monotonic())
+        self.u = np.frombuffer(reply.data, dtype=np.float32).reshape(-1, 3).astype(float)
+        if self.facts_now["answers"] == 0:
+            self.curve.clear()
+        self.curve += [tuple(row) for row in head["rows"]]

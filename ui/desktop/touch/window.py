@@ -1,0 +1,143 @@
+"""The window of `palpate touch`: the organ on the left, what is felt on the right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QCloseEvent
+from PySide6.QtWidgets import (
+    QDoubleSpinBox,
+    QFormLayout,
+    QHBoxLayout,
+    QLabel,
+    QMainWindow,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from palpate.ui.desktop.touch.chart import TouchChart
+from palpate.ui.desktop.touch.model import TouchModel
+from palpate.ui.desktop.touch.protocol import stiffness_words
+from palpate.ui.desktop.touch.view import TouchView
+from palpate.ui.desktop.window import style
+
+_POLL_MS = 5
+_PANEL_WIDTH = 340
+
+
+class TouchWindow(QMainWindow):
+    """model : what is known. output : folder in which *Save* leaves curves."""
+
+    def __init__(self, model: TouchModel, output: Path) -> None:
+        super().__init__()
+        self.model, self.output = model, output
+        self.view, self.chart = TouchView(model), TouchChart(model)
+        self.region, self.force, self.indentation, self.slope, self.rate = (QLabel("") for _ in range(5))
+        self.message = QLabel("")
+        self.radius = QDoubleSpinBox()
+        self.save, self.clear = QPushButton("Save the curve"), QPushButton("Forget the curve")
+        self.setWindowTitle("Palpate: touch")
+        self._lay_out()
+        self.resize(1180, 760)
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self.tick)
+        self._timer.start(_POLL_MS)
+
+    def tick(self) -> None:
+        """Takes what has come from both processes and shows it."""
+        self.model.tick()
+        if self.model.changed:
+            self.model.changed = False
+            self._tell()
+            self.chart.update()
+            self.view.touch_changed()
+            self.view.update()
+        self.view.tick()
+
+    def shut(self) -> None:
+        """Ends the processes."""
+        self._timer.stop()
+        self.model.close()
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        self.shut()
+        super().closeEvent(event)
+
+    def _tell(self) -> None:
+        facts = self.model.facts_now
+        name = facts.get("region")
+        if name:
+            region = next(r for r, found in self.model.body.names.items() if found == name)
+            r, g, b = self.model.colours[region]
+            self.region.setStyleSheet(f"background: rgb({r}, {g}, {b}); color: white; padding: 5px; font-weight: bold;")
+            self.region.setText(f"{name.replace('_', ' ')}: {stiffness_words(facts['G_kpa'], facts['G_ci95_kpa'])}")
+        else:
+            self.region.setText("touch the organ with the left button")
+        self.force.setText(f"{facts.get('force_n', 0.0):.2f} N")
+        self.indentation.setText(f"{facts.get('indentation_mm', 0.0):.2f} mm")
+        slope = facts.get("stiffness_n_per_mm")
+        self.slope.setText("\N{EM DASH}" if slope is None else f"{slope:.2f} N/mm")
+        solve = {"quick": "quick answers", "full": "full solve"}.get(facts.get("solve", ""), "")
+        self.rate.setText(f"{self.model.answers_per_second} a second, {solve}" if solve else "\N{EM DASH}")
+        self.message.setText(self.model.said)
+        for button in (self.save, self.clear):
+            button.setEnabled(bool(self.model.curve))
+            button.setToolTip("" if self.model.curve else "nothing has been felt yet")
+
+    def _lay_out(self) -> None:
+        panel = QWidget()
+        panel.setFixedWidth(_PANEL_WIDTH)
+        column = QVBoxLayout(panel)
+        self.region.setWordWrap(True)
+        column.addWidget(self.region)
+        self.force.setStyleSheet("font-size: 30pt; font-weight: bold;")
+        column.addWidget(self.force)
+        column.addLayout(self._figures())
+        column.addWidget(self.chart, 1)
+        row = QHBoxLayout()
+        self.save.clicked.connect(self._save)
+        self.clear.clicked.connect(lambda: self.model.ask("forget"))
+        row.addWidget(self.save)
+        row.addWidget(self.clear)
+        column.addLayout(row)
+        about = f"Held: {self.model.held}. No friction. Stiffness is relative to the tissue's. Research use only."
+        for label, colour in ((self.message, style.WARN), (QLabel(about), style.FAINT)):
+            label.setWordWrap(True)
+            label.setStyleSheet(f"color: {colour};")
+            column.addWidget(label)
+        both = QWidget()
+        line = QHBoxLayout(both)
+        line.setContentsMargins(0, 0, 0, 0)
+        line.addWidget(self.view, 1)
+        line.addWidget(panel)
+        self.setCentralWidget(both)
+
+    def _figures(self) -> QFormLayout:
+        """What is felt besides the force, and the probe."""
+        form = QFormLayout()
+        felt = (("indentation", self.indentation), ("local stiffness", self.slope), ("answers", self.rate))
+        for words, label in felt:
+            label.setStyleSheet("font-size: 12pt;")
+            form.addRow(words, label)
+        self.radius.setRange(2.0, 20.0)
+        self.radius.setValue(self.model.radius)
+        self.radius.setSuffix(" mm")
+        self.radius.editingFinished.connect(self._new_probe)
+        form.addRow("probe's radius", self.radius)
+        return form
+
+    def _new_probe(self) -> None:
+        if self.radius.value() != self.model.radius:
+            self.model.radius = self.radius.value()
+            self.model.ask("radius", mm=self.model.radius)
+
+    def _save(self) -> None:
+        number = 1
+        while (self.output / f"curve_{number}.csv").exists():
+            number += 1
+        self.model.save(self.output / f"curve_{number}")
+        self.model.said = f"saved in {self.output.name}: curve_{number}.csv and .png"
+        self.model.changed = True

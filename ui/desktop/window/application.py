@@ -1,0 +1,103 @@
+"""Starts the window: for a person, or for a script without a screen."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from palpate.core.errors import Cancelled, InputError
+from palpate.ui.desktop.scripting import script_runner
+from palpate.ui.desktop.scripting.commands_script import Driver
+from palpate.ui.desktop.scripting.script_runner import Command
+from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.window import display_server
+
+
+def show(case: Path | None, headless: bool = False) -> dict[str, Any]:
+    """Opens the window and returns when it is closed: the longest stall in ms. Raises InputError when it cannot be opened."""
+    window, application = new_window(headless)
+    if case is not None:
+        window.page.open_case(case)
+        if window.controller.case is None:
+            reason = window.page.problem.text()
+            window.shut()
+            raise InputError(reason)
+    window.show()
+    ended = signal.signal(signal.SIGTERM, lambda *_: application.quit())
+    interrupted = signal.signal(signal.SIGINT, lambda *_: application.quit())
+    try:
+        application.exec()
+    finally:
+        signal.signal(signal.SIGTERM, ended)
+        signal.signal(signal.SIGINT, interrupted)
+        longest = round(window.stalls.longest_ms, 1)
+        if window.controller.listeners:  # ended by a signal rather than by the window's own button
+            window.shut()
+    return {"longest_stall_ms": longest}
+
+
+def play(commands: list[Command], folder: Path, source: str, headless: bool = True) -> dict[str, Any]:
+    """Drives the window by a script: the events of its commands. Raises InputError naming the line that cannot be done."""
+    window, application = new_window(headless)
+    window.show()
+    window.stalls.reset()
+
+    try:
+        return {"events": script_runner.play(commands, Driver(window, events_for(application), folder, source))}
+    except KeyboardInterrupt as error:
+        raise Cancelled("the script was stopped") from error
+    finally:
+        window.hide()
+        window.shut()
+
+
+def new_window(headless: bool) -> tuple[Any, Any]:
+    """The window, not shown yet, and the QApplication. Raises InputError when no window can be opened."""
+    display_server.check(headless)
+    application = qt_application(headless)
+    from palpate.ui.desktop.window.main_window import MainWindow  # here, because the platform is chosen before
+
+    return MainWindow(Controller()), application
+
+
+def qt_application(headless: bool) -> Any:
+    """The one QApplication, dressed; without a screen where headless. `display_server.check` says beforehand whether it can be."""
+    if headless:
+        os.environ["QT_QPA_PLATFORM"] = "offscreen"
+    from PySide6.QtCore import qInstallMessageHandler
+    from PySide6.QtWidgets import QApplication  # here, because the platform is chosen before
+
+    from palpate.ui.desktop.window.style import dress
+
+    if headless:
+        qInstallMessageHandler(told_by_qt)
+    application = QApplication.instance() or QApplication(sys.argv[:1])
+    assert isinstance(application, QApplication)
+    application.setApplicationName("Palpate")
+    dress(application)
+    return application
+
+
+def events_for(application: Any) -> Callable[[float], None]:
+    """What lets the windows' events be handled for so many seconds."""
+
+    def process(seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while True:
+            application.processEvents()
+            if time.monotonic() >= end:
+                return
+            time.sleep(0.001)
+
+    return process
+
+
+def told_by_qt(kind: object, context: object, message: str) -> None:
+    """Qt's words go to standard error, but for what it says of every window that has no screen."""
+    if "propagateSizeHints" not in message:
+        sys.stderr.write(f"{message}\n")

@@ -1,0 +1,1 @@
+"""Film of an organ that falls."""
