@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 
 # Beyond this the distance is cut off, so that what is far away does not matter. Cut at 6 mm the shrinkage doubles.
 CLIP_MM = 9.0
-# Width of the Gaussian. Measured on voxelised shapes (tests/segmentation/test_surfaces.py): the scatter falls with it
+# Width of the Gaussian. Measured on voxelised shapes (tests/meshing/test_label_surfaces.py): the scatter falls with it
 # and the shrinkage grows. 2.5 mm is the best of 1 to 3 mm for voxels of 1 x 1 x 1.5 to 3 mm: an organ surface is wrong
 # by -0.02 mm in the mean and 0.08 to 0.10 mm rms, a tube of radius 4 mm by 0.04 mm in the mean.
 SIGMA_MM = 2.5

@@ -1,10 +1,15 @@
-"""What tests have to show beside passing, printed after them, also when they ran in several processes."""
+"""Third-party data, unpacked once a session; and what tests have to show beside passing, printed after them."""
 
 from __future__ import annotations
 
+import tarfile
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
+
+SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 
 TABLE = pytest.StashKey[list[str]]()
 _SENT = "table"
@@ -36,3 +41,30 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
         terminalreporter.section("hostile DICOM folders")
         for line in lines:
             terminalreporter.write_line(line)
+
+
+def _unpacked(name: str, factory: pytest.TempPathFactory) -> Path:
+    archive = SHARED / name
+    if not archive.is_file():
+        pytest.skip(f"{archive} is absent: third-party data, see its README")
+    folder = factory.mktemp(name.split(".")[0])
+    with tarfile.open(archive) as tar:
+        tar.extractall(folder, filter="data")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def hostile_dicom(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    yield _unpacked("hostile_dicom.tar.xz", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def pelvis_small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder with CT/ and RTstructs.dcm."""
+    yield next(_unpacked("pelvis_ct_small.tar.xz", tmp_path_factory).rglob("RTstructs.dcm")).parent
+
+
+@pytest.fixture(scope="session")
+def pelvis_005(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder with CT*.dcm and one RS*.dcm."""
+    yield next(_unpacked("pelvis_ct_005.tar.xz", tmp_path_factory).rglob("RS*.dcm")).parent

@@ -12,7 +12,7 @@ import pyvista as pv
 from pydicom.fileset import FileSet
 from pydicom.uid import RLELossless
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "fixtures"))
 from dicom_samples import save, series, straight
 
 from palpate.case.bench_body import MESH, body_inputs, body_problem

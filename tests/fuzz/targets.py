@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "fixtures"))
 from case_targets import MAKERS, Made
 from dicom_samples import enhanced_ct, save, series, straight, structure_set
 

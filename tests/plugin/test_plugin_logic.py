@@ -13,7 +13,7 @@ import pytest
 
 slicer = pytest.importorskip("slicer", reason="slicer-core is absent: pip install slicer-core")
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "plugin" / "PalpateStiffness"), str(ROOT / "tests" / "ui")]
+sys.path[:0] = [str(ROOT / "plugin" / "PalpateStiffness"), str(ROOT / "tests" / "fixtures")]
 
 from dicom_cases import TURN, pair  # noqa: E402
 from PalpateStiffnessLib.errors import InputError  # noqa: E402

@@ -14,7 +14,7 @@ import pytest
 slicer = pytest.importorskip("slicer", reason="slicer-core is absent: pip install slicer-core")
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = ROOT / "plugin" / "PalpateStiffness"
-sys.path[:0] = [str(MODULE), str(ROOT / "tests" / "ui")]
+sys.path[:0] = [str(MODULE), str(ROOT / "tests" / "fixtures")]
 
 from dicom_cases import pair  # noqa: E402
 from phantoms import affine  # noqa: E402

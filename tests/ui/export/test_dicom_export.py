@@ -16,7 +16,7 @@ import pytest
 import SimpleITK as sitk
 from scipy.spatial import cKDTree
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "fixtures"))
 from dicom_cases import FLIPS, NAME, NUMBER, TURN, name_patient, pair
 from dicom_samples import enhanced_ct, straight
 from phantoms import CENTRE, MARKER, affine, result, write_case

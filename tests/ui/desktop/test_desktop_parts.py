@@ -171,7 +171,7 @@ def test_contours_go_to_the_import(tmp_path: Path) -> None:
 
 
 def test_the_pages_tell_every_command_and_every_field_of_the_display() -> None:
-    docs = Path(__file__).parents[2] / "docs"
+    docs = Path(__file__).parents[3] / "docs"
     told = set(re.findall(r"`([a-z]+)[ `]", (docs / "desktop.md").read_text(encoding="utf-8")))
     assert names_of(Driver) <= told, names_of(Driver) - told
     felt = set(re.findall(r"`([a-z]+)[ `]", (docs / "touch.md").read_text(encoding="utf-8")))

@@ -155,7 +155,7 @@ def test_a_thirteenth_effect_is_one_file_of_a_users_own(tmp_path: Path, bench: B
 
 
 def test_the_example_of_the_docs_is_an_effect(tmp_path: Path, bench: Bench, plain: Point) -> None:
-    text = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "effects.md").read_text(encoding="utf-8")
     (tmp_path / "scar.py").write_text(text.split("```python\n")[1].split("```")[0])
     effect = library(tmp_path)["scar"]
     variants = effect.variants(surroundings(bench, plain))

@@ -13,7 +13,7 @@ import pydicom
 import pytest
 import SimpleITK as sitk
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "segmentation"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "fixtures"))
 from dicom_cases import FLIPS, NAME, NUMBER, pair
 from phantoms import affine, result
 
