@@ -1,8 +1,8 @@
 """The full equilibrium of a touched body: every cell's own law, contact and all.
 
 Contact has kinks, at which the step control of `core.fem.newton.newton` loses patience: full Newton steps,
-shortened only where a cell would turn inside out, settle which nodes are in contact within a few iterations (Hueber & Wohlmuth 2005, Comput. Methods Appl. Mech. Engng
-194:3147). The probe goes part of the way where that fails.
+shortened only where a cell would turn inside out, settle which nodes are in contact within a few iterations
+(Hueber & Wohlmuth 2005, Comput. Methods Appl. Mech. Engng 194:3147). The probe goes part of the way where that fails.
 """
 
 from __future__ import annotations
