@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.contours.user_labels import UserLabels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
@@ -30,7 +30,7 @@ def lies_on(labels: Volume, grid: Volume) -> bool:
 
 
 def in_own_frame(
-    labels: UserLabels, ct: Volume, deformed_to_rest: NDArray[np.float64], aligned: Volume | None = None
+    labels: UserLabels, ct: Volume, deformed_to_rest: FloatArray, aligned: Volume | None = None
 ) -> UserLabels:
     """Labels of the deformed scan in its scanner's own coordinates, wherever they were drawn; a note says when they were moved.
 

@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import read_landmarks
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.meshes import box
 from palpate.core.mesh import TetMesh
 from palpate.core.surfaces.distance_field import signed_distance
 from palpate.core.surfaces.triangle_tree import TriangleTree
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.meshing.tetwild import Soup, tetrahedralize
 
 # Cells a body is meshed with, about; they are quadratic.
@@ -140,7 +139,7 @@ def mesh_body(points: FloatArray, faces: IntArray, cells: int = _CELLS) -> TetMe
     return TetMesh(nodes[used], kept, np.full(len(kept), BODY))
 
 
-def _held(mesh: TetMesh, facts: Mapping[str, Any], source: str) -> NDArray[np.int64]:
+def _held(mesh: TetMesh, facts: Mapping[str, Any], source: str) -> IntArray:
     """(f, 3) faces whose corners all lie on a support's plane."""
     faces = mesh.boundary[0]
     X = mesh.points[faces]

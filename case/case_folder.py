@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_files import CaseFiles, as_json, file_sha256
 from palpate.case.landmarks import Landmarks, read_landmarks
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files import atomic
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
@@ -112,7 +112,7 @@ class CaseFolder(CaseFiles):
         self.write_text("labels.txt", label_description())
         return self.file(name)
 
-    def deformed_to_rest(self) -> NDArray[np.float64]:
+    def deformed_to_rest(self) -> FloatArray:
         """The rigid transform (4, 4), LPS mm, that brings the deformed scan into the rest frame; identity without one."""
         if not self.has("alignment.json"):
             return np.eye(4)

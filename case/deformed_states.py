@@ -17,6 +17,7 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.landmarks import Landmarks, landmarks_csv, read_landmarks
 from palpate.case.rigid_offset import Elsewhere, elsewhere_in
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_labels import label_values
 from palpate.imaging.contours.nifti_labels import read_labels, write_labels
@@ -26,7 +27,6 @@ from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_ct, align_labels
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray
 
 
 @dataclass(frozen=True)

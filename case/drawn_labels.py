@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.arrays import BoolArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.nifti_labels import read_labels
 from palpate.imaging.contours.user_labels import UserLabels
@@ -29,9 +29,9 @@ class Drawn:
     volume: Volume
     organs: Mapping[str, Volume]
     bone: Volume | None
-    prostate_labels: NDArray[np.uint8] | None
+    prostate_labels: LabelArray | None
 
-    def bone_on(self, grid: Volume) -> NDArray[np.bool_]:
+    def bone_on(self, grid: Volume) -> BoolArray:
         """The drawn bone on a grid; nothing where none was drawn."""
         return np.zeros(grid.array.shape, dtype=bool) if self.bone is None else mask_on(self.bone, grid)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 
 COLUMNS = ("name", "rest_x", "rest_y", "rest_z", "deformed_x", "deformed_y", "deformed_z")
@@ -20,8 +20,8 @@ class Landmarks:
     """names (n,), and the same points at rest and deformed, each (n, 3) mm in LPS."""
 
     names: tuple[str, ...]
-    rest: NDArray[np.float64]
-    deformed: NDArray[np.float64]
+    rest: FloatArray
+    deformed: FloatArray
 
 
 def read_landmarks(path: Path) -> Landmarks:
@@ -74,7 +74,7 @@ def _numbers(row: dict[str, str], path: Path, line: int) -> list[float]:
     return numbers
 
 
-def landmarks_csv(points: Landmarks, deformed_to_rest: NDArray[np.float64]) -> str:
+def landmarks_csv(points: Landmarks, deformed_to_rest: FloatArray) -> str:
     """The text of landmarks.csv, the deformed points (own frame) moved by a rigid transform (4, 4) into the rest frame."""
     moved = points.deformed @ deformed_to_rest[:3, :3].T + deformed_to_rest[:3, 3]
     stream = io.StringIO()

@@ -15,11 +15,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_labels
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray, SmoothField, signed_distance
+from palpate.meshing.smooth_distance import SmoothField, signed_distance
 
 # The region's edge may lie as far apart as this, rms mm, in scans that are aligned; contours and free edges do (1.0 mm were seen).
 _IN_PLACE_MM = 1.2

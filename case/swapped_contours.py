@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.case.case_folder import STATES
+from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 
@@ -25,9 +25,7 @@ _GROUPS = (ORGAN_LABELS, (BLADDER,))
 _GAS_HU, _MUCH_GAS = -300.0, 0.2
 
 
-def swapped_note(
-    scans: Mapping[str, Volume], labels: Mapping[str, Volume], deformed_to_rest: NDArray[np.float64]
-) -> str | None:
+def swapped_note(scans: Mapping[str, Volume], labels: Mapping[str, Volume], deformed_to_rest: FloatArray) -> str | None:
     """A warning when each scan's grey values fit the other scan's contours better than its own; else None.
 
     Judged where the outlines differ: what only the rest contours call bladder must look like bladder in the scan at rest, and
@@ -37,7 +35,7 @@ def swapped_note(
     """
     if not all(state in labels for state in STATES):
         return None
-    to_other: dict[str, NDArray[np.float64]] = {
+    to_other: dict[str, FloatArray] = {
         "rest": np.linalg.inv(deformed_to_rest).astype(np.float64),
         "deformed": deformed_to_rest,
     }
@@ -54,7 +52,7 @@ def swapped_note(
 
 
 def _where_they_differ(
-    scans: Mapping[str, Volume], labels: Mapping[str, Volume], states: tuple[str, str], matrix: NDArray[np.float64]
+    scans: Mapping[str, Volume], labels: Mapping[str, Volume], states: tuple[str, str], matrix: FloatArray
 ) -> tuple[float, float] | None:
     """Mean distance from the organ's grey, HU, in the outline's own scan and in the other, over voxels that only it names."""
     state, other = states
@@ -78,7 +76,7 @@ def _where_they_differ(
 
 
 def _gas_left_out(
-    scans: Mapping[str, Volume], labels: Mapping[str, Volume], states: tuple[str, str], matrix: NDArray[np.float64]
+    scans: Mapping[str, Volume], labels: Mapping[str, Volume], states: tuple[str, str], matrix: FloatArray
 ) -> float:
     """The share of gas in a scan where only the other's contours see the rectum; 0 where those hardly differ. matrix : from the other."""
     state, other = states
@@ -96,7 +94,7 @@ def _gas_left_out(
     return float((found < _GAS_HU).mean())
 
 
-def _at(volume: Volume, points: NDArray[np.float64], outside: float) -> NDArray[np.float64]:
+def _at(volume: Volume, points: FloatArray, outside: float) -> FloatArray:
     """Values of the nearest voxels, cut to what tells organs apart."""
     found = ndimage.map_coordinates(volume.array, volume.to_index(points).T, order=0, mode="constant", cval=outside)
     return np.clip(found.astype(float), _LOW_HU, _HIGH_HU)

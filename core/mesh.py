@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # The face opposite to vertex i, ordered so that its normal points out of a positive cell.
 FACES_OF_CELL = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])

@@ -10,12 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 from palpate.core.mesh import TetMesh
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FORMAT = 1
 _DAMAGED: tuple[type[Exception], ...] = (InputError, *DAMAGED_ARCHIVE)

@@ -9,6 +9,8 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
+
 
 @dataclass(frozen=True, eq=False)
 class Volume:
@@ -19,18 +21,18 @@ class Volume:
     """
 
     array: NDArray[Any]
-    affine: NDArray[np.float64]
+    affine: FloatArray
 
     @property
-    def spacing(self) -> NDArray[np.float64]:
+    def spacing(self) -> FloatArray:
         """Voxel edge lengths (3,) mm."""
         return np.linalg.norm(self.affine[:3, :3], axis=0)
 
-    def to_lps(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_lps(self, index: FloatArray) -> FloatArray:
         """Patient coordinates (n, 3) mm of (fractional) indices (n, 3)."""
         return np.asarray(index, dtype=float) @ self.affine[:3, :3].T + self.affine[:3, 3]
 
-    def to_index(self, lps: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_index(self, lps: FloatArray) -> FloatArray:
         """Fractional indices (n, 3) of patient coordinates (n, 3) mm."""
         return (np.asarray(lps, dtype=float) - self.affine[:3, 3]) @ np.linalg.inv(self.affine[:3, :3]).T
 
@@ -38,7 +40,7 @@ class Volume:
         """The same grid with other values."""
         return Volume(array, self.affine)
 
-    def moved(self, transform: NDArray[np.float64]) -> Volume:
+    def moved(self, transform: FloatArray) -> Volume:
         """The same values on a grid moved by a rigid transform (4, 4) in LPS: no resampling."""
         return Volume(self.array, transform @ self.affine)
 

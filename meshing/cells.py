@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.meshing.partition import HOLE_NAMES, Partition
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 
 KEPT = (*ORGAN_LABELS, SURROUNDING_TISSUE)
 # Barycentric points at which a cell is asked what it is: its centroid and four towards the corners.
@@ -38,7 +37,7 @@ def face_neighbours(cells: IntArray) -> IntArray:
     return across.reshape(-1, 4)
 
 
-def parts_of(across: IntArray, member: NDArray[np.bool_]) -> IntArray:
+def parts_of(across: IntArray, member: BoolArray) -> IntArray:
     """Number of the face-connected part (m,) that each member cell belongs to, -1 for others; 0 is the largest."""
     own = np.repeat(np.arange(len(across)), 4)
     other = across.ravel()
@@ -74,7 +73,7 @@ def clean_labels(cells: IntArray, labels: IntArray, n_points: int) -> IntArray:
     return labels
 
 
-def _hinged(cells: IntArray, across: IntArray, kept: NDArray[np.bool_], n_points: int) -> NDArray[np.bool_]:
+def _hinged(cells: IntArray, across: IntArray, kept: BoolArray, n_points: int) -> BoolArray:
     """Kept cells that belong, at one of their points, to a group that no face joins to the larger group there."""
     corner_point = cells.ravel()
     corner_cell = np.repeat(np.arange(len(cells)), 4)
@@ -101,7 +100,7 @@ def _hinged(cells: IntArray, across: IntArray, kept: NDArray[np.bool_], n_points
     return minor
 
 
-def _give_to_neighbours(labels: IntArray, across: IntArray, loose: NDArray[np.bool_], allowed: list[int]) -> None:
+def _give_to_neighbours(labels: IntArray, across: IntArray, loose: BoolArray, allowed: list[int]) -> None:
     """Relabel loose cells, from their rim inward, as the commonest allowed label across their faces."""
     left = loose.copy()
     while left.any():

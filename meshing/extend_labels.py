@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import BoolArray
 from palpate.imaging.volume import Volume
 
 
@@ -26,7 +26,7 @@ def extend_labels(labels: Volume, outside: int = 0) -> Volume:
     return labels.with_array(labels.array[tuple(nearest)])
 
 
-def crop(labels: Volume, mask: NDArray[np.bool_], margin_mm: float) -> Volume:
+def crop(labels: Volume, mask: BoolArray, margin_mm: float) -> Volume:
     """The part of a volume within ``margin_mm`` of the bounding box of a mask (ni, nj, nk), as far as the grid goes."""
     margin = np.ceil(margin_mm / labels.spacing).astype(int)
     slices = []
@@ -45,7 +45,7 @@ def padded(labels: Volume, voxels: int, value: int) -> Volume:
     return Volume(np.pad(labels.array, voxels, constant_values=value), affine)
 
 
-def without_specks(mask: NDArray[np.bool_], share: float = 0.02) -> NDArray[np.bool_]:
+def without_specks(mask: BoolArray, share: float = 0.02) -> BoolArray:
     """The mask (ni, nj, nk) without the connected parts (26 neighbours) smaller than ``share`` of the largest part."""
     parts, count = ndimage.label(mask, structure=np.ones((3, 3, 3)))
     if count < 2:

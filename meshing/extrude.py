@@ -6,15 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 
 from palpate.case.bench_body import mesh_body
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.mesh import TetMesh
 from palpate.core.sketch.outline import Outline
-
-FloatArray = NDArray[np.float64]
 
 # Cells per unit of volume / edge^3; see meshing_soup.
 _PER_CUBE = 8.5
@@ -22,7 +20,7 @@ _PER_CUBE = 8.5
 _STEP = 0.5
 
 
-def mesh_figure(outline: Outline, part_at: Callable[[FloatArray], NDArray[np.int64]], cells: int) -> TetMesh:
+def mesh_figure(outline: Outline, part_at: Callable[[FloatArray], IntArray], cells: int) -> TetMesh:
     """About `cells` tetrahedra of a slab one edge thick, along z from 0; regions are 1 + what `part_at` says at centres (m, 2).
 
     Raises ConvergenceError when the outline cannot be filled or meshed.
@@ -34,7 +32,7 @@ def mesh_figure(outline: Outline, part_at: Callable[[FloatArray], NDArray[np.int
     return TetMesh(mesh.points, mesh.cells, regions)
 
 
-def _slab(outline: Outline, thickness: float) -> tuple[FloatArray, NDArray[np.int64]]:
+def _slab(outline: Outline, thickness: float) -> tuple[FloatArray, IntArray]:
     """Points (n, 3) and faces (f, 3) of the closed surface."""
     n = len(outline.points)
     lines = np.column_stack([np.full(n, 2), np.arange(n), outline.following])
@@ -53,6 +51,6 @@ def _slab(outline: Outline, thickness: float) -> tuple[FloatArray, NDArray[np.in
     return points, np.vstack([front[:, ::-1], front + n, sides])
 
 
-def _area(x: FloatArray, faces: NDArray[np.int64]) -> float:
+def _area(x: FloatArray, faces: IntArray) -> float:
     a, b, c = (x[faces[:, k]] for k in range(3))
     return 0.5 * float(((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum())

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.meshing.cells import face_neighbours
 from palpate.meshing.quality import shape
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 
 # Directions tried: the corners, edges and faces of a cube.
 DIRECTIONS = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) != (0, 0, 0)])

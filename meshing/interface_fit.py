@@ -14,12 +14,13 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import cg
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE
 from palpate.meshing.cells import KEPT, face_neighbours
 from palpate.meshing.partition import HOLE_NAMES, ORGAN, Partition
 from palpate.meshing.quality import shape
-from palpate.meshing.smooth_distance import FloatArray, IntArray, SmoothField
+from palpate.meshing.smooth_distance import SmoothField
 
 # A vertex may move by this share of its shortest surface edge in one fit.
 LARGEST_MOVE = 0.35

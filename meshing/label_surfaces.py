@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.meshing.extend_labels import crop, extend_labels, without_specks
-from palpate.meshing.smooth_distance import SIGMA_MM, FloatArray, IntArray, SmoothField, smooth_field
+from palpate.meshing.smooth_distance import SIGMA_MM, SmoothField, smooth_field
 
 # Room around a label, so that cropping does not touch its smoothing.
 MARGIN_MM = 14.0
@@ -114,6 +114,6 @@ def region_fields(organ: Volume, present: list[int], sigma_mm: float = SIGMA_MM)
     return {i: smooth_field(filled, filled.array == i, 1.0, sigma_mm) for i in present}
 
 
-def _region_of(points: FloatArray, fields: dict[int, SmoothField]) -> NDArray[np.int64]:
+def _region_of(points: FloatArray, fields: dict[int, SmoothField]) -> IntArray:
     values = np.stack([field.at(points) for field in fields.values()])
     return np.array(list(fields))[np.argmax(values, axis=0)]

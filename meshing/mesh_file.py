@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import IntArray
 
 # Raised when the way of meshing changes, so that meshes kept from before are not taken for new ones.
 RECIPE_VERSION = 3

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
 from palpate.imaging.labels import OUTSIDE
 from palpate.imaging.volume import Volume
@@ -19,7 +20,6 @@ from palpate.meshing.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
 from palpate.meshing.mesher_input import make_scene
 from palpate.meshing.partition import HOLE_NAMES, Partition, make_partition
 from palpate.meshing.quality import describe
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.meshing.tetwild import tetrahedralize
 
 # Meshed again, once, when the number of cells is further from what is wanted than this factor.

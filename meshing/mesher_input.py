@@ -7,13 +7,13 @@ from itertools import permutations
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.meshing.partition import ORGAN, Partition
-from palpate.meshing.smooth_distance import FloatArray, IntArray, SmoothField
+from palpate.meshing.smooth_distance import SmoothField
 from palpate.meshing.tetwild import Soup
 
 # Wished edge of each surface as a multiple of the organ's.
@@ -40,7 +40,7 @@ class Scene:
     grid_points: FloatArray
     grid_cells: IntArray
     grid_distance: FloatArray
-    kept: NDArray[np.bool_]
+    kept: BoolArray
     cell_mm3: float
 
     def size_mm(self, edge_mm: float, far_factor: float, grading: float) -> FloatArray:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER, BONE, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.meshing.extend_labels import crop, extend_labels, padded, without_specks
 from palpate.meshing.label_surfaces import MARGIN_MM, region_fields
-from palpate.meshing.smooth_distance import CLIP_MM, FloatArray, IntArray, SmoothField, smooth_field
+from palpate.meshing.smooth_distance import CLIP_MM, SmoothField, smooth_field
 
 HOLE_NAMES = {label: LABELS[label] for label in (BONE, BLADDER, RECTUM)}
 # Grid step of each field in mm: fine where the mesh is fine. -1 stands for the whole organ.
@@ -120,6 +120,6 @@ def check_labels(labels: Volume) -> None:
         )
 
 
-def _field(labels: Volume, mask: NDArray[np.bool_], key: int) -> SmoothField:
+def _field(labels: Volume, mask: BoolArray, key: int) -> SmoothField:
     near = crop(labels.with_array(mask), mask, MARGIN_MM)
     return smooth_field(near, near.array, STEP_MM[key])

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 
 SLIVER_DEG = 10.0
 

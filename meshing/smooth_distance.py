@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from skimage import measure
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.imaging.volume import Volume
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Beyond this the distance is cut off, so that what is far away does not matter. Cut at 6 mm the shrinkage doubles.
 CLIP_MM = 9.0
@@ -54,7 +51,7 @@ class SmoothField:
         return points, np.ascontiguousarray(faces, dtype=np.int64)
 
 
-def signed_distance(mask: NDArray[np.bool_], spacing: FloatArray) -> FloatArray:
+def signed_distance(mask: BoolArray, spacing: FloatArray) -> FloatArray:
     """Distance (ni, nj, nk) mm to the boundary between voxels, positive inside, cut off at ``CLIP_MM``."""
     half = float(np.mean(spacing)) / 2.0
     if not mask.any():
@@ -66,7 +63,7 @@ def signed_distance(mask: NDArray[np.bool_], spacing: FloatArray) -> FloatArray:
     return np.clip(np.where(mask, inside - half, half - outside), -CLIP_MM, CLIP_MM)
 
 
-def smooth_field(labels: Volume, mask: NDArray[np.bool_], step_mm: float, sigma_mm: float = SIGMA_MM) -> SmoothField:
+def smooth_field(labels: Volume, mask: BoolArray, step_mm: float, sigma_mm: float = SIGMA_MM) -> SmoothField:
     """The smoothed signed distance of a mask (ni, nj, nk) on the grid of ``labels``, sampled every ``step_mm``.
 
     A Gaussian alone pulls a curved surface inward by sigma^2 times its mean curvature. 2 G(sigma) - G(sqrt 2 sigma)

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.meshing.tetwild_seed import fix_random_device
 
 # The mesher stops at this energy (its default is 10) and the last bad cells are mended afterwards: a third faster, and

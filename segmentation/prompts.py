@@ -7,12 +7,10 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-
-FloatArray = NDArray[np.float64]
 
 _HOW_MANY = {1: "give one point", 2: "give two points", 6: "give six points"}
 SEED_NAMES = ("prostate", "bladder", "rectum", "urethra")

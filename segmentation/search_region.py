@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.imaging.volume import Volume
 from palpate.segmentation.body import body_mask, without_surroundings
 from palpate.segmentation.bone.bone import bone_mask
@@ -25,8 +26,6 @@ from palpate.segmentation.working_grid import (
     shrunk,
     upright,
 )
-
-FloatArray = NDArray[np.float64]
 
 BONE_MM = 2.0
 # Room about the landmarks, mm: to both sides of the midline, in front of and behind the symphysis, below and above it.
@@ -56,8 +55,8 @@ class Scene:
     """
 
     grid: Volume
-    hu: NDArray[np.float32]
-    filled: NDArray[np.float32]
+    hu: Float32Array
+    filled: Float32Array
     gas: Mask
     body: Mask
     bone: Mask

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, BONE, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
@@ -33,7 +33,7 @@ def cropped(volume: Volume, box: FloatArray) -> Volume:
     return Volume(volume.array[tuple(slice(a, b) for a, b in zip(low, high, strict=True))], affine)
 
 
-def label_array(prostate: NDArray[np.uint8], masks: Mapping[str, Mask], body: Mask) -> NDArray[np.uint8]:
+def label_array(prostate: LabelArray, masks: Mapping[str, Mask], body: Mask) -> LabelArray:
     """Labels of docs/case.md of one grid: organs first, then bladder, rectum, bone, and tissue in what is left of the body.
 
     prostate : labels 1 and 2. masks : "bladder", "rectum", "bone" where known. Tissue that does not hang together with
@@ -47,7 +47,7 @@ def label_array(prostate: NDArray[np.uint8], masks: Mapping[str, Mask], body: Ma
     return _without_islands(result, prostate > 0)
 
 
-def _without_islands(labels: NDArray[np.uint8], prostate: Mask) -> NDArray[np.uint8]:
+def _without_islands(labels: LabelArray, prostate: Mask) -> LabelArray:
     parts, count = ndimage.label(labels == SURROUNDING_TISSUE)
     if count < 2:
         return labels

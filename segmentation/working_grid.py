@@ -7,9 +7,9 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.imaging.volume import Volume
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # Spacing, mm, for finding organs and for drawing their boundaries.
@@ -75,12 +75,12 @@ def shrunk(ct: Volume, step_mm: float) -> Volume:
     return resampled(Volume.from_sitk(image), upright(low, high, step_mm), smooth=False)
 
 
-def blurred(array: NDArray[np.floating], sigma_mm: float, step_mm: float) -> NDArray[np.float32]:
+def blurred(array: NDArray[np.floating], sigma_mm: float, step_mm: float) -> Float32Array:
     """Gaussian smoothing of an array on an even grid."""
     return np.asarray(ndimage.gaussian_filter(array.astype(np.float32), sigma_mm / step_mm, mode="nearest"))
 
 
-def gas_filled(array: NDArray[np.floating], step_mm: float) -> tuple[NDArray[np.float32], Mask]:
+def gas_filled(array: NDArray[np.floating], step_mm: float) -> tuple[Float32Array, Mask]:
     """HU with gas, and the rim that it darkens, set to soft tissue; and the mask of the gas itself."""
     gas = array < GAS_HU
     rim = dilated(gas, RIM_MM, step_mm) & (array < SOFT_HU)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray
-from palpate.simulate.source import LabelArray, labels_on
+from palpate.simulate.source import labels_on
 
 # What a person contours; bone and the modelled region are not.
 _DRAWN = (ORGAN_LABELS, (BLADDER,), (RECTUM,))
@@ -69,7 +68,7 @@ def _displaced(
     clean: Volume,
     members: tuple[int, ...],
     field: Callable[[FloatArray], FloatArray],
-) -> NDArray[np.uint8]:
+) -> LabelArray:
     """Labels asked beside each voxel centre by the random displacement, near the given labels only."""
     near = ndimage.binary_dilation(np.isin(clean.array, members), iterations=5)
     result = np.full(clean.array.shape, OUTSIDE, dtype=np.uint8)

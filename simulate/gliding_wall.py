@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.surfaces.distance_field import SignedDistanceField
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.simulate.wall_motion import MovedWall
 
 # Stiffness of the constraint over the tissue's shear modulus, 1/mm: gaps stay below 0.01 mm.

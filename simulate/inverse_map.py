@@ -12,7 +12,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from palpate.meshing.smooth_distance import FloatArray, IntArray
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.simulate.wall_motion import WallMotion
 
 # A quadratic cell as eight linear ones; nodes 4 to 9 are the mid-edges 01, 12, 02, 03, 13, 23.

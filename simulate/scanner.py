@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.imaging.volume import Volume
 
-FloatArray = NDArray[np.float64]
 # HU (n,) at points (n, 3) mm in the scanner's coordinates.
 HounsfieldField = Callable[[FloatArray], FloatArray]
 
@@ -40,13 +39,13 @@ class Scanner:
         noisy = clean + self._noise(clean, grid.spacing, seed)
         return grid.with_array(np.rint(np.clip(noisy, MIN_HU, MAX_HU)).astype(np.int16))
 
-    def expose(self, body: HounsfieldField, grid: Volume) -> NDArray[np.float32]:
+    def expose(self, body: HounsfieldField, grid: Volume) -> Float32Array:
         """The picture (ni, nj, nk) without noise, HU: mean over each voxel, then the point spread."""
         mean = voxel_mean(body, grid, self.samples)
         sigma = self.blur_mm / grid.spacing
         return ndimage.gaussian_filter(mean, (sigma[0], sigma[1], 0.0), mode="nearest")
 
-    def _noise(self, clean: NDArray[np.float32], spacing: FloatArray, seed: int) -> NDArray[np.float32]:
+    def _noise(self, clean: Float32Array, spacing: FloatArray, seed: int) -> Float32Array:
         white = np.random.default_rng(seed).standard_normal(clean.shape, dtype=np.float32)
         sigma = self.noise_blur_mm / spacing
         noise = ndimage.gaussian_filter(white, (sigma[0], sigma[1], 0.3 * sigma[2]), mode="wrap")
@@ -56,7 +55,7 @@ class Scanner:
         return noise * (self.noise_hu / float(noise.std())) * (0.33 + 0.67 * np.clip(matter, 0.0, 1.0))
 
 
-def voxel_mean(body: HounsfieldField, grid: Volume, samples: tuple[int, int, int]) -> NDArray[np.float32]:
+def voxel_mean(body: HounsfieldField, grid: Volume, samples: tuple[int, int, int]) -> Float32Array:
     """Mean (ni, nj, nk) of a field over evenly spread points in each voxel."""
     shape = grid.array.shape
     result = np.empty(shape, dtype=np.float32)

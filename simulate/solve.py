@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -19,7 +20,6 @@ from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_paramet
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.simulate.gliding_wall import Glide
 from palpate.simulate.strain_figures import organ_strain, smallest_volume_ratio, solver_figures
 from palpate.simulate.wall_motion import MovedWall

@@ -9,20 +9,18 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.arrays import Float32Array, FloatArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.meshing.partition import Partition, make_partition
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.phantom import phantom
 from palpate.simulate.scanner import Scanner, voxel_mean
 
-LabelArray = NDArray[np.uint8]
 # Rest positions (n, 3) mm of points (n, 3) mm in the scanner's coordinates.
 ToRest = Callable[[FloatArray], FloatArray]
 
@@ -137,7 +135,7 @@ class VolumeSource:
         return make_partition(self.model_labels)
 
     @cached_property
-    def _spline(self) -> NDArray[np.float32]:
+    def _spline(self) -> Float32Array:
         values = self._needed_ct().array.astype(np.float32)
         return ndimage.spline_filter(values, order=3, output=np.float32, mode="nearest")
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.space import Space
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.meshing.smooth_distance import FloatArray
 
 
 def organ_strain(F: FloatArray, weight: FloatArray) -> dict[str, float]:

@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from scipy import ndimage
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import TriSurface
-from palpate.meshing.smooth_distance import FloatArray
 
 # The motion dies away over this distance before the edge of the modelled region, which does not move.
 FADE_MM = 14.0

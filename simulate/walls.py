@@ -10,11 +10,11 @@ from scipy import ndimage
 from scipy.interpolate import UnivariateSpline
 from scipy.optimize import brentq
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import TriSurface, wall_surface
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.wall_motion import BagMotion, Faded, MovedWall, TubeMotion, interpolated
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.core.identify.reduced_fit import ReducedFit
 from palpate.core.inference.gauss_newton import gauss_newton
@@ -16,8 +15,6 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, tumour_data
 from palpate.validate.paper.tumour_fit import TumourFit
 from palpate.validate.paper.tumour_scene import Divisions
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

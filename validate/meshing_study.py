@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.case.drawn_labels import drawn_of_volume
 from palpate.case.steps.segment import SegmentOptions, labels_of
 from palpate.case.steps.segment_report import SegmentedState
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, RECTUM
@@ -25,7 +25,6 @@ from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.meshing.quality import SLIVER_DEG
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prostate.halves import midline_normal, split_plane
 from palpate.segmentation.tissue import region_of_interest
@@ -130,7 +129,7 @@ def distance_from_outline(labels: Volume, points: FloatArray, in_voxels: bool = 
     return np.asarray(ndimage.map_coordinates(signed, at.T, order=1, mode="nearest"))
 
 
-def _cropped(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+def _cropped(mask: BoolArray) -> tuple[BoolArray, IntArray]:
     """The mask with four voxels about it, and the index of its first voxel in the whole."""
     wide = np.pad(mask, 4)
     part = ndimage.find_objects(wide.astype(np.uint8))[0]

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.core.fem.meshes import sphere_in_cube, with_regions
 from palpate.core.mesh import TetMesh
@@ -21,8 +20,6 @@ from palpate.core.touch.probe import Contact
 from palpate.core.touch.quick import QuickAnswer, QuickTouch
 from palpate.core.touch.session import Session
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
 
 _HALF_AXES = np.array([22.0, 18.0, 20.0])
 _STIFFNESS = {1: 20.0, 2: 60.0}

@@ -11,6 +11,7 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.identify import facts_of
 from palpate.case.steps.plan_loads import LOADS, NOTES
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.forward.known_loads import loaded
@@ -21,7 +22,6 @@ from palpate.imaging.labels import BLADDER, LABEL_VALUES, LABELS, ORGAN_LABELS, 
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import TriSurface, organ_surfaces
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.wall_motion import MovedWall
 from palpate.simulate.walls import BladderSpec, RectumSpec, moved_walls
 

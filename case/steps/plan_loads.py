@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
@@ -14,7 +15,6 @@ from palpate.core.fem.terms.loads import body_force, traction
 from palpate.core.fem.terms.pressure import FollowerPressure
 from palpate.core.forward.known_loads import Loads
 from palpate.core.problem import IdentificationProblem
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 
 # 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
 _WEIGHT = 1e-6

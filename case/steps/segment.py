@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.drawn_labels import drawn_labels
 from palpate.case.steps.import_scans.rest_only import is_alone
 from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.contours.itksnap_labels import label_description
@@ -110,7 +110,7 @@ def _segmented(case: CaseFolder, state: str, prompts: Prompts, model: str | None
     return SegmentedState(segmentation, drawn, grid)
 
 
-def _centroids(state: SegmentedState) -> dict[str, NDArray[np.float64]]:
+def _centroids(state: SegmentedState) -> dict[str, FloatArray]:
     grid = state.segmentation.scene.grid
     return {
         name: grid.to_lps(np.argwhere(found.mask).mean(axis=0)[None])[0]
@@ -147,7 +147,7 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
     return case.read_json("segmentation.json")
 
 
-def labels_of(part: SegmentedState, plane: Plane, box: NDArray[np.float64]) -> Volume:
+def labels_of(part: SegmentedState, plane: Plane, box: FloatArray) -> Volume:
     """The labels of a segmented scan within a box (2, 3) mm; left and right as drawn, or divided by the plane."""
     kept = part.drawn.prostate_labels if part.drawn is not None else None
     sides = halves(part.prostate, plane) if kept is None else kept

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import STATES
 from palpate.case.drawn_labels import Drawn
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import DOUBTFUL, Segmentation
@@ -29,7 +29,7 @@ class SegmentedState:
     drawn: Drawn | None
     grid: Volume
 
-    def mask(self, name: str) -> NDArray[np.bool_]:
+    def mask(self, name: str) -> BoolArray:
         """An organ, "bone" or "body" on the grid that is written; voxels that a person drew as they were drawn."""
         if self.drawn is not None and name in self.drawn.organs and self.grid is self.drawn.volume:
             return np.asarray(self.drawn.organs[name].array)
@@ -42,7 +42,7 @@ class SegmentedState:
         return self.grid.with_array(self.mask("prostate"))
 
 
-def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: NDArray[np.float64]) -> dict[str, Any]:
+def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatArray) -> dict[str, Any]:
     organs = part.segmentation.organs
     voxel_cc = float(np.prod(labels.spacing)) / 1000.0
     cc = {name: round(float((labels.array == value).sum()) * voxel_cc, 2) for value, name in LABELS.items() if value}

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.steps.sketch_summary import summary_of
+from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
 from palpate.core.sketch.closing import closed
 from palpate.core.sketch.figure import SIDES, Figure, FigureOptions
@@ -116,7 +116,7 @@ def _targets(keys: Sequence[Path], drawings: tuple[Drawing, ...], held: tuple[st
     return tuple(targets)
 
 
-def triangles(figure: Figure) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def triangles(figure: Figure) -> tuple[IntArray, IntArray]:
     """Front faces (f, 3) of the figure's mesh and the part (f,) each belongs to, for pictures."""
     mesh = figure.space.mesh
     faces, owner = mesh.boundary

@@ -16,15 +16,13 @@ from dataclasses import dataclass
 
 import ipctk
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.dynamics.rigid import RigidSurface, depth
 from palpate.core.errors import InputError
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.wall import wall_points
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Entries = tuple[IntArray, IntArray, FloatArray]
 
 # It warns of areas without the other set of collisions, see `_collisions`.

@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.dynamics.contact import Contact, Layer
 from palpate.core.dynamics.drop_watch import Watch, energies_of, fall_figures
 from palpate.core.dynamics.march import MarchOptions, march, open_ledger
@@ -23,9 +23,6 @@ from palpate.core.fem.materials import Material
 from palpate.core.fem.space import Space
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # A face with mid-edge nodes 01, 12, 20 as four triangles.
 _QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])

@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.dynamics.march import Ledger
 from palpate.core.dynamics.mass import STANDARD_GRAVITY
 from palpate.core.dynamics.motion import Motion
 from palpate.core.dynamics.rigid import RigidSurface, depth
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Watch:

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.fem.elements import quadrature, shape_functions
 from palpate.core.fem.space import Space
-
-FloatArray = NDArray[np.float64]
 
 KG_MM3 = 1e-9  # a density of 1 kg/m3 in kg/mm3
 TISSUE_DENSITY = 1050.0 * KG_MM3  # soft tissue, ICRP Publication 110 (2009): prostate 1.03, muscle 1.05 g/cm3

@@ -11,13 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.dynamics.motion import Motion, Stage
 from palpate.core.dynamics.stage_solver import solve_stage
 from palpate.core.dynamics.system import MovingBody
-
-FloatArray = NDArray[np.float64]
 
 _GAMMA = 1.0 - np.sqrt(0.5)
 # Row by row: how much of the earlier stages' rates the base takes, and the stage's own share.

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.dynamics.contact import Friction
 from palpate.core.dynamics.motion import Stage
 from palpate.core.dynamics.system import MovingBody
 from palpate.core.fem.linear.choice import FactorisationError
 from palpate.core.fem.newton.work import moved
 from palpate.core.fem.state import State
-
-FloatArray = NDArray[np.float64]
 
 _ARMIJO = 1e-4
 _SHORTEST = 1e-7

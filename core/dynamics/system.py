@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.dynamics.contact import Contact, Friction
 from palpate.core.dynamics.mass import Mass
 from palpate.core.dynamics.motion import Energies, Motion, Stage
@@ -21,8 +21,6 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear.pardiso import symmetric_product
 from palpate.core.fem.linear.pattern import scatter
 from palpate.core.fem.state import State
-
-FloatArray = NDArray[np.float64]
 
 
 class MovingBody:
@@ -150,8 +148,8 @@ class MovingBody:
 
     def _add(
         self,
-        rows: NDArray[np.int64],
-        columns: NDArray[np.int64],
+        rows: IntArray,
+        columns: IntArray,
         entries: FloatArray,
         factor: float,
         values: FloatArray,

@@ -7,13 +7,11 @@ has the damping ratio beta w / 2. Written with Edot = sym(F' Fdot), a rigid moti
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem import kernels
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear.pattern import scatter
-
-FloatArray = NDArray[np.float64]
 
 
 class Viscosity:

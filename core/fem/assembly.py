@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem import kernels
 from palpate.core.fem.linear.choice import SymmetricSolver, make_solver
@@ -23,10 +23,6 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import Residual, State
 from palpate.core.fem.terms.base import Particular, Term
 from palpate.core.laws.base import Law
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _CHUNK = 1024  # quadrature points whose moduli are held at once: they stay in the cache
 _REST_STRAIN = 1e-4  # forces are never compared with less than this strain's over the body's section

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -23,9 +23,6 @@ from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import nodal_force
 from palpate.core.fem.terms.wall import SlidingWall
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Points whose mean motion is held, and the stiffness of that hold over a typical shear modulus times the organ's size.
 _HELD_POINTS = 12

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem import kernels
 from palpate.core.fem.linear.choice import SymmetricSolver, make_solver
 from palpate.core.fem.linear.pattern import Pattern, scatter
 from palpate.core.fem.space import Space
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # alpha of p1p1. Dohrmann & Bochev take 1; on the sphere in a cube 4 errs a third less at every size, drive and bulk modulus (5.3 to
 # 3.7 % at 3,840 cells by traction), because it gives back some of what linear displacements lock in shear; 20 is too soft.

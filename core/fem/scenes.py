@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -19,9 +19,6 @@ from palpate.core.fem.terms.base import Term, face_points
 from palpate.core.fem.terms.loads import PointForce
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus
 from palpate.core.mesh import TetMesh
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 DRIVES = ("traction", "displacement")
 MU = 10.0  # kPa, mu1 = mu2 of the sphere

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.state import State
 
-FloatArray = NDArray[np.float64]
 # Region id -> rate of change of that region's law parameters, (k,) or (cells, k), per unit of the parameter theta.
 Direction = Mapping[int, FloatArray]
 

@@ -10,16 +10,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.materials import Material
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem
-
-FloatArray = NDArray[np.float64]
 
 # (mesh, region -> material) -> region -> material. Must not depend on values in any but a smooth way.
 MaterialChange = Callable[[TetMesh, Mapping[int, Material]], dict[int, Material]]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.contact_force import InterfaceMotion, organ_terms, tissue_reaction
@@ -23,9 +23,6 @@ from palpate.core.forward.sliding_match import slide_onto
 from palpate.core.laws import LINEAR, bulk_modulus
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class ContactForceScene:

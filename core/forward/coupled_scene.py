@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.elements import EDGES
@@ -19,8 +19,6 @@ from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.surfaces.distance_field import SignedDistanceField
-
-FloatArray = NDArray[np.float64]
 
 # Wall stiffness over the tissue's shear modulus, 1/mm. Nearly incompressible tissue that must make room pulls on a wall with up to
 # ten times its modulus (measured): walls still stay within 0.03 mm of what was seen.
@@ -135,7 +133,7 @@ class CoupledScene:
         """du/dtheta (t, n, 3) mm; the factor must be that of `found` (a solve with its stability check leaves it)."""
         return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
 
-    def held_nodes(self) -> NDArray[np.int64]:
+    def held_nodes(self) -> IntArray:
         """Nodes that do not move: bone, and the outer surface where the case says so."""
         names = ("bone", "outer") if self.problem.facts.outer_fixed else ("bone",)
         faces = [self.problem.boundary[n] for n in names if n in self.problem.boundary]

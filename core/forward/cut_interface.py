@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.interface import SplitInterface, open_interface
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import wall_points
 from palpate.core.problem import IdentificationProblem
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

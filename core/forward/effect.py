@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition import Composition
 from palpate.core.problem import IdentificationProblem
 
-FloatArray = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 

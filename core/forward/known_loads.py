@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.newton import Equilibrium, solve_equilibrium
@@ -16,9 +16,6 @@ from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 Loads = Callable[[Space], Sequence[Term]]
 _HELD, _WALLS = ("bone", "outer"), ("bladder", "rectum")

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.materials import Material
 from palpate.core.forward.composition import MaterialChange
 from palpate.core.laws.base import Law
 from palpate.core.mesh import TetMesh
-
-FloatArray = NDArray[np.float64]
 
 
 def per_cell(mesh: TetMesh, materials: Mapping[int, Material], region: int) -> tuple[FloatArray, Law]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.materials import Material
 from palpate.core.fem.sensitivity import Direction
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.problem import Facts
-
-FloatArray = NDArray[np.float64]
 
 TISSUE = 3
 # Of mu1 / (mu1 + mu2): all but a law with one constant alone.

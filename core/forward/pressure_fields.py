@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.sensitivity import factorise_at, response_to_forces
 from palpate.core.fem.space import Space
@@ -12,8 +12,6 @@ from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import face_points
 from palpate.core.forward.scene import GapScene
 from palpate.core.forward.shared_geometry import Stage
-
-FloatArray = NDArray[np.float64]
 
 
 def pressure_fields(stage: Stage, scene: GapScene, theta: FloatArray) -> dict[str, FloatArray]:
@@ -44,7 +42,7 @@ def pressure_fields(stage: Stage, scene: GapScene, theta: FloatArray) -> dict[st
     return out
 
 
-def _held(scene: GapScene, space: Space) -> NDArray[np.int64]:
+def _held(scene: GapScene, space: Space) -> IntArray:
     names = ("bone", "outer") if scene.problem.facts.outer_fixed else ("bone",)
     boundary = scene.stage.problem.boundary
     return np.vstack([space.face_nodes(boundary[n]) for n in names if n in boundary])

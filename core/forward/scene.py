@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
@@ -27,7 +27,6 @@ from palpate.core.mesh import TetMesh
 if TYPE_CHECKING:
     from palpate.core.forward.shared_geometry import Stage
 
-FloatArray = NDArray[np.float64]
 
 # Stiffness across an opened interface over the tissue's shear modulus, 1/mm: the two sides stay within 0.03 mm.
 ACROSS = 200.0
@@ -135,7 +134,7 @@ class GapScene(CoupledScene):
                 out[edge] += share[:, None] * self.composition.bone_motion(scanned_nodes[edge])
         return out.ravel()
 
-    def _assembler(self, free: NDArray[np.bool_]) -> Assembler:
+    def _assembler(self, free: BoolArray) -> Assembler:
         """All compositions with the same unknowns share one matrix structure and one solver, whatever their loads and rest shape."""
         key = self.composition.interface > 0.0
         if key not in self.stage.assemblers:

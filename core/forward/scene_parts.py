@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.elements import EDGES
 from palpate.core.fem.space import Space
@@ -20,8 +20,6 @@ from palpate.core.forward.coupled_scene import WALL_STIFFNESS
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.distance_field import SignedDistanceField
-
-FloatArray = NDArray[np.float64]
 
 
 def on_other_shape(assembler: Assembler, space: Space) -> Assembler:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.space import Space
@@ -21,8 +20,6 @@ from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.triangle_tree import TriangleTree
-
-FloatArray = NDArray[np.float64]
 
 # A point of a wall's surface belongs to the model when the mesh has its wall this close, mm.
 _CLOSE_MM = 3.0

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -21,9 +21,6 @@ from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.laws import LINEAR, bulk_modulus
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.distance_field import SignedDistanceField
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Rounds in which the surface slides onto the deformed one; the first so many take their part of the way only.
 _ROUNDS, _STAGES = 8, 4

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.forward.coupled_scene import prolonged
@@ -22,8 +22,6 @@ from palpate.core.identify.swarm_stage import search_with_swarm
 from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.messages import Reporter
-
-FloatArray = NDArray[np.float64]
 
 # The element that looks for the optimum first; the chosen one starts where it ended.
 SCOUT = "p1p1"

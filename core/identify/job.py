@@ -29,8 +29,6 @@ from palpate.core.worker.executors import one_thread
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 
-FloatArray = NDArray[np.float64]
-
 MAP_FILE = "stiffness_map.npz"
 
 

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.make_scene import Scene
 from palpate.core.observe.contour_noise import Weighting, contour_covariance, noise_modes, weighting_covariance
-
-FloatArray = NDArray[np.float64]
 
 # Standard deviation of a landmark's match between two scans, mm per axis.
 LANDMARK_SD_MM = 0.5

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.inference.posterior import Posterior, unknown
-
-FloatArray = NDArray[np.float64]
 
 # Quantiles along each of G and share from which an interval is read.
 _GRID = 81

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.pair.rigid_pair import RigidPair
@@ -17,8 +18,6 @@ from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem
-
-FloatArray = NDArray[np.float64]
 
 # Points on the organ's surface, about as far apart as this, mm.
 SURFACE_MM = 2.0
@@ -42,7 +41,7 @@ class Untold:
     in_words: str
     mesh_displacement: FloatArray
     points: FloatArray
-    region: NDArray[np.int64]
+    region: IntArray
     displacement: FloatArray
     expected_mm: float
     notes: tuple[str, ...] = ()

@@ -15,14 +15,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.state import State
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Longer blocks start more particles from a near neighbour, shorter ones share work more evenly: measured, see `palpate bench`.
 BLOCK = 5

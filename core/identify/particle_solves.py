@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.forward.make_scene import make_scene
 from palpate.core.problem import IdentificationProblem
-
-FloatArray = NDArray[np.float64]
 
 _QUICK = NewtonOptions(rtol=1e-6, max_factorisations=60, stability=False)
 

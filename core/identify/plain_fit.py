@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
@@ -17,8 +17,6 @@ from palpate.core.identify.uneven_regions import UNEVEN_SD, uneven_responses
 from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.inference.posterior import NoiseFacts
 from palpate.core.worker.progress import Progress
-
-FloatArray = NDArray[np.float64]
 
 # Starts whose optima differ by less than this in ln G are the same optimum.
 SAME_OPTIMUM = 0.05

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
@@ -14,8 +14,6 @@ from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.inference.posterior import NoiseFacts, Posterior, laplace
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

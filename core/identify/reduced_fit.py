@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.identify.misfit import LANDMARK_SD_MM
 from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
@@ -15,8 +15,6 @@ from palpate.core.inference.posterior import NoiseFacts, Posterior, laplace
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.surfaces.distance_field import SignedDistanceField
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

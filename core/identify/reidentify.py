@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.reduced_fit import ReducedFit
@@ -21,9 +22,6 @@ from palpate.core.problem import IdentificationProblem, Surface
 from palpate.core.reduced.reduced_model import ReducedModel, scene_hash
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FILE = "again.npz"
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.surface_distance import surface_misfit
 from palpate.core.surfaces.triangle_tree import TriangleTree
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def misfit_figures(

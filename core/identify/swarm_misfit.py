@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.identify import particle_solves
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.particle_solves import Solved
 from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
 from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.worker.progress import Progress
-
-FloatArray = NDArray[np.float64]
 
 # Largest error of a reduced displacement that a swarm is given, mm: a twentieth of contour noise.
 TRUSTED_MM = 0.02

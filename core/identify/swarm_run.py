@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.inference.swarm import Swarm, SwarmOptions
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.messages import Reporter
-
-FloatArray = NDArray[np.float64]
 
 # Thetas (m, t) -> misfits (m,), inf where there is none.
 Values = Callable[[FloatArray], FloatArray]

@@ -7,8 +7,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.identify import particle_solves
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.plain_fit import Counter, Posed
@@ -18,8 +18,6 @@ from palpate.core.identify.swarm_run import SwarmOutcome, run_swarm
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.executors import make_executor
 from palpate.core.worker.messages import Reporter
-
-FloatArray = NDArray[np.float64]
 
 
 def search_with_swarm(

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import direct
@@ -23,8 +23,6 @@ from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.map.patches import Patches, cut
 from palpate.core.identify.map.smoothness_prior import SmoothPrior
 from palpate.core.laws import bulk_modulus, mooney_rivlin_parameters
-
-FloatArray = NDArray[np.float64]
 
 # Patches of one region on which the field is told apart, and the field, of unit standard deviation and this long, mm.
 PATCHES = 100

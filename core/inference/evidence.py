@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import log_ndtr, logsumexp
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
 
 # theta (t,) -> whitened residual (q,) and Jacobian (q, t); None where the model has no answer.
 Linearise = Callable[[FloatArray], tuple[FloatArray, FloatArray] | None]

@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from palpate.core.arrays import FloatArray, IntArray
 
 # Draws of noise for the standard error of a gain.
 _DRAWS = 200

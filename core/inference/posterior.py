@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import BoolArray, FloatArray
 
 # A stiffness whose posterior is wider than this share of the prior's width was not seen.
 _BLIND = 0.7
@@ -116,7 +115,7 @@ def _flat_prior(bounds: FloatArray) -> FloatArray:
     return np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
 
 
-def unknown(posterior: Posterior) -> NDArray[np.bool_]:
+def unknown(posterior: Posterior) -> BoolArray:
     """(t,) whether a region's stiffness is about as uncertain as it was before the scans."""
     return posterior.sd > _BLIND * (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
 

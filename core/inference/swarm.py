@@ -19,10 +19,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.core.inference.swarm_topology import draw_informants, neighbourhood_best
-
-FloatArray = NDArray[np.float64]
 
 ATTRACTION = 0.5 + np.log(2.0)  # c of Eq 17
 INERTIA = 1.0 / (2.0 * np.log(2.0))  # omega of Eq 18
@@ -195,7 +194,7 @@ class Swarm:
             raise InputError(f"swarm options must be positive (collapse and patience may be 0): {o}")
 
 
-def sphere_centre(x: FloatArray, own: FloatArray, heard: FloatArray, alone: NDArray[np.bool_]) -> FloatArray:
+def sphere_centre(x: FloatArray, own: FloatArray, heard: FloatArray, alone: BoolArray) -> FloatArray:
     """Eq 17 for positions (M, N), personal bests and best informants.
 
     Where a particle is its own best informant (`alone`, (M,)), the third point would count the second twice; the centre is

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 
-import numpy as np
-from numpy.typing import NDArray
-
+from palpate.core.arrays import FloatArray
 from palpate.core.inference.swarm import Swarm
 
 # Value of a position (N,); inf where it could not be evaluated.
-Objective = Callable[[NDArray[np.float64]], float]
+Objective = Callable[[FloatArray], float]
 
 
 def search(

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
+
 # kernel(F (n, q, 3, 3), p (n, k), W (n, q), g (n, q), P (n, q, 3, 3), G (n, q, 3, 3), A (n, q, 9, 9), H (n, q, 9, 9), order):
 # fills W and g; with order >= 1 their first derivatives P and G; with order 2 their second derivatives A and H.
 Kernel = Callable[..., None]

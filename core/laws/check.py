@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.core.laws.base import FloatArray, Law
+from palpate.core.arrays import FloatArray
+from palpate.core.laws.base import Law
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.core.laws.base import FloatArray, Kernel, Law
+from palpate.core.arrays import FloatArray
+from palpate.core.laws.base import Kernel, Law
 
 
 def with_fibres(law: Law, a: FloatArray) -> Law:

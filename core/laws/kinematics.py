@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
 
 
 @njit(cache=True, inline="always")

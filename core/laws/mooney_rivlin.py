@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from palpate.core.laws.base import FloatArray, Kernel, Law
+from palpate.core.arrays import FloatArray
+from palpate.core.laws.base import Kernel, Law
 from palpate.core.laws.kinematics import add_cofactor_derivative, flat_with_cofactor, volumetric_measure
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from palpate.core.laws.base import FloatArray, Law, bulk_of_G_K, shear_of_G_K
+from palpate.core.arrays import FloatArray
+from palpate.core.laws.base import Law, bulk_of_G_K, shear_of_G_K
 from palpate.core.laws.kinematics import add_cofactor_derivative, flat_with_cofactor
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.forward.composition import Motion, rigid_motion
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.distance_field import SignedDistanceField
-
-FloatArray = NDArray[np.float64]
 
 _SPACING_MM = 6.0
 # Distances beyond this are where a scan ends, not where a bone went, mm.
@@ -79,7 +77,7 @@ def _misfit(points: FloatArray, field: SignedDistanceField, reader: FloatArray, 
     return np.asarray(distance)
 
 
-def _common(points: FloatArray, pair: SurfacePair) -> NDArray[np.bool_]:
+def _common(points: FloatArray, pair: SurfacePair) -> BoolArray:
     """Points well within the box that both surfaces fill: at its ends the scan is cut, not the bone."""
     low = np.maximum(pair.rest.points.min(axis=0), pair.deformed.points.min(axis=0)) + 4.0
     high = np.minimum(pair.rest.points.max(axis=0), pair.deformed.points.max(axis=0)) - 4.0

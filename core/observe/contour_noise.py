@@ -12,11 +12,10 @@ Both scans have a contour, so the variance counts twice.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.spatial.distance import cdist
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
 
 # Error of voxels, surface extraction and mesh, mm rms of the residual, and how far along the surface it is correlated
 # (measured on cases without a hidden effect and without contour noise: 0.16 to 0.20 mm).

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import Surface
 from palpate.core.surfaces.distance_field import SignedDistanceField
-
-FloatArray = NDArray[np.float64]
 
 # Two drawings further apart than this (rms mm) are not of one organ on one scan.
 MOST_MM = 5.0

@@ -11,15 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.fem.space import Space
 from palpate.core.problem import IdentificationProblem, Surface
 from palpate.core.surfaces.distance_field import SignedDistanceField
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Points closer than this to the dividing line of two regions are left out.
 RIM_MM = 3.0
@@ -107,7 +104,7 @@ def sample_surface(surface: Surface, spacing_mm: float) -> tuple[FloatArray, Flo
     return centre[nearest], normal[nearest], region[nearest], np.asarray(total, dtype=np.float64)
 
 
-def _away_from_rim(surface: Surface, centre: FloatArray) -> NDArray[np.bool_]:
+def _away_from_rim(surface: Surface, centre: FloatArray) -> BoolArray:
     low = np.full(len(surface.points), np.iinfo(np.int64).max)
     high = np.full(len(surface.points), -1)
     for k in range(3):

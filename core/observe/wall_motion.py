@@ -16,17 +16,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import DistanceFunction, SlidingWall
 from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
 from palpate.core.observe.wall_motion_prior import SIDEWAYS_MM, Kernel, likeliest
 from palpate.core.observe.wall_rigid_and_growth import SECTION_LENGTH_MM, Whole
-
-FloatArray = NDArray[np.float64]
 
 # Correlation length of the contours' noise, and what voxels add to it point by point, mm.
 _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.spatial.distance import cdist
 
+from palpate.core.arrays import FloatArray
 from palpate.core.observe.wall_rigid_and_growth import Whole
-
-FloatArray = NDArray[np.float64]
 
 # Lengths and standard deviations along the normal among which the likeliest is taken, mm.
 LENGTHS_MM = (10.0, 12.0, 14.0, 17.0, 20.0, 24.0, 29.0, 35.0)

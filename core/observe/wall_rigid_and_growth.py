@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
 
 # Standard deviations, mm an axis, of a bag's translation and of how far sections of a tube shift, together with those this near along the
 # tube; of a bag's growth, rms. They are not asked of the data: across a wall they look like something else, the likeliest size was often 0,

@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.reduced.kernel_interpolation import FIRST_RHO, Features, Fit, best_fit, greedy_points
 from palpate.core.worker.progress import Progress
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +133,7 @@ class _Collected:
     def solves(self) -> int:
         return len(self.x) + len(self.failed)
 
-    def take(self, candidates: FloatArray, picked: NDArray[np.int64]) -> FloatArray:
+    def take(self, candidates: FloatArray, picked: IntArray) -> FloatArray:
         """Solve at candidates[picked]; returns the candidates that are left."""
         x = candidates[picked]
         found = self._solve(self._centre + self._half * x)

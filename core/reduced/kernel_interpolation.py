@@ -13,11 +13,9 @@ from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from palpate.core.arrays import FloatArray, IntArray
 
 # Relative noise of the data, squared: between 1e-10 and 1e-8 nothing changes but the conditioning of the normal matrix.
 NOISE = 1e-9

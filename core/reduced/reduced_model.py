@@ -15,14 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.core.reduced.greedy_design import Design, ReducedOptions, Solve, explore
 from palpate.core.reduced.kernel_interpolation import Features, power
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 FORMAT = 1
 

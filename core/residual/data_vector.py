@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.scene import GapScene
 from palpate.core.observe.bone_registration import BoneSight
 from palpate.core.observe.contour_noise import smooth_covariance
 from palpate.core.observe.surface_observation import SurfaceObservation
-
-FloatArray = NDArray[np.float64]
 
 # Correlation length that decides the modes, mm, and the smallest of their variances, over the largest, that is kept.
 MODE_LENGTH_MM = 7.0

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
@@ -16,8 +16,6 @@ from palpate.core.residual.data_vector import Sight
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, Bench, Point, Trial, carried
 from palpate.core.residual.remeshing import Remeshed
 from palpate.core.worker.progress import Progress
-
-FloatArray = NDArray[np.float64]
 
 QUICK, GOOD = "p1p1", "p2p1"
 # Rounds in which the walls of the better element find their place from where the quick one had them.

@@ -8,15 +8,13 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
 from palpate.core.residual.data_vector import Sight
 from palpate.core.residual.linearised_model import Bench, Point, Trial
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,7 @@ class States:
         return rows_of(self.sights)
 
     @property
-    def surface(self) -> NDArray[np.int64]:
+    def surface(self) -> IntArray:
         """Rows of the organ's surfaces, of all states."""
         return np.concatenate(
             [np.arange(r.start, r.start + s.n_modes) for r, s in zip(self.rows, self.sights, strict=True)]

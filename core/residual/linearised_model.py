@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.newton import Equilibrium
@@ -17,8 +17,6 @@ from palpate.core.forward.effect import Effect, Variant
 from palpate.core.forward.scene import GapScene
 from palpate.core.forward.shared_geometry import Stage
 from palpate.core.residual.data_vector import Sight
-
-FloatArray = NDArray[np.float64]
 
 # Rounds in which walls find their place: from rest, and from a neighbour's equilibrium.
 _FROM_AFAR, _FROM_NEARBY = 8, 2

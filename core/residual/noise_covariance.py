@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.scene import GapScene
@@ -23,8 +23,6 @@ from palpate.core.observe.wall_motion import DRAG
 from palpate.core.residual.data_vector import Sight
 from palpate.core.residual.joint_states import apart, rows_of
 from palpate.core.residual.linearised_model import Point
-
-FloatArray = NDArray[np.float64]
 
 # Correlation lengths of contour noise that are told apart, mm.
 LENGTHS_MM = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
@@ -171,7 +169,7 @@ def organ_contours(sight: Sight, points: FloatArray, sd_mm: float, length: float
     return np.asarray(2.0 * sight.modes.T @ smooth_covariance(points, sd_mm, length) @ sight.modes)
 
 
-def _on_nodes(scene: GapScene, nodes: NDArray[np.int64], force: FloatArray) -> FloatArray:
+def _on_nodes(scene: GapScene, nodes: IntArray, force: FloatArray) -> FloatArray:
     full = np.zeros((scene.space.n_nodes, 3))
     np.add.at(full, nodes, force)
     return full

@@ -14,12 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
+from palpate.core.arrays import FloatArray
 from palpate.core.residual.noise_covariance import LENGTHS_MM, NoiseParts, NoiseSizes
-
-FloatArray = NDArray[np.float64]
 
 _FACTORS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
 # Of the organ's surface as it is cut from voxels: 0.37 to 0.57 a mode on cases without contour noise (`noise_model`).

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.case_data import Pair
 from palpate.core.errors import ConvergenceError
 from palpate.core.forward.composition import Composition
@@ -29,8 +29,6 @@ from palpate.core.residual.remeshing import Remeshed, left_by_all
 from palpate.core.residual.unknown_field import TYPICAL_MM, FreeField
 from palpate.core.residual.wall_error_bias import noise_slope
 from palpate.core.worker.progress import Progress, part, silent
-
-FloatArray = NDArray[np.float64]
 
 # Precision of ln G's prior: none to speak of.
 FLAT = 1e-4

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +24,7 @@ class Remeshed:
     """Another mesh of the same labels. boundary : as in `IdentificationProblem`."""
 
     mesh: TetMesh
-    boundary: dict[str, NDArray[np.int64]]
+    boundary: dict[str, IntArray]
 
     def problem(self, like: IdentificationProblem) -> IdentificationProblem:
         """The problem on this mesh."""

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.observe.contour_noise import noise_modes
 from palpate.core.residual.data_vector import Sight
 from palpate.core.residual.joint_states import Points, apart
 from palpate.core.residual.linearised_model import Point
-
-FloatArray = NDArray[np.float64]
 
 # Correlation length of a missing force, mm; forces are looked for this far around the organ, mm.
 LENGTH_MM = 12.0

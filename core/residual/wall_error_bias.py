@@ -11,14 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.joint_states import Points, States
 from palpate.core.residual.linearised_model import NOTHING, PLAIN
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
-
-FloatArray = NDArray[np.float64]
 
 # Step of ln G in the derivative.
 _STEP = 0.1

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
@@ -19,8 +19,6 @@ from palpate.core.sketch.fit import HIT, Fit, hits
 from palpate.core.sketch.matching import matched
 from palpate.core.sketch.outline import hausdorff
 from palpate.core.sketch.residual import Target
-
-FloatArray = NDArray[np.float64]
 
 # Stiffness of the springs, see `Figure.loaded`, tried in turn; rounds of pairing anew with each.
 _STIFFNESS = (30.0, 120.0, 500.0)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
@@ -20,9 +20,6 @@ from palpate.core.fem.terms.springs import Springs
 from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.mesh import TetMesh
 from palpate.core.sketch.outline import Outline
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SIDES = ("bottom", "top", "left", "right")
 ELEMENT = "p2"
@@ -156,7 +153,7 @@ class Figure:
         return Springs(every, _BED / self.outline.size**2 * np.eye(3), np.zeros((len(share), 3)))
 
 
-def held_points(x: FloatArray, outline: Outline, sides: tuple[str, ...], band: float = HELD_BAND) -> NDArray[np.bool_]:
+def held_points(x: FloatArray, outline: Outline, sides: tuple[str, ...], band: float = HELD_BAND) -> BoolArray:
     """(n,) whether points (n, 2) lie at one of the sides of the outline's box, within `band` figure sizes."""
     low, high = outline.points.min(axis=0), outline.points.max(axis=0)
     away = {"bottom": x[:, 1] - low[1], "top": high[1] - x[:, 1], "left": x[:, 0] - low[0], "right": high[0] - x[:, 0]}

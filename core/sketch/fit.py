@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
@@ -20,8 +20,6 @@ from palpate.core.sketch.fit_walk import FitOptions, Walk
 from palpate.core.sketch.outline import hausdorff
 from palpate.core.sketch.residual import CORRELATION, Target
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
 
 # A keyframe is hit when no part of the outlines is further away than this, in figure sizes.
 HIT = 0.02

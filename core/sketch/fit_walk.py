@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.residual import Target, residual_of
-
-FloatArray = NDArray[np.float64]
 
 # Ratios of stiffness looked for, and forces in their unit: the last only keeps apart what the outlines do not tell.
 RATIO_BOUNDS = (np.log(1.0 / 50.0), np.log(50.0))

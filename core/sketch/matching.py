@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.sketch.outline import Outline, perimeter, resampled_loop
-
-FloatArray = NDArray[np.float64]
 
 # Points a loop is matched with, and how many of the first one's possible partners are tried.
 _COUNT, _STARTS = 160, 40

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.dynamics.march import MarchOptions, march
 from palpate.core.dynamics.mass import Mass
 from palpate.core.dynamics.motion import Motion
@@ -21,8 +21,6 @@ from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.fit import Fit
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
 
 # Two ways to one keyframe are the same when they differ by less than this, in figure sizes.
 _SAME = 0.01

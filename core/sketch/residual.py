@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.outline import Outline
-
-FloatArray = NDArray[np.float64]
 
 # Independent errors of a drawn line lie this far apart, in figure sizes.
 CORRELATION = 0.04

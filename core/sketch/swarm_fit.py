@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.inference.swarm import Swarm, SwarmOptions
 from palpate.core.sketch.figure import Figure
@@ -14,8 +14,6 @@ from palpate.core.sketch.fit import Fit, fit_degree
 from palpate.core.sketch.fit_walk import RATIO_BOUNDS, RATIO_SD, FitOptions
 from palpate.core.sketch.residual import Target
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
 
 # Gauss-Newton steps for the forces of one particle, which begins at its nearest neighbour's.
 _STEPS = 8

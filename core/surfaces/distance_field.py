@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_banded
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.spline_kernels import evaluate
 from palpate.core.surfaces.triangle_tree import TriangleTree
-
-FloatArray = NDArray[np.float64]
 
 # Far from the surface every third grid point is exact and the others follow by splines: 27 times less work.
 _STRIDE = 3
@@ -42,7 +41,7 @@ class SignedDistanceField:
     def from_surface(
         cls,
         points: FloatArray,
-        faces: NDArray[np.int64],
+        faces: IntArray,
         spacing_mm: float = 1.0,
         margin_mm: float = 12.0,
         box: FloatArray | None = None,
@@ -108,7 +107,7 @@ def signed_distance(tree: TriangleTree, x: FloatArray) -> FloatArray:
     return d
 
 
-def _sample(tree: TriangleTree, low: FloatArray, coarse: NDArray[np.int64], h: float, band: float) -> FloatArray:
+def _sample(tree: TriangleTree, low: FloatArray, coarse: IntArray, h: float, band: float) -> FloatArray:
     """Distances on the grid of (coarse - 1) * stride + 1 points a side."""
     far = signed_distance(tree, low + _STRIDE * h * _indices(coarse)).reshape(coarse)
     fine = (coarse - 1) * _STRIDE + 1
@@ -125,7 +124,7 @@ def _sample(tree: TriangleTree, low: FloatArray, coarse: NDArray[np.int64], h: f
     return values
 
 
-def _indices(shape: NDArray[np.int64]) -> FloatArray:
+def _indices(shape: IntArray) -> FloatArray:
     return np.stack(np.meshgrid(*(np.arange(n, dtype=np.float64) for n in shape), indexing="ij"), axis=-1).reshape(
         -1, 3
     )

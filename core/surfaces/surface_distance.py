@@ -9,14 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ def objective(points: FloatArray, target: TriangleTree) -> float:
     return float(np.sum(point_distances(points, target) ** 2))
 
 
-def shared_points(faces: IntArray, face_region: IntArray, n_points: int) -> NDArray[np.bool_]:
+def shared_points(faces: IntArray, face_region: IntArray, n_points: int) -> BoolArray:
     """Whether each of n points is used by faces (f, 3) of more than one region (f,): the ones Eq 13 leaves out."""
     lowest, highest = np.full(n_points, np.iinfo(np.int64).max), np.full(n_points, np.iinfo(np.int64).min)
     for corner in faces.T:
@@ -59,7 +56,7 @@ def region_distances(
     points: FloatArray,
     region: IntArray,
     targets: Mapping[int, TriangleTree],
-    shared: NDArray[np.bool_] | None = None,
+    shared: BoolArray | None = None,
 ) -> FloatArray:
     """Distances (k,) mm of the points (n, 3) that count, each from the target of its own region (n,).
 
@@ -81,7 +78,7 @@ def multi_region_objective(
     points: FloatArray,
     region: IntArray,
     targets: Mapping[int, TriangleTree],
-    shared: NDArray[np.bool_] | None = None,
+    shared: BoolArray | None = None,
 ) -> float:
     """Sum over regions and their points of squared distances, mm2 (Eq 13). Arguments: see `region_distances`."""
     return float(np.sum(region_distances(points, region, targets, shared) ** 2))
@@ -91,7 +88,7 @@ def surface_misfit(
     points: FloatArray,
     region: IntArray,
     targets: Mapping[int, TriangleTree],
-    shared: NDArray[np.bool_] | None = None,
+    shared: BoolArray | None = None,
 ) -> SurfaceMisfit:
     """The figures a report shows. Arguments: see `region_distances`."""
     d = region_distances(points, region, targets, shared)

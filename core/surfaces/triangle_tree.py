@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Triangles in one leaf of the tree, chosen by timing.
 _LEAF = 4
@@ -32,7 +29,7 @@ class TriangleTree:
     boxes: FloatArray
     order: IntArray
     normals: FloatArray
-    rim: NDArray[np.bool_]
+    rim: BoolArray
 
     @classmethod
     def of(cls, points: FloatArray, faces: IntArray) -> TriangleTree:
@@ -87,7 +84,7 @@ def _boxes(corners: FloatArray, order: IntArray) -> FloatArray:
     return np.ascontiguousarray(np.vstack(levels[::-1]))
 
 
-def _pseudo_normals(points: FloatArray, faces: IntArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _pseudo_normals(points: FloatArray, faces: IntArray) -> tuple[FloatArray, BoolArray]:
     """Normals (f, 7, 3) and rim flags (f, 7) of every face, corner and edge, in the order of `TriangleTree.normals`."""
     X = points[faces]
     cross = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])

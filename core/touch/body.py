@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -19,8 +19,6 @@ from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_paramet
 from palpate.core.mesh import TetMesh
 from palpate.core.touch.probe import Grip, Press
 from palpate.core.touch.surface import ContactSurface
-
-FloatArray = NDArray[np.float64]
 
 SUPPORTS = {
     "bed": "the organ alone, on springs all over its surface that yield as the removed tissue around it would",
@@ -54,7 +52,7 @@ class Body:
     support: str = "bed"
     tissue_kpa: float = 20.0
     poisson_ratio: float = 0.495
-    fixed: NDArray[np.int64] | None = None
+    fixed: IntArray | None = None
     interval_kpa: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -119,7 +117,7 @@ class Body:
         made.set_materials(self.materials)
         return made
 
-    def _table(self) -> NDArray[np.int64] | None:
+    def _table(self) -> IntArray | None:
         if self.support != "table":
             return None
         behind = self.surface.rest[:, 1]  # LPS: y grows towards the back

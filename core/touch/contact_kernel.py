@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from palpate.core.fem.terms.base import triangle_quadrature
-
-FloatArray = NDArray[np.float64]
 
 POINTS, WEIGHTS = triangle_quadrature(4)
 

@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear.choice import FactorisationError
 from palpate.core.fem.newton.work import moved, relative
 from palpate.core.fem.state import State
 from palpate.core.touch.body import Body
 from palpate.core.touch.probe import Contact, Grip
-
-FloatArray = NDArray[np.float64]
 
 _ITERATIONS = 25
 # Factorisations after which a person has waited long enough.

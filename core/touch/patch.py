@@ -6,13 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.touch.probe import Blocks, Contact
 from palpate.core.touch.surface import ContactSurface
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _STEPS = 12
 _SHORTEST = 0.1

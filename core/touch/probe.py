@@ -8,13 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.touch.contact_kernel import POINTS, WEIGHTS, sphere_blocks
 from palpate.core.touch.surface import ContactSurface
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,17 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.work import moved
 from palpate.core.fem.state import State
 from palpate.core.touch.body import Body
 from palpate.core.touch.mixing import Mixing
 from palpate.core.touch.patch import Patch
 from palpate.core.touch.probe import Contact
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Of an edge: how exactly the patch's contact is solved in each round.
 _PRECISION = 2e-5

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.fem.state import State
 from palpate.core.touch.body import Body
@@ -14,8 +14,6 @@ from palpate.core.touch.full import FullTouch
 from palpate.core.touch.probe import Contact
 from palpate.core.touch.quick import QuickOptions, QuickTouch
 from palpate.core.touch.surface import Touched
-
-FloatArray = NDArray[np.float64]
 
 # How far the probe may go: of its own radius, and of the body's.
 _DEEPEST_OF_PROBE, _DEEPEST_OF_BODY = 0.65, 0.3

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.inference.swarm import Swarm, SwarmOptions
 from palpate.core.inference.swarm_search import search
@@ -44,7 +44,7 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     return {"best": swarm.best_value, "position": swarm.best_position.tolist(), "iterations": swarm.iteration}
 
 
-def rastrigin(x: NDArray[np.float64], pause_s: float = 0.0) -> float:
+def rastrigin(x: FloatArray, pause_s: float = 0.0) -> float:
     """Least value 0 at the origin, a local minimum near every other integer point."""
     if pause_s > 0.0:
         time.sleep(pause_s)

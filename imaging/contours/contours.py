@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.draw import polygon2mask
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 
@@ -25,9 +26,7 @@ BRIDGED_GAPS = 3.5
 BRIDGED_MM = 15.0
 
 
-def contours_to_mask(
-    contours: Sequence[NDArray[np.float64]], grid: Volume, name: str, notes: list[str]
-) -> NDArray[np.bool_]:
+def contours_to_mask(contours: Sequence[FloatArray], grid: Volume, name: str, notes: list[str]) -> BoolArray:
     """The voxels of ``grid`` whose centres lie in the structure, shape of its array.
 
     contours : each (n, 3) mm in LPS, closed, parallel to the volume's slices. Several on one plane are combined by
@@ -55,8 +54,8 @@ def contours_to_mask(
     return mask
 
 
-def _masks_by_plane(contours: Sequence[NDArray[np.float64]], grid: Volume, name: str) -> dict[float, NDArray[np.bool_]]:
-    planes: dict[float, NDArray[np.bool_]] = {}
+def _masks_by_plane(contours: Sequence[FloatArray], grid: Volume, name: str) -> dict[float, BoolArray]:
+    planes: dict[float, BoolArray] = {}
     for points in contours:
         height = float(points[:, 2].mean())
         if np.ptp(points[:, 2]) * grid.spacing[2] > FLAT_WITHIN_MM:
@@ -86,12 +85,12 @@ def _check_interruptions(heights: NDArray[Any], usual: float, slice_mm: float, n
 class _Outlines:
     """The masks of a structure by height, and sections between them."""
 
-    def __init__(self, planes: dict[float, NDArray[np.bool_]], spacing: NDArray[np.float64]) -> None:
+    def __init__(self, planes: dict[float, BoolArray], spacing: FloatArray) -> None:
         self.planes, self.spacing = planes, spacing
         self.heights = np.array(sorted(planes))
-        self.distances: dict[float, NDArray[np.float64]] = {}
+        self.distances: dict[float, FloatArray] = {}
 
-    def section(self, k: float, usual: float) -> NDArray[np.bool_] | bool:
+    def section(self, k: float, usual: float) -> BoolArray | bool:
         """The mask at height k; planes are ``usual`` apart."""
         heights = self.heights
         # The end planes own half a gap beyond them, limit excluded: a slice there would add half a slice of volume.
@@ -106,13 +105,13 @@ class _Outlines:
         weight = (k - low) / (high - low)
         return (1.0 - weight) * self._distance(low) + weight * self._distance(high) > 0.0
 
-    def _distance(self, height: float) -> NDArray[np.float64]:
+    def _distance(self, height: float) -> FloatArray:
         if height not in self.distances:
             self.distances[height] = _signed_distance(self.planes[height], self.spacing)
         return self.distances[height]
 
 
-def _signed_distance(inside: NDArray[np.bool_], spacing: NDArray[np.float64]) -> NDArray[np.float64]:
+def _signed_distance(inside: BoolArray, spacing: FloatArray) -> FloatArray:
     """Distance to the outline, mm, positive inside. Half a voxel each way: the outline lies between voxel centres."""
     if not inside.any():
         return np.full(inside.shape, -1e6)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pydicom
-from numpy.typing import NDArray
 from pydicom.pixels import iter_pixels
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.named_labels import label_named, unique
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
@@ -39,7 +39,7 @@ class DicomSegments:
     numbers: dict[str, int]
     frames: list[tuple[int, int]]
     shape: tuple[int, int, int]
-    affine: NDArray[np.float64]
+    affine: FloatArray
     full: float
 
     @property
@@ -52,7 +52,7 @@ class DicomSegments:
         """An empty volume on which all frames lie."""
         return Volume(np.zeros(self.shape, dtype=np.uint8), self.affine)
 
-    def mask(self, name: str) -> NDArray[np.bool_]:
+    def mask(self, name: str) -> BoolArray:
         """The voxels of a segment; those at least half certain of a fractional one."""
         number = self.numbers[name]
         wanted = [index for index, (of, _) in enumerate(self.frames) if of in (0, number)]
@@ -127,7 +127,7 @@ def _segment_of_frames(dataset: pydicom.Dataset, path: Path) -> list[int]:
     return found
 
 
-def _lattice(slices: list[Slice], path: Path) -> tuple[tuple[int, int, int], NDArray[np.float64], list[int]]:
+def _lattice(slices: list[Slice], path: Path) -> tuple[tuple[int, int, int], FloatArray, list[int]]:
     """Shape and affine (4, 4) of the grid, and of each frame its index along k."""
     first = slices[0]
     for other in slices:
@@ -153,7 +153,7 @@ def _lattice(slices: list[Slice], path: Path) -> tuple[tuple[int, int, int], NDA
     return (columns, rows, count), affine, [int(k) for k in planes]
 
 
-def _refined(heights: NDArray[np.float64], gap: float) -> float:
+def _refined(heights: FloatArray, gap: float) -> float:
     """The slice gap, from all positions: the narrowest one alone is as coarse as positions are rounded."""
     counts = np.rint((heights - heights.min()) / gap)
     return float(np.ptp(heights) / counts.max())

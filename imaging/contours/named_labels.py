@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.roi_names import choose_rois
 from palpate.imaging.labels import (
@@ -44,7 +44,7 @@ class Segments(Protocol):
     @property
     def grid(self) -> Volume: ...
 
-    def mask(self, name: str) -> NDArray[np.bool_]:
+    def mask(self, name: str) -> BoolArray:
         """The voxels of a segment, shape of the grid's array."""
         ...
 

@@ -16,6 +16,7 @@ from nibabel.filebasedimages import ImageFileError
 from nibabel.spatialimages import HeaderDataError
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
@@ -116,7 +117,7 @@ def _pixels(image: Any, path: Path) -> NDArray[Any]:
     return array
 
 
-def _placement(image: Any, path: Path) -> NDArray[np.float64]:
+def _placement(image: Any, path: Path) -> FloatArray:
     header = image.header
     try:
         sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]

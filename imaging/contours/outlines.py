@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from skimage.measure import find_contours
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.grid import labels_on
 from palpate.imaging.volume import Volume
 
@@ -33,7 +33,7 @@ def labels_on_slices(labels: Volume, ct: Volume) -> tuple[Volume, int]:
     return labels_on(labels, empty), int(low[2])
 
 
-def outlines(mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+def outlines(mask: BoolArray) -> list[FloatArray]:
     """Closed contours (n, 2) around the parts of a mask (ni, nj), and around its holes, in index coordinates.
 
     They run half way between voxel centres, so that just the centres of the mask lie within an odd number of them.
@@ -43,7 +43,7 @@ def outlines(mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
     return [contour for contour in found if len(contour) >= _FEWEST_POINTS]
 
 
-def _corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _corners(points: FloatArray) -> FloatArray:
     """The points at which a closed contour turns."""
     after, before = np.roll(points, -1, axis=0) - points, points - np.roll(points, 1, axis=0)
     turns = np.abs(after[:, 0] * before[:, 1] - after[:, 1] * before[:, 0]) > 1e-9

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pydicom
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.contours import contours_to_mask
 from palpate.imaging.contours.named_labels import PAINT_ORDER
@@ -31,7 +31,7 @@ class Structures:
     names : organ -> the structures it was made of. notes : what a person should know, one line each.
     """
 
-    masks: dict[str, NDArray[np.bool_]]
+    masks: dict[str, BoolArray]
     names: dict[str, list[str]]
     notes: tuple[str, ...]
 
@@ -101,13 +101,13 @@ def _images(dataset: pydicom.Dataset) -> set[str]:
     }
 
 
-def _contours(dataset: pydicom.Dataset, path: Path) -> tuple[dict[str, list[NDArray[np.float64]]], list[str]]:
+def _contours(dataset: pydicom.Dataset, path: Path) -> tuple[dict[str, list[FloatArray]], list[str]]:
     """The closed contours of each structure that has any, name -> [(n, 3) mm]."""
     names = {
         int(s.ROINumber): " ".join(str(s.get("ROIName", "")).split())
         for s in dataset.get("StructureSetROISequence") or []
     }
-    found: dict[str, list[NDArray[np.float64]]] = {}
+    found: dict[str, list[FloatArray]] = {}
     notes: list[str] = []
     for roi in dataset.get("ROIContourSequence") or []:
         name = names.get(int(roi.get("ReferencedROINumber", -1)), "")
@@ -120,7 +120,7 @@ def _contours(dataset: pydicom.Dataset, path: Path) -> tuple[dict[str, list[NDAr
     return found, list(dict.fromkeys(notes))
 
 
-def _points(contour: pydicom.Dataset, name: str, path: Path) -> NDArray[np.float64]:
+def _points(contour: pydicom.Dataset, name: str, path: Path) -> FloatArray:
     try:
         points = np.array(contour.get("ContourData") or [], dtype=np.float64).reshape(-1, 3)
     except (TypeError, ValueError) as error:

@@ -13,6 +13,7 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.named_labels import unique
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
@@ -31,7 +32,7 @@ class NrrdSegments:
     path: Path
     values: dict[str, tuple[int, int]]
     layers: NDArray[Any]
-    affine: NDArray[np.float64]
+    affine: FloatArray
 
     @property
     def names(self) -> list[str]:
@@ -43,7 +44,7 @@ class NrrdSegments:
         """An empty volume of the file's grid."""
         return Volume(np.zeros(self.layers.shape[:3], dtype=np.uint8), self.affine)
 
-    def mask(self, name: str) -> NDArray[np.bool_]:
+    def mask(self, name: str) -> BoolArray:
         """The voxels of a segment."""
         layer, value = self.values[name]
         return np.asarray(self.layers[..., layer] == value)
@@ -130,7 +131,7 @@ def _values(facts: Mapping[str, str], layers: int, path: Path) -> dict[str, tupl
     return found
 
 
-def _placement(image: sitk.Image, path: Path) -> NDArray[np.float64]:
+def _placement(image: sitk.Image, path: Path) -> FloatArray:
     affine = np.eye(4)
     spacing, direction = np.array(image.GetSpacing()), np.array(image.GetDirection()).reshape(3, 3)
     affine[:3, :3], affine[:3, 3] = direction * spacing, image.GetOrigin()

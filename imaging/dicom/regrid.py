@@ -9,6 +9,7 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.dicom.stack import Stack
 from palpate.imaging.volume import Volume
 
@@ -30,7 +31,7 @@ def as_volume(pixels: NDArray[Any], stack: Stack, notes: list[str]) -> Volume:
     return _straightened(volume, stack)
 
 
-def _affine(stack: Stack) -> NDArray[np.float64]:
+def _affine(stack: Stack) -> FloatArray:
     first, affine = stack.slices[0], np.eye(4)
     affine[:3, 0] = first.right * first.spacing[0]
     affine[:3, 1] = first.down * first.spacing[1]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pydicom
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DicomFile, find_dicom
 from palpate.imaging.dicom.pixels import read_slices
@@ -82,9 +82,7 @@ def _stack(files: Sequence[DicomFile], folder: Path, notes: list[str]) -> Stack:
     return stack(ordered, positions, folder)
 
 
-def _without_copies(
-    slices: list[Slice], positions: NDArray[np.float64], notes: list[str]
-) -> tuple[list[Slice], NDArray[np.float64]]:
+def _without_copies(slices: list[Slice], positions: FloatArray, notes: list[str]) -> tuple[list[Slice], FloatArray]:
     """Each position once. Raises InputError where two slices at one position differ."""
     kept = [0]
     for index in range(1, len(slices)):

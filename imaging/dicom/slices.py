@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pydicom
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DicomFile, reading
 
@@ -29,16 +29,16 @@ class Slice:
     frame: int
     sop_uid: str
     instance: int | None
-    right: NDArray[np.float64]
-    down: NDArray[np.float64]
-    origin: NDArray[np.float64]
+    right: FloatArray
+    down: FloatArray
+    origin: FloatArray
     spacing: tuple[float, float]
     shape: tuple[int, int]
     slope: float
     intercept: float
 
     @property
-    def normal(self) -> NDArray[np.float64]:
+    def normal(self) -> FloatArray:
         """Unit vector (3,) across the slice."""
         return np.cross(self.right, self.down)
 
@@ -108,7 +108,7 @@ def _slice(file: DicomFile, frame: int, place: pydicom.Dataset) -> Slice:
     )
 
 
-def _orientation(place: pydicom.Dataset, path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _orientation(place: pydicom.Dataset, path: Path) -> tuple[FloatArray, FloatArray]:
     cosines = np.array(_numbers(place, "ImageOrientationPatient", 6, path))
     right, down = cosines[:3], cosines[3:]
     lengths = np.linalg.norm(right), np.linalg.norm(down)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import takewhile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.slices import Slice
 
@@ -32,18 +32,18 @@ class Stack:
     """
 
     slices: tuple[Slice, ...]
-    positions: NDArray[np.float64]
-    step: NDArray[np.float64]
+    positions: FloatArray
+    step: FloatArray
     even: bool
     gap: float
 
     @property
-    def shift(self) -> NDArray[np.float64]:
+    def shift(self) -> FloatArray:
         """In-plane shift (3,) per mm of position; zero unless the gantry was tilted."""
         return self.step - self.slices[0].normal
 
 
-def in_order(slices: Sequence[Slice], folder: object) -> tuple[list[Slice], NDArray[np.float64]]:
+def in_order(slices: Sequence[Slice], folder: object) -> tuple[list[Slice], FloatArray]:
     """The slices sorted by position along their normal, and the positions (n,) mm.
 
     Raises InputError when they differ in size, pixel spacing or orientation, or all lie at one position.
@@ -75,7 +75,7 @@ def _usual(slices: Sequence[Slice]) -> Slice:
     return slices[max(range(len(slices)), key=lambda index: kinds.count(kinds[index]))]
 
 
-def stack(slices: Sequence[Slice], positions: NDArray[np.float64], folder: object) -> Stack:
+def stack(slices: Sequence[Slice], positions: FloatArray, folder: object) -> Stack:
     """The slices, sorted and each position once, as a stack.
 
     Raises InputError when there are too few, one is missing, gaps vary too much or the slices do not lie on one line.
@@ -99,7 +99,7 @@ def stack(slices: Sequence[Slice], positions: NDArray[np.float64], folder: objec
     return Stack(tuple(slices), positions, _step(slices, positions), even, float(even_gap) if even else usual)
 
 
-def _refuse_missing(slices: Sequence[Slice], positions: NDArray[np.float64], usual: float) -> None:
+def _refuse_missing(slices: Sequence[Slice], positions: FloatArray, usual: float) -> None:
     gaps = np.diff(positions)
     for at in np.flatnonzero(gaps > WIDE_GAP * usual).tolist():
         if _row_of_like(gaps, at) >= COARSER_ROW and not _count_jumps(slices, at):
@@ -110,7 +110,7 @@ def _refuse_missing(slices: Sequence[Slice], positions: NDArray[np.float64], usu
         )
 
 
-def _row_of_like(gaps: NDArray[np.float64], at: int) -> int:
+def _row_of_like(gaps: FloatArray, at: int) -> int:
     """How many gaps in a row, with the one at ``at``, are as wide as it."""
     like = np.abs(gaps - gaps[at]) < 0.1 * gaps[at]
     before, after = (sum(1 for _ in takewhile(bool, side)) for side in (like[at::-1], like[at:]))
@@ -126,7 +126,7 @@ def _count_jumps(slices: Sequence[Slice], at: int) -> bool:
     return bool(steps[at] > np.median(steps))
 
 
-def _step(slices: Sequence[Slice], positions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _step(slices: Sequence[Slice], positions: FloatArray) -> FloatArray:
     first, last = slices[0], slices[-1]
     step = (last.origin - first.origin) / (positions[-1] - positions[0])
     for each, position in zip(slices, positions, strict=True):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, JPEG2000Lossless, generate_uid
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_folder
 from palpate.imaging.volume import Volume
@@ -146,6 +147,6 @@ def _add_pixels(data: FileDataset, pixels: NDArray[np.uint16], compress: bool) -
         data.compress(JPEG2000Lossless, generate_instance_uid=False)
 
 
-def _decimals(values: Sequence[float] | NDArray[np.float64], places: int) -> list[str]:
+def _decimals(values: Sequence[float] | FloatArray, places: int) -> list[str]:
     """Decimal strings of at most 16 characters, as DICOM's DS demands; without a minus before zero."""
     return [f"{round(float(v), places) + 0.0:.{places}f}"[:16].rstrip("0").rstrip(".") for v in values]

@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from skimage import measure
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.sketch.outline import Outline, resampled_loop, signed_area
 from palpate.imaging.drawings.picture import Picture
 from palpate.imaging.drawings.png import read_png
 from palpate.imaging.drawings.svg import read_svg
-
-FloatArray = NDArray[np.float64]
 
 # Other shapes with less than this share of the figure's area are specks; holes with less are blots.
 _SPECK, _BLOT = 0.01, 0.004
@@ -35,7 +33,7 @@ class Drawing:
     scale: float
     notes: tuple[str, ...]
 
-    def part_at(self, x: FloatArray) -> NDArray[np.int64]:
+    def part_at(self, x: FloatArray) -> IntArray:
         """(n,) the part's number at points (n, 2) mm, that of the nearest pixel of the figure."""
         inside = self.picture.solid >= 0.5
         nearest = ndimage.distance_transform_edt(~inside, return_distances=False, return_indices=True)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray, IntArray
 
 # A picture is brought to about so many pixels across: finer than any line is drawn.
 PIXELS = 900
@@ -23,7 +22,7 @@ class Picture:
     """
 
     solid: FloatArray
-    parts: NDArray[np.int64]
+    parts: IntArray
     colours: tuple[str, ...]
     pixel: float
     origin: FloatArray

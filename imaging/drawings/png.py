@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from scipy import ndimage
 from skimage import measure
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
-from palpate.imaging.drawings.picture import PIXELS, FloatArray, Picture, hex_colour
+from palpate.imaging.drawings.picture import PIXELS, Picture, hex_colour
 
 _LARGEST = 12000
 # Colours nearer to the background than this are background; nearer to each other are one.
@@ -65,7 +65,7 @@ def _pixels(path: Path) -> tuple[FloatArray, float]:
     return np.asarray(flat, dtype=np.float64) / 255.0, rgba.size[0] / shape[0]
 
 
-def _colours(rgb: FloatArray, drawn: NDArray[np.bool_]) -> FloatArray:
+def _colours(rgb: FloatArray, drawn: BoolArray) -> FloatArray:
     """(P, 3) the colours that make up the drawing, the commonest first. Blends at edges are none."""
     inner = ndimage.binary_erosion(drawn, iterations=1)
     values = rgb[inner if inner.sum() > 20 else drawn]
@@ -79,7 +79,7 @@ def _colours(rgb: FloatArray, drawn: NDArray[np.bool_]) -> FloatArray:
     return np.array(found)
 
 
-def _blended(rgb: FloatArray, background: FloatArray, colours: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+def _blended(rgb: FloatArray, background: FloatArray, colours: FloatArray) -> tuple[FloatArray, IntArray]:
     """How much figure each pixel holds, and which colour.
 
     A pixel at the figure's edge is background and the nearest pure colour; away from the background it is colours alone.
@@ -94,7 +94,7 @@ def _blended(rgb: FloatArray, background: FloatArray, colours: FloatArray) -> tu
     return np.where(beside, np.clip(share, 0.0, 1.0), 1.0), part
 
 
-def _is_line(mask: NDArray[np.bool_], drawn: NDArray[np.bool_]) -> bool:
+def _is_line(mask: BoolArray, drawn: BoolArray) -> bool:
     """Whether a colour is nowhere thick, seen against the whole drawing."""
     rows, columns = np.nonzero(drawn)
     extent = max(np.ptp(rows), np.ptp(columns)) + 1

@@ -8,11 +8,11 @@ from xml.etree.ElementTree import ParseError
 
 import numpy as np
 import svgelements
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
-from palpate.imaging.drawings.picture import PIXELS, FloatArray, Picture, hex_colour
+from palpate.imaging.drawings.picture import PIXELS, Picture, hex_colour
 
 _LARGEST_BYTES, _MOST_SHAPES = 10_000_000, 2000
 # Drawn so much finer, then averaged: edges keep a fraction of a pixel.
@@ -98,7 +98,7 @@ def _flattened(part: svgelements.Subpath) -> FloatArray:
 
 def _painted(
     shapes: list[tuple[list[FloatArray], FloatArray]], low: FloatArray, pixel: float, shape: tuple[int, int]
-) -> tuple[FloatArray, NDArray[np.int64], tuple[str, ...]]:
+) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
     """Solid, parts and colours of a picture (h, w) = shape; white covers what is below it."""
     fine = _FINER * shape[0], _FINER * shape[1]
     owner = np.full(fine, -1)

@@ -10,6 +10,7 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.registration.bone_surface import BoneField, Surface, bone_of_ct, bone_of_labels, bone_surface
 from palpate.imaging.registration.rigid import coarse_shift, matrix_of, reach, register
@@ -41,7 +42,7 @@ class Alignment:
     rest that the deformed scan covers. notes : what a person should know, one line each.
     """
 
-    deformed_to_rest: NDArray[np.float64]
+    deformed_to_rest: FloatArray
     residual_mm: float
     part_residual_mm: dict[str, float]
     unmatched: float
@@ -142,17 +143,17 @@ def _accepted(found: Alignment) -> Alignment:
     return found
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float(PARTNER_WITHIN_MM)
 
 
-def _limits(surface: Surface) -> NDArray[np.float64]:
+def _limits(surface: Surface) -> FloatArray:
     """Where along x the right part ends and the left one begins: the middle half of the bone's width between them."""
     low, high = np.percentile(surface.points[:, 0], [3, 97])
     return np.array([low + 0.25 * (high - low), high - 0.25 * (high - low)])
 
 
-def _part_of(points: NDArray[np.float64], surface: Surface) -> NDArray[np.intp]:
+def _part_of(points: FloatArray, surface: Surface) -> NDArray[np.intp]:
     """0 right, 1 centre, 2 left, by x (LPS: +x is left)."""
     return np.searchsorted(_limits(surface), points[:, 0])
 
@@ -169,7 +170,7 @@ def _without(mask: sitk.Image, parts: Sequence[str], surface: Surface) -> sitk.I
     return volume.with_array(array).to_sitk()
 
 
-def _inside(points: NDArray[np.float64], image: sitk.Image) -> NDArray[np.bool_]:
+def _inside(points: FloatArray, image: sitk.Image) -> BoolArray:
     volume = Volume.from_sitk(image)
     index = volume.to_index(points)
     return np.all((index >= 0) & (index <= np.array(volume.array.shape) - 1), axis=1)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import SimpleITK as sitk
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BONE
 from palpate.imaging.volume import Volume
@@ -59,10 +59,10 @@ def bone_of_labels(labels: Volume, source: str) -> BoneField:
 class Surface:
     """Points (n, 3) mm on a surface and its unit normals there (n, 3)."""
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    points: FloatArray
+    normals: FloatArray
 
-    def distances(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """From points (m, 3) mm: along the normal of the nearest surface point (m,), and to that point itself (m,)."""
         far, nearest = cKDTree(self.points).query(points)
         along = np.einsum("ij,ij->i", points - self.points[nearest], self.normals[nearest])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import SimpleITK as sitk
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.registration.bone_surface import BoneField
 
@@ -102,9 +102,9 @@ def reach(mask: sitk.Image, distance: float) -> sitk.Image:
     return sitk.BinaryDilate(mask, [max(1, round(distance / spacing)) for spacing in mask.GetSpacing()])
 
 
-def matrix_of(transform: sitk.Euler3DTransform) -> NDArray[np.float64]:
+def matrix_of(transform: sitk.Euler3DTransform) -> FloatArray:
     """The (4, 4) of a rigid transform, LPS mm."""
-    matrix: NDArray[np.float64] = np.eye(4)
+    matrix: FloatArray = np.eye(4)
     matrix[:3, :3] = np.array(transform.GetMatrix()).reshape(3, 3)
     centre = np.array(transform.GetCenter())
     matrix[:3, 3] = centre + np.array(transform.GetTranslation()) - matrix[:3, :3] @ centre

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 
 # Pairs of near triangles beyond which the search is given up: a surface with very unequal triangles.
 _MOST_PAIRS = 6_000_000
@@ -29,7 +27,7 @@ def crossings(points: FloatArray, faces: IntArray) -> IntArray | None:
     return np.unique(np.concatenate([b[pierced[0]], a[pierced[1]]]))
 
 
-def _pierces(edges_of: FloatArray, triangle: FloatArray) -> NDArray[np.bool_]:
+def _pierces(edges_of: FloatArray, triangle: FloatArray) -> BoolArray:
     """(p,) whether an edge of the first triangle (p, 3, 3) passes through the inside of the second (p, 3, 3)."""
     u, v = triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0]
     normal = np.cross(u, v)
@@ -44,7 +42,7 @@ def _pierces(edges_of: FloatArray, triangle: FloatArray) -> NDArray[np.bool_]:
     return hit
 
 
-def _inside(x: FloatArray, triangle: FloatArray, normal: FloatArray) -> NDArray[np.bool_]:
+def _inside(x: FloatArray, triangle: FloatArray, normal: FloatArray) -> BoolArray:
     inside = np.ones(len(x), dtype=bool)
     for k in range(3):
         side = triangle[:, (k + 1) % 3] - triangle[:, k]

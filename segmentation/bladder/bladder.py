@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bladder.urine import urine_of, urine_region
 from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
@@ -14,8 +14,6 @@ from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.working_grid import Mask, blurred, dilated, eroded, largest, opened
-
-FloatArray = NDArray[np.float64]
 
 # What urine without contrast medium can be, and how far above its own median it still counts.
 LOWEST_HU, ABOVE_HU = -24.0, 15.0
@@ -70,7 +68,7 @@ def _allowed(scene: Scene, prompts: Prompts) -> Mask:
     return near & (z > front[0, 2]) & (y > front[0, 1] - 20.0) & (y < front[1, 1] + 95.0)
 
 
-def _best_core(scene: Scene, smooth: NDArray[np.float32], allowed: Mask) -> Mask | None:
+def _best_core(scene: Scene, smooth: Float32Array, allowed: Mask) -> Mask | None:
     """The inner part of the region most like a bladder: large, low in HU, homogeneous, at the midline."""
     best, best_score = None, 0.0
     for high in TRIED_HU:
@@ -97,7 +95,7 @@ def _score(scene: Scene, part: Mask, spread: float) -> float:
     return float(size * np.exp(-0.5 * (off / 25.0) ** 2 - 0.5 * (high / 20.0) ** 2) / (1.0 + (spread / 10.0) ** 2))
 
 
-def _core_at(scene: Scene, smooth: NDArray[np.float32], allowed: Mask, point: FloatArray) -> Mask | None:
+def _core_at(scene: Scene, smooth: Float32Array, allowed: Mask, point: FloatArray) -> Mask | None:
     """The inner part of the homogeneous region about a point."""
     at = scene.index(point)
     around = scene.box_mask(np.array([point, point]), 4.0) & allowed

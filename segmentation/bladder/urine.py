@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.special import expit
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.search_region import Scene
 from palpate.segmentation.working_grid import Mask, blurred, dilated, largest, opened
@@ -33,8 +33,8 @@ class Urine:
     hu: float
     noise: float
     edge: float
-    fine: NDArray[np.float32]
-    rough: NDArray[np.float64]
+    fine: Float32Array
+    rough: FloatArray
 
 
 def urine_of(scene: Scene, core: Mask) -> Urine:
@@ -48,7 +48,7 @@ def urine_of(scene: Scene, core: Mask) -> Urine:
     return Urine(float(np.median(fine[core])), noise, max(edge, 0.5), fine, rough)
 
 
-def _roughness(values: NDArray[np.float32], step: float) -> NDArray[np.float64]:
+def _roughness(values: Float32Array, step: float) -> FloatArray:
     """Standard deviation about each voxel: low within a fluid, high at walls and where vessels and fat mix to its HU."""
     width = max(3, round(WINDOW_MM / step) | 1)
     wide = values.astype(np.float64)
@@ -56,7 +56,7 @@ def _roughness(values: NDArray[np.float32], step: float) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))
 
 
-def _calm(urine: Urine, smooth: NDArray[np.float32], core: Mask, allowed: Mask, step: float) -> Mask:
+def _calm(urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask, step: float) -> Mask:
     """What is certainly bladder: of its HU, no rougher than it, and hanging together with where it was found."""
     like = np.abs(smooth - urine.hu) < max(LIKE_SD * urine.noise, LIKE_HU)
     calm = opened((urine.rough < ROUGHER * urine.noise) & like & allowed, SMOOTH_MM, step) | core
@@ -72,7 +72,7 @@ def _deepest(mask: Mask, step: float) -> float:
     return float(ndimage.distance_transform_edt(mask, sampling=step).max())
 
 
-def urine_region(scene: Scene, urine: Urine, smooth: NDArray[np.float32], core: Mask, allowed: Mask) -> Mask:
+def urine_region(scene: Scene, urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask) -> Mask:
     """The urine about a core, grown to the edges around it by random walks; nothing where all is too thin.
 
     smooth : HU, blurred by 2 mm. allowed : where the bladder may be.

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.landmarks import Pelvis
 from palpate.segmentation.methods.star_surface import sphere
-
-FloatArray = NDArray[np.float64]
 
 SIDES = {"left": 1.0, "right": -1.0}
 # Where a head is sought: away from the plane of symmetry, in front of and behind the symphysis, below and above it, mm.
@@ -43,7 +41,7 @@ class _Edges:
     inward: FloatArray
     weight: FloatArray
 
-    def towards(self, centre: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def towards(self, centre: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Distances (n,) mm to a centre, and which edges look at it."""
         away = centre - self.points
         far = np.linalg.norm(away, axis=1)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, optimize
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.segmentation.working_grid import Mask
-
-FloatArray = NDArray[np.float64]
 
 # Half the width of the band about the midline in which the symphysis and the sacrum are sought.
 BAND_MM = 12.0

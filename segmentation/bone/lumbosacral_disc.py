@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.landmarks import Pelvis
 from palpate.segmentation.working_grid import Mask
-
-FloatArray = NDArray[np.float64]
 
 # The disc is sought by its tilt (degrees forward) and its offset from the upper end of the sacroiliac joints, mm.
 TILTS, OFFSETS_MM, USUAL = np.arange(20.0, 61.0, 5.0), np.arange(-8.0, 31.0, 2.0), (40.0, 10.0)

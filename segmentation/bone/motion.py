@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.segmentation.bone.parts import BoneParts
 from palpate.segmentation.methods.surface_mesh import shell_of_mask
-
-FloatArray = NDArray[np.float64]
 
 SMOOTH_MM, FEWEST, SAMPLES, ROUNDS = 1.5, 300, 3000, 25
 # Pairs further apart than the first, and the worst share of the others, have no partner: the scans end elsewhere.

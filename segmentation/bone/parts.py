@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.segmentation import watershed
 
+from palpate.core.arrays import Float32Array, FloatArray, Int32Array, LabelArray
 from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.femoral_heads import SIDES, Head, find_heads
 from palpate.segmentation.bone.landmarks import Pelvis
 from palpate.segmentation.bone.lumbosacral_disc import above_sacrum
 from palpate.segmentation.working_grid import Mask
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 # Joint spaces are dark lines narrower than twice this between bright cortices; marrow is wider. HU are cut to this range.
 JOINT_MM, LOW_HU, HIGH_HU = 4.0, -50.0, 600.0
@@ -49,7 +47,7 @@ class BoneParts:
         """Volume of a part within the scan, cc."""
         return float((self.labels.array == BONE_PART_VALUES[name]).sum() * np.prod(self.labels.spacing)) / 1000.0
 
-    def on(self, grid: Volume, bone: Mask) -> NDArray[np.uint8]:
+    def on(self, grid: Volume, bone: Mask) -> LabelArray:
         """The part nearest to each voxel of a bone mask on another grid; 0 elsewhere and where no part was found."""
         result = np.zeros(grid.array.shape, dtype=np.uint8)
         if not self.labels.array.any() or not bone.any():
@@ -96,7 +94,7 @@ def _about(bone: Volume, pelvis: Pelvis) -> Mask:
     return np.asarray((z > low) & (z < high))[None, None, :]
 
 
-def _joints(hu: NDArray[np.floating], step: float) -> NDArray[np.float32]:
+def _joints(hu: NDArray[np.floating], step: float) -> Float32Array:
     """How much darker (HU) than what closes over it each voxel is: high in joint spaces, low in cortex and wide marrow."""
     smooth = ndimage.gaussian_filter(np.clip(hu, LOW_HU, HIGH_HU).astype(np.float32), 0.6)
     reach = round(JOINT_MM / step)
@@ -105,7 +103,7 @@ def _joints(hu: NDArray[np.floating], step: float) -> NDArray[np.float32]:
     return np.asarray(ndimage.grey_closing(smooth, footprint=ball) - smooth)
 
 
-def _markers(points: FloatArray, heads: dict[str, Head], pelvis: Pelvis) -> IntArray:
+def _markers(points: FloatArray, heads: dict[str, Head], pelvis: Pelvis) -> Int32Array:
     """For bone voxels (n, 3) mm the part that they certainly are (n,), 0 where it is not certain."""
     found = np.zeros(len(points), dtype=np.int32)
     off = (points - pelvis.point) @ pelvis.normal
@@ -129,7 +127,7 @@ def _markers(points: FloatArray, heads: dict[str, Head], pelvis: Pelvis) -> IntA
     return found
 
 
-def _whole(labels: NDArray[np.uint8], voxel_cc: float) -> NDArray[np.uint8]:
+def _whole(labels: LabelArray, voxel_cc: float) -> LabelArray:
     """Femurs and hip bones in one piece each: what is loose is rib, arm or calcification. The coccyx may be loose."""
     for name, value in BONE_PART_VALUES.items():
         parts, count = ndimage.label(labels == value)
@@ -142,7 +140,7 @@ def _whole(labels: NDArray[np.uint8], voxel_cc: float) -> NDArray[np.uint8]:
     return labels
 
 
-def _confidence(labels: NDArray[np.uint8], relief: NDArray[np.float32], heads: dict[str, Head]) -> dict[str, float]:
+def _confidence(labels: LabelArray, relief: Float32Array, heads: dict[str, Head]) -> dict[str, float]:
     """From the share of each part's border with others at which a joint space is seen, and of the head for femurs."""
     touching = np.zeros(labels.shape, dtype=bool)
     for axis in range(3):

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.segmentation.methods.star_surface import sphere
 from palpate.segmentation.search_region import Scene
-
-FloatArray = NDArray[np.float64]
 
 # How much of the tilt and taper that the points show is believed: a point may lie anywhere on a flat side.
 TILT_TRUST, MOST_TILT, MOST_TAPER = 0.7, 0.6, 0.6

@@ -6,12 +6,10 @@ A surface crosses each column once; the crossing of least total cost whose neigh
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from palpate.core.arrays import FloatArray, IntArray
 
 # Flows are whole numbers: costs are rounded to this share of one.
 _UNITS = 100.0

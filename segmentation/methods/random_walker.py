@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
+from palpate.core.arrays import FloatArray
 from palpate.segmentation.working_grid import Mask
-
-FloatArray = NDArray[np.float64]
 
 # No edge stops a walk wholly: what noise has cut off still hangs together.
 LEAST_WEIGHT = 1e-3

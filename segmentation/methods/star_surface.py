@@ -6,12 +6,9 @@ from functools import cache
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.segmentation.methods.surface_mesh import Shell
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @cache

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.volume import Volume
 from palpate.segmentation.methods.optimal_surface import crossing
 from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_mask
 from palpate.segmentation.search_region import Scene
 from palpate.segmentation.working_grid import Mask, blurred
-
-FloatArray = NDArray[np.float64]
 
 STEP_MM = 0.25
 # Noise is averaged over this width; wider, curved edges move inward.

@@ -8,17 +8,14 @@ from functools import cached_property
 import numpy as np
 import pyvista as pv
 import vtk
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_array, csr_array, diags_array
 from skimage.measure import marching_cubes
 from vtk.util.numpy_support import vtk_to_numpy
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.imaging.volume import Volume
 from palpate.segmentation.working_grid import Mask
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

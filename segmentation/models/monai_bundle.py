@@ -17,6 +17,7 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.roi_names import organ_of
 from palpate.imaging.volume import Volume
@@ -195,7 +196,7 @@ def _turned(array: NDArray[Any], plan: BundlePlan) -> NDArray[Any]:
     return np.flip(array, _FLIPS[plan.axes])
 
 
-def _on(mask: Volume, grid: Volume) -> NDArray[np.bool_]:
+def _on(mask: Volume, grid: Volume) -> BoolArray:
     image = sitk.Cast(mask.with_array(mask.array.astype(np.uint8)).to_sitk(), sitk.sitkFloat32)
     found = sitk.Resample(
         image,

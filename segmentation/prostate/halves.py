@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import PROSTATE_LEFT, PROSTATE_RIGHT
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.landmarks import Pelvis
-
-FloatArray = NDArray[np.float64]
 
 # A symmetry plane tilted further than this from the patient's axis is a fault of its finding, not of the patient.
 STEEPEST = np.cos(np.deg2rad(20.0))
@@ -47,7 +45,7 @@ def split_plane(prostate: Volume, normal: FloatArray, source: str, urethra: Floa
     return Plane(centroid, normal, f"centroid, {source}")
 
 
-def halves(prostate: Volume, plane: Plane) -> NDArray[np.uint8]:
+def halves(prostate: Volume, plane: Plane) -> LabelArray:
     """Label of each voxel of a mask: 1 on the patient's left of the plane, 2 on the right, 0 outside.
 
     Raises InputError when all of the prostate lies on one side.

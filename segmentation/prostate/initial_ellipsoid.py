@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, signal
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.extreme_points import POWER, Ellipsoid
 from palpate.segmentation.methods.star_surface import ellipsoid_radii, star
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Scene
 from palpate.segmentation.working_grid import GAS_HU, Mask
-
-FloatArray = NDArray[np.float64]
 
 # Semi-axes of a usual prostate, mm: left-right, front-back, up-down; and the sizes tried, as factors.
 USUAL_MM = np.array([23.0, 18.5, 20.0])
@@ -44,7 +42,7 @@ class Guess:
 
 
 def first_guess(
-    scene: Scene, prompts: Prompts, likeness: NDArray[np.float32], ellipsoid: Ellipsoid | None = None
+    scene: Scene, prompts: Prompts, likeness: Float32Array, ellipsoid: Ellipsoid | None = None
 ) -> Guess | None:
     """Where to begin: the ellipsoid of six given points, a box, or what is found near a click or near the symphysis."""
     if ellipsoid is not None:
@@ -61,7 +59,7 @@ def first_guess(
     return _fitted(scene, likeness, np.array([scene.pelvis.midline_x(y, z), y, z]), PLACE_SD_MM)
 
 
-def _fitted(scene: Scene, likeness: NDArray[np.float32], at: FloatArray, sd: FloatArray) -> Guess | None:
+def _fitted(scene: Scene, likeness: Float32Array, at: FloatArray, sd: FloatArray) -> Guess | None:
     """The ellipsoid near a place that holds most of what is like prostate, with the most that is unlike around it."""
     i, j, k = scene.index(at)
     reach = int((SEARCH_MM + 1.7 * USUAL_MM.max()) / scene.step)
@@ -96,7 +94,7 @@ def _template(semi: FloatArray) -> FloatArray:
     return inner / inner.sum() - 0.5 * outer / max(1, outer.sum())
 
 
-def likeness_of(scene: Scene, smooth: NDArray[np.float32], blocked: Mask, typical_hu: float) -> NDArray[np.float32]:
+def likeness_of(scene: Scene, smooth: Float32Array, blocked: Mask, typical_hu: float) -> Float32Array:
     """How well voxels look like a prostate of a typical HU: 1 the same or denser, -1 fat, gas and other organs.
 
     The sign turns well above half-way to fat: the fat planes about a real prostate are too thin to be seen as fat.
@@ -107,7 +105,7 @@ def likeness_of(scene: Scene, smooth: NDArray[np.float32], blocked: Mask, typica
     return like.astype(np.float32)
 
 
-def typical_hu(scene: Scene, smooth: NDArray[np.float32], guess: Guess, blocked: Mask) -> float:
+def typical_hu(scene: Scene, smooth: Float32Array, guess: Guess, blocked: Mask) -> float:
     """Median HU of the inner part of a guess, within what prostates can have."""
     core = star(guess.centre, 0.6 * guess.radii).voxels(scene.grid) & ~blocked
     known = smooth[core]
@@ -115,7 +113,7 @@ def typical_hu(scene: Scene, smooth: NDArray[np.float32], guess: Guess, blocked:
     return float(np.clip(np.median(known), *HU_RANGE)) if len(known) else USUAL_HU
 
 
-def valleys_of(scene: Scene, smooth: NDArray[np.float32]) -> NDArray[np.float32]:
+def valleys_of(scene: Scene, smooth: Float32Array) -> Float32Array:
     """Depth in HU, to 20, of thin dark lines in soft tissue: fat planes too thin to be seen as fat."""
     cut = np.clip(smooth, scene.fat_edge, 60.0)
     width = 2 * max(1, round(2.5 / scene.step)) + 1

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.extreme_points import POWER, ellipsoid_of
 from palpate.segmentation.methods.optimal_surface import fall, optimal_surface, region_cost
 from palpate.segmentation.methods.star_surface import ellipsoid_radii, sphere, star
@@ -25,8 +25,6 @@ from palpate.segmentation.prostate.initial_ellipsoid import (
 from palpate.segmentation.prostate.random_walk_fit import between, block, deep_in, walked
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.working_grid import Mask, blurred, largest
-
-FloatArray = NDArray[np.float64]
 
 # Samples along rays, as shares of the expected radius.
 SHARES = np.arange(0.3, 1.75, 0.025)
@@ -88,7 +86,7 @@ def _again(guess: Guess, shell: Shell, prompts: Prompts, last: bool) -> Guess:
 
 
 def _drawn(
-    scene: Scene, guess: Guess, likeness: NDArray[np.float32], valleys: NDArray[np.float32], prompts: Prompts
+    scene: Scene, guess: Guess, likeness: Float32Array, valleys: Float32Array, prompts: Prompts
 ) -> tuple[Shell, float]:
     """The surface that agrees best with picture and shape, and the share of it where the picture speaks."""
     rays = guess.radii[:, None] * SHARES[None, :]

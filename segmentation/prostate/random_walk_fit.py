@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.special import expit
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.extreme_points import Ellipsoid
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.search_region import Scene
 from palpate.segmentation.working_grid import Mask, blurred, dilated, eroded, largest, opened
-
-FloatArray = NDArray[np.float64]
 
 # The surface lies about this far from the ellipsoid, mm; and an organ this much darker than its middle is none any more.
 SHAPE_MM, DARKER_HU, SOFTNESS_HU = 3.0, 24.0, 5.0
@@ -93,7 +91,7 @@ def _away(scene: Scene, centre: FloatArray) -> FloatArray:
     return np.stack(np.broadcast_arrays(*scene.axes()), axis=-1) - centre
 
 
-def _edge(fine: NDArray[np.float32], core: Mask) -> float:
+def _edge(fine: Float32Array, core: Mask) -> float:
     steps = [np.diff(fine, axis=axis)[core.take(range(1, core.shape[axis]), axis=axis)] for axis in range(3)]
     known = np.concatenate(steps)
     return max(EDGE_SD * float(np.sqrt(np.mean(known**2))), 0.5) if len(known) else 10.0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
 from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
 from palpate.segmentation.methods.surface_mesh import Shell
@@ -14,9 +14,6 @@ from palpate.segmentation.rectum import tracking as track
 from palpate.segmentation.rectum.tracking import ANGLES, RADII, RADIUS_STEP, UNIT, Track
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.working_grid import Mask, blurred
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ALONG_STIFFNESS = 0.35
 PRIOR_WEIGHT = 0.02

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import label, regionprops
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.optimal_surface import fall, optimal_surface, region_cost
 from palpate.segmentation.search_region import Scene
 from palpate.segmentation.working_grid import GAS_HU, Mask, opened
-
-FloatArray = NDArray[np.float64]
 
 ANGLES = 48
 RADII = np.arange(2.0, 36.0, 0.75)
@@ -167,7 +166,7 @@ def _outline(
     return centre, expected
 
 
-def _pictures(scene: Scene, avoid: Mask) -> tuple[NDArray[np.float32], ...]:
+def _pictures(scene: Scene, avoid: Mask) -> tuple[Float32Array, ...]:
     return scene.filled, scene.hu, avoid.astype(np.float32)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import (
     BLADDER,
     BONE,
@@ -17,7 +17,7 @@ from palpate.imaging.labels import (
     SURROUNDING_TISSUE,
 )
 from palpate.simulate.phantom import anatomy
-from palpate.simulate.phantom.solids import FloatArray, Solid, near
+from palpate.simulate.phantom.solids import Solid, near
 from palpate.simulate.phantom.unions import Shrunk
 
 # Where the anatomy's zero, about the prostate's centre, lies in the patient: nowhere near the scanner's origin.
@@ -51,7 +51,7 @@ _LAYERS: tuple[tuple[float, tuple[Solid, ...]], ...] = (
 )
 
 
-def hu(points: NDArray[np.float64]) -> FloatArray:
+def hu(points: FloatArray) -> FloatArray:
     """CT number (n,) HU at points (n, 3) mm LPS: edges `EDGE_MM` wide, a faint texture that moves with the tissue, no noise."""
     local = np.asarray(points, dtype=np.float64) - ORIGIN_MM
     values = np.full(len(local), AIR_HU)
@@ -64,7 +64,7 @@ def hu(points: NDArray[np.float64]) -> FloatArray:
     return values
 
 
-def labels(points: NDArray[np.float64]) -> NDArray[np.uint8]:
+def labels(points: FloatArray) -> LabelArray:
     """Label (n,) of docs/case.md at points (n, 3) mm LPS; everything soft inside the skin is surrounding tissue."""
     local = np.asarray(points, dtype=np.float64) - ORIGIN_MM
     result = np.full(len(local), OUTSIDE, dtype=np.uint8)
@@ -111,7 +111,7 @@ def _paint_gas(values: FloatArray, local: FloatArray) -> None:
     values[at] += share * (GAS_HU - values[at])
 
 
-def _mark(result: NDArray[np.uint8], local: FloatArray, solid: Solid, label: int) -> None:
+def _mark(result: LabelArray, local: FloatArray, solid: Solid, label: int) -> None:
     at = near(local, solid, 0.0)
     result[at[solid.distance(local[at]) < 0.0]] = label
 

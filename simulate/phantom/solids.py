@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
+
 Triple = tuple[float, float, float]
 Bounds = tuple[FloatArray, FloatArray]
 

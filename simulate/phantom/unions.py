@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.simulate.phantom.solids import Bounds, FloatArray, Solid, Triple
+from palpate.core.arrays import FloatArray
+from palpate.simulate.phantom.solids import Bounds, Solid, Triple
 
 
 @dataclass(frozen=True)

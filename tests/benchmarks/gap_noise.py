@@ -15,12 +15,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
+from palpate.core.arrays import FloatArray
 from palpate.core.observe import wall_motion
 from palpate.core.residual.joint_states import factorised
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("cases", nargs="+", type=Path)
     args = parser.parse_args()
     one_thread()
-    total: dict[str, NDArray[np.float64]] = {}
+    total: dict[str, FloatArray] = {}
     for path in args.cases:
         for name, logs in likelihoods(plain_of(path)).items():
             total[name] = total.get(name, np.zeros(len(logs))) + logs
@@ -66,7 +66,7 @@ def plain_of(path: Path) -> PlainFit:
     return fit
 
 
-def likelihoods(fit: PlainFit) -> dict[str, NDArray[np.float64]]:
+def likelihoods(fit: PlainFit) -> dict[str, FloatArray]:
     """For each size, log likelihoods as it changes, less that of the sizes in use."""
     forces = FreeField.around(fit.point, fit.bench.sights).response
     used = NoiseSizes()
@@ -79,7 +79,7 @@ def likelihoods(fit: PlainFit) -> dict[str, NDArray[np.float64]]:
     return out | {"slides": _slides(fit, used, forces) - base}
 
 
-def _slides(fit: PlainFit, used: NoiseSizes, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+def _slides(fit: PlainFit, used: NoiseSizes, forces: FloatArray) -> FloatArray:
     kept, logs = wall_motion.SLIDE_SHARE, []
     for share in SLIDES:
         wall_motion.SLIDE_SHARE = share
@@ -92,7 +92,7 @@ def _parts(fit: PlainFit) -> NoiseParts:
     return NoiseParts.of(fit.point.each, fit.bench.sights)
 
 
-def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: NDArray[np.float64]) -> float:
+def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: FloatArray) -> float:
     """Of the residual, whatever the contours' noise."""
     grid = NoiseGrid.of(parts, sizes, np.hstack([sizes.mesh * fit.mesh[:, None], sizes.model * forces]))
     none = np.zeros((fit.bench.n,) * 2)

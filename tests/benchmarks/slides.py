@@ -13,11 +13,11 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
@@ -31,8 +31,6 @@ from palpate.validate.blind.patient import Made
 from palpate.validate.blind.recipe import Recipe
 from palpate.validate.blind.recipes import StudyOptions, recipes_of
 from palpate.validate.blind.write_case import write_case
-
-FloatArray = NDArray[np.float64]
 
 
 def main() -> None:

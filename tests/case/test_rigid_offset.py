@@ -16,10 +16,10 @@ from palpate.case.rigid_offset import laid_elsewhere
 from palpate.case.steps import diagnose
 from palpate.case.steps import mesh as mesh_step
 from palpate.case.steps.identify import problem_of
+from palpate.core.arrays import FloatArray
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
-from palpate.meshing.smooth_distance import FloatArray
 
 ELSEWHERE = np.eye(4)
 ELSEWHERE[:3, :3] = Rotation.from_euler("xyz", [4.0, -3.0, 6.0], degrees=True).as_matrix()

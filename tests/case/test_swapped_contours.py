@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from palpate.case.swapped_contours import swapped_note
+from palpate.core.arrays import BoolArray
 from palpate.imaging.labels import BLADDER, PROSTATE_LEFT, RECTUM
 from palpate.imaging.volume import Volume
 
@@ -15,7 +15,7 @@ SHIFT = np.eye(4)
 SHIFT[:3, 3] = (7.0, -4.0, 11.0)
 
 
-def ball(shape: tuple[int, ...], centre: tuple[float, ...], radius: float) -> NDArray[np.bool_]:
+def ball(shape: tuple[int, ...], centre: tuple[float, ...], radius: float) -> BoolArray:
     index = np.moveaxis(np.indices(shape), 0, -1) * np.diag(GRID)[:3]
     return np.linalg.norm(index - np.array(centre), axis=-1) < radius
 

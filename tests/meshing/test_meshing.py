@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from voxel_shapes import ball, distance, grid, paint, prostate, tube
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.imaging.volume import Volume
@@ -18,7 +19,6 @@ from palpate.meshing import mesh_labels as meshing
 from palpate.meshing.cells import face_neighbours, parts_of
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.meshing.quality import dihedral_angles, radius_ratio
-from palpate.meshing.smooth_distance import FloatArray
 
 SPACING = (1.2, 1.2, 2.0)
 RECTUM = tube(7.0, y=21.5, bend=0.002)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_noise import (
     EXTRACTION_LENGTH_MM,
     EXTRACTION_MM,
@@ -20,8 +20,6 @@ from palpate.core.observe.contour_noise import (
     contour_covariance,
     weighting_covariance,
 )
-
-FloatArray = NDArray[np.float64]
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 CASES = {"case_004": "blind_dev", "case_006": "blind_dev", "case_304": "blind_dev_b", "case_306": "blind_dev_b"}

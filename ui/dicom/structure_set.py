@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydicom import Dataset
 from pydicom.dataset import FileDataset
 from pydicom.uid import RTStructureSetStorage
 from pydicom.valuerep import DA, TM
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.arrays import FloatArray
 from palpate.imaging.contours.outlines import labels_on_slices, outlines
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.labels import LABEL_COLOURS, LABELS, SURROUNDING_TISSUE
@@ -75,7 +75,7 @@ def _contours(drawn: Volume, value: int, first: int, facts: SeriesFacts) -> list
     return found
 
 
-def _text(points: NDArray[np.float64]) -> list[str]:
+def _text(points: FloatArray) -> list[str]:
     """Decimal strings of at most 16 characters, micrometres."""
     return [f"{value:.3f}" for value in points.ravel() + 0.0]
 

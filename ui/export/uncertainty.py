@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.identify.map.stiffness_map import nearest_patch, painted
@@ -57,7 +58,7 @@ def _map(labels: Volume, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Volume
     points = labels.to_lps(voxels.astype(np.float64))
     sd = np.asarray(arrays["sd"], dtype=np.float64)
 
-    def volume(of: Callable[[NDArray[np.float64]], NDArray[Any]], kind: type) -> Volume:
+    def volume(of: Callable[[FloatArray], NDArray[Any]], kind: type) -> Volume:
         value: NDArray[Any] = np.zeros(labels.array.shape, dtype=kind)
         parts = [of(points[k : k + _CHUNK]) for k in range(0, len(points), _CHUNK)]
         value[tuple(voxels.T)] = np.concatenate(parts) if parts else 0

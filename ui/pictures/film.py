@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import LabelArray
 from palpate.core.errors import InputError
 
 # VP9 where this build of FFmpeg has it, else MPEG-4 part 2, which every build has and fewer browsers show.
 _CODECS = ("vp09", "mp4v")
 
 
-def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], per_second: float) -> str:
+def write_film(path: Path, pictures: Iterable[LabelArray], per_second: float) -> str:
     """Write pictures (height, width, 3) RGB, all of one even size, to `path`, whose name ends in .mp4; returns the codec's name.
 
     Write to a path of `atomic_path`: a film that was cut off in the middle is no film. Raises InputError where no picture is
@@ -44,11 +44,11 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], per_second: fl
     return codec
 
 
-def read_film(path: Path) -> list[NDArray[np.uint8]]:
+def read_film(path: Path) -> list[LabelArray]:
     """All pictures (height, width, 3) RGB of a film. Raises InputError when it cannot be read."""
     import cv2
 
-    reader, pictures = cv2.VideoCapture(str(path)), list[NDArray[np.uint8]]()
+    reader, pictures = cv2.VideoCapture(str(path)), list[LabelArray]()
     try:
         while True:
             there, picture = reader.read()

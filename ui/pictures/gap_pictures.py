@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import PLANES, Plane, Window
 from palpate.ui.pictures.slice_axes import (
@@ -23,8 +23,6 @@ from palpate.ui.pictures.slice_axes import (
     draw_outlines,
     spread_out,
 )
-
-FloatArray = NDArray[np.float64]
 
 _LIMIT_SD = 3.0
 _RESIDUAL, _FORCE = "RdBu_r", "autumn"

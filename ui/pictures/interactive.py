@@ -9,11 +9,10 @@ import numpy as np
 import plotly.graph_objects as go
 from matplotlib.colors import to_hex
 from matplotlib.ticker import LogLocator, MaxNLocator
-from numpy.typing import NDArray
 
+from palpate.core.arrays import Float32Array, FloatArray, IntArray
 from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
 
-FloatArray = NDArray[np.float64]
 _SHARES = np.linspace(0.0, 1.0, 11)
 _FRAME_MS = 120
 _LIGHT = {"ambient": 0.55, "diffuse": 0.7, "specular": 0.08, "roughness": 0.9}
@@ -27,13 +26,13 @@ class MovingBody:
     name: str
     points: FloatArray
     move: FloatArray
-    faces: NDArray[np.int64]
+    faces: IntArray
     rgb: FloatArray
     opacity: float = 1.0
 
     @classmethod
     def of(
-        cls, name: str, points: FloatArray, move: FloatArray, faces: NDArray[np.int64], rgb: FloatArray, opacity: float
+        cls, name: str, points: FloatArray, move: FloatArray, faces: IntArray, rgb: FloatArray, opacity: float
     ) -> MovingBody:
         """Of a mesh's points and some of its faces: keeps only the points that these use."""
         used, inverse = np.unique(faces, return_inverse=True)
@@ -69,7 +68,7 @@ def _mesh(body: MovingBody) -> go.Mesh3d:
     )  # fmt: skip
 
 
-def _coordinates(body: MovingBody, share: float) -> Mapping[str, NDArray[np.float32]]:
+def _coordinates(body: MovingBody, share: float) -> Mapping[str, Float32Array]:
     x, y, z = (body.points + share * body.move).T.astype(np.float32)
     return {"x": x, "y": y, "z": z}
 

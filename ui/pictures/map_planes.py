@@ -11,6 +11,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.images import CaseImages
@@ -18,7 +19,6 @@ from palpate.ui.pictures.planes import PLANES, Plane, Slice, Window, share_of_la
 from palpate.ui.pictures.slice_axes import ORGAN, draw_background, draw_outlines
 from palpate.ui.pictures.slices import stiffness_bar
 
-FloatArray = NDArray[np.float64]
 Arrays = Mapping[str, NDArray[np.generic]]
 _OPACITY = 0.75
 _FACTORS = Normalize(1.0, 2.2)
@@ -59,20 +59,18 @@ def _factor(arrays: Arrays, points: FloatArray) -> FloatArray:
     return np.asarray(np.exp(np.asarray(arrays["sd"], dtype=float)[nearest_patch(arrays, points)]), dtype=np.float64)
 
 
-def _inside(
-    images: CaseImages, plane: Plane, window: Window
-) -> tuple[NDArray[np.bool_], tuple[float, float, float, float]]:
+def _inside(images: CaseImages, plane: Plane, window: Window) -> tuple[BoolArray, tuple[float, float, float, float]]:
     shares = [share_of_label(images.rest, label, plane, window) for label in images.organ]
     return np.sum([share.values for share in shares], axis=0) >= 0.5, shares[0].extent
 
 
 def _on(
-    inside: NDArray[np.bool_],
+    inside: BoolArray,
     extent: tuple[float, float, float, float],
     plane: Plane,
     window: Window,
-    values: Callable[[FloatArray], tuple[FloatArray, NDArray[np.bool_]]],
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+    values: Callable[[FloatArray], tuple[FloatArray, BoolArray]],
+) -> tuple[FloatArray, BoolArray]:
     """Values and marks at the pixels of the organ; NaN and False elsewhere."""
     across, down = Slice(inside.astype(float), extent).coordinates
     rows, columns = np.nonzero(inside)

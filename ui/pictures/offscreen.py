@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 import vtk
-from numpy.typing import NDArray
 
+from palpate.core.arrays import LabelArray
 from palpate.ui.pictures.scene import Body, Scene, View
 
 REMEDY = "apt-get install libegl1 libgl1-mesa-dri"
@@ -27,7 +27,7 @@ class OffscreenError(Exception):
     """There can be no 3D pictures on this machine as it is; the text says why and what would help."""
 
 
-def render(scene: Scene) -> list[NDArray[np.uint8]]:
+def render(scene: Scene) -> list[LabelArray]:
     """One picture (height, width, 3) per view. Raises OffscreenError where this machine cannot draw them."""
     with tempfile.TemporaryDirectory(prefix="palpate-scene-") as folder:
         given, made = Path(folder, "scene.npz"), Path(folder, "pictures.npz")
@@ -55,7 +55,7 @@ def _child(arguments: list[str]) -> None:
         raise OffscreenError(f"off-screen rendering ended with status {done.returncode} ({why}); try `{REMEDY}`")
 
 
-def draw(scene: Scene) -> list[NDArray[np.uint8]]:
+def draw(scene: Scene) -> list[LabelArray]:
     """The pictures, drawn in this very process: it dies where a library is missing."""
     plotter = pv.Plotter(off_screen=True, window_size=list(scene.size), lighting="light kit")
     plotter.set_background("white")  # type: ignore[arg-type]

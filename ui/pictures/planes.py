@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import SimpleITK as sitk
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.volume import Volume
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ def share_of_label(labels: Volume, label: int, plane: Plane, window: Window) -> 
     return reslice(labels.with_array((labels.array == label).astype(np.float32)), plane, window, 0.0)
 
 
-def reached(volume: Volume, plane: Plane, window: Window) -> NDArray[np.bool_]:
+def reached(volume: Volume, plane: Plane, window: Window) -> BoolArray:
     """Whether the volume reaches each pixel (rows, columns) of the slice."""
     here = reslice(volume.with_array(np.ones(volume.array.shape, dtype=np.float32)), plane, window, 0.0)
     return here.values > 0.5

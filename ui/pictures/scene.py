@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from palpate.core.arrays import FloatArray, IntArray
 
 _ARRAYS = ("points", "faces", "rgb")
 
@@ -18,9 +19,9 @@ _ARRAYS = ("points", "faces", "rgb")
 class Body:
     """A surface: points (n, 3) mm LPS, faces (f, 3), rgb (f, 3) 0 to 1 of each face, opacity 0 to 1."""
 
-    points: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    rgb: NDArray[np.float64]
+    points: FloatArray
+    faces: IntArray
+    rgb: FloatArray
     opacity: float = 1.0
 
 
@@ -58,7 +59,7 @@ class Scene:
     focus: str | None = None
 
     @property
-    def reach(self) -> tuple[NDArray[np.float64], float]:
+    def reach(self) -> tuple[FloatArray, float]:
         """Centre (3,) mm of what is looked at, and its radius, mm."""
         names = [self.focus] if self.focus else list(self.bodies)
         points = np.vstack([self.bodies[name].points for name in names])

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import TriSurface
 from palpate.ui.pictures.colours import StiffnessScale
@@ -38,9 +38,9 @@ class MisfitMap:
     greatest_mm : the largest distance, which may lie beyond the colours.
     """
 
-    points: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    distance: NDArray[np.float64]
+    points: FloatArray
+    faces: IntArray
+    distance: FloatArray
     noise_mm: float | None = None
     greatest_mm: float = 0.0
 
@@ -73,7 +73,7 @@ def anatomy(
     return figure
 
 
-def inside(surface: TriSurface, region: Volume) -> NDArray[np.int64]:
+def inside(surface: TriSurface, region: Volume) -> IntArray:
     """The faces of a surface all of whose points lie within the voxels of ``region``."""
     index = region.to_index(surface.points)
     outside = np.any((index < -0.5) | (index > np.array(region.array.shape) - 0.5), axis=1)
@@ -103,7 +103,7 @@ def misfit(found: MisfitMap) -> Figure:
     return figure
 
 
-def _show(axes: Axes, picture: NDArray[np.uint8], view: View, height_mm: float) -> None:
+def _show(axes: Axes, picture: LabelArray, view: View, height_mm: float) -> None:
     """height_mm : of the whole picture."""
     axes.imshow(picture)
     axes.set_axis_off()

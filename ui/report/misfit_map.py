@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.mesh import ORGAN_NAME, load_surfaces
+from palpate.core.arrays import FloatArray
 from palpate.ui.pictures.offscreen import polydata
 from palpate.ui.pictures.solids import MisfitMap
 
-FloatArray = NDArray[np.float64]
 # Points lie some two millimetres apart: a mean over about that shows every patch of theirs and no facets.
 _NEAREST, _REACH_MM = 16, 2.0
 

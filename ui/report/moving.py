@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.mesh import load_meshed
+from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import LABELS
 from palpate.meshing.mesh_labels import MeshedCase
 from palpate.ui.pictures.images import CaseImages
@@ -30,7 +30,7 @@ def moving_view(case: CaseFolder, images: CaseImages) -> Interactive:
     return Interactive(deformation_page(bodies, images.scale if images.told else None), _CAPTION)
 
 
-def _organ(meshed: MeshedCase, move: NDArray[np.float64], images: CaseImages) -> list[MovingBody]:
+def _organ(meshed: MeshedCase, move: FloatArray, images: CaseImages) -> list[MovingBody]:
     """One body for each region, so that a reader can hide one."""
     mesh = meshed.mesh
     regions = tuple(sorted(set(np.unique(mesh.regions).tolist()) & {1, 2}))
@@ -44,7 +44,7 @@ def _organ(meshed: MeshedCase, move: NDArray[np.float64], images: CaseImages) ->
     return bodies
 
 
-def _walls(meshed: MeshedCase, move: NDArray[np.float64]) -> list[MovingBody]:
+def _walls(meshed: MeshedCase, move: FloatArray) -> list[MovingBody]:
     bodies = []
     for name, (r, g, b, opacity) in AROUND.items():
         # The mesh's normals point into the hollow: turned round, they point out of the organ that fills it.

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pydicom
-from numpy.typing import NDArray
 from pydicom.errors import InvalidDicomError
 
 from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
@@ -40,7 +40,7 @@ class CaseRecord:
     history: tuple[Mapping[str, Any], ...] = ()
     simulated: str | None = None
     volumes_cc: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    ln_covariance: NDArray[np.float64] | None = None
+    ln_covariance: FloatArray | None = None
     diagnosis: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
@@ -16,7 +16,6 @@ from palpate.core.fem.state import State
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.mesh import TetMesh
 
-FloatArray = NDArray[np.float64]
 BOUNDS = np.log([[5.0, 500.0], [5.0, 500.0]])
 
 

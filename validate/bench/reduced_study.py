@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.reduced.greedy_design import Snapshot
 from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.worker.progress import Progress
 from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.validate.bench.options import BenchOptions
-
-FloatArray = NDArray[np.float64]
 
 
 def snapshots(scene: HalvedSphere, thetas: FloatArray) -> list[Snapshot | None]:

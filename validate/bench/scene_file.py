@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE
 from palpate.core.fem.scenes import MU, TISSUE_G, TISSUE_NU, sphere_scene, standard_sphere_mesh
 from palpate.core.laws import NEO_HOOKEAN, bulk_modulus
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,14 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.identify.particle_batch import Particle, solve_many
 from palpate.core.worker.executors import make_executor
 from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.validate.bench.options import BenchOptions
 
-FloatArray = NDArray[np.float64]
 _OPTIONS = NewtonOptions(stability=False)
 
 

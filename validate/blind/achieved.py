@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_noise import noise_modes
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
-from palpate.meshing.smooth_distance import FloatArray
 
 # What changes along the surface faster than this, mm, is voxels, and left out; share of the variance of so smooth a field that is kept.
 _LENGTH_MM, _SHARE = 7.0, 0.99

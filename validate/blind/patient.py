@@ -6,12 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.wall_motion import WallMotion
 from palpate.simulate.walls import BladderSpec, RectumSpec, moved_walls
 from palpate.validate.blind.noise_floor import noise_floor_mm
@@ -48,7 +45,7 @@ class Made:
     patient: Patient
     hidden: Simulated
     plain: Simulated
-    boundary: Mapping[str, NDArray[np.int64]]
+    boundary: Mapping[str, IntArray]
     walls: Mapping[str, WallMotion]
     rest: Shown
     deformed: Shown

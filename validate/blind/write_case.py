@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import Landmarks, landmarks_csv
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.contour_errors import drawn_labels
-from palpate.simulate.source import LabelArray, labels_on
+from palpate.simulate.source import labels_on
 from palpate.validate.blind.patient import Made
 from palpate.validate.blind.recipe import Recipe
 from palpate.validate.blind.simulator.simulated_body import Simulated
@@ -94,7 +93,7 @@ def widened(labels: Labels, grid: Volume, offset: Callable[[FloatArray], FloatAr
 
     def asked(points: FloatArray) -> LabelArray:
         index = grid.to_index(points).T
-        at: NDArray[np.float64] = ndimage.map_coordinates(distance, index, order=1, mode="nearest")
+        at: FloatArray = ndimage.map_coordinates(distance, index, order=1, mode="nearest")
         g = np.stack([ndimage.map_coordinates(slope[..., k], index, order=1, mode="nearest") for k in range(3)], axis=1)
         near = np.abs(at) < _REACH_MM
         normals = g[near] @ turn.T

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from palpate.core.arrays import IntArray
 from palpate.core.dynamics.contact import Contact, Layer
 from palpate.core.dynamics.march import MarchOptions, march, open_ledger
 from palpate.core.dynamics.mass import STANDARD_GRAVITY, TISSUE_DENSITY
@@ -18,8 +18,6 @@ from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box
 from palpate.core.fem.space import Space
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
-
-FloatArray = NDArray[np.float64]
 
 _STIFF = 1e5  # kPa, shear modulus of a block that counts as rigid: its waves cross it in a hundredth of a contact
 
@@ -122,7 +120,7 @@ def slope(angle: float = 25.0, friction: float = 0.3, dt: float = 1e-3) -> dict[
     }
 
 
-def _underside(space: Space) -> NDArray[np.int64]:
+def _underside(space: Space) -> IntArray:
     """Faces (f, 3) at z = 0 alone: nodes at an edge must not stand for area of the sides as well."""
     faces = space.mesh.boundary[0]
     return np.asarray(faces[np.abs(space.nodes[faces][:, :, 2]).max(axis=1) < 1e-9])

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import ORGAN, TISSUE, box, sphere_in_cube
@@ -17,7 +17,6 @@ from palpate.core.fem.terms.base import Term, face_points
 from palpate.core.fem.terms.loads import traction
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, NEO_HOOKEAN, bulk_modulus, mooney_rivlin_parameters
-from palpate.core.laws.base import FloatArray
 from palpate.core.laws.check import random_deformation_gradients
 from palpate.core.mesh import TetMesh
 
@@ -99,10 +98,10 @@ def _random_materials(rng: np.random.Generator) -> tuple[dict[int, Material], li
     return materials, moduli
 
 
-Load = tuple[NDArray[np.bool_], FloatArray, list[Term]]
+Load = tuple[BoolArray, FloatArray, list[Term]]
 
 
-def _sides(space: Space) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _sides(space: Space) -> tuple[FloatArray, BoolArray]:
     """Half width along each axis (3,) and nodes on the six sides (n, 6): low x, y, z, high x, y, z."""
     half = np.abs(space.nodes).max(axis=0)
     return half, np.hstack([np.isclose(space.nodes, -half), np.isclose(space.nodes, half)])

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.scenes import Scene
-from palpate.core.laws.base import FloatArray
 from palpate.core.worker.cluster import study_executor
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.forward.random_scenes import random_scene

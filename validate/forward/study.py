@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.elements import DEFAULT_ELEMENT, ELEMENTS
 from palpate.core.fem.meshes import ORGAN, refined, sphere_in_cube
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.scenes import DRIVES, Scene, sphere_scene, standard_sphere_mesh
-from palpate.core.laws.base import FloatArray
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from palpate.core.errors import InputError
@@ -22,8 +21,6 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, TumourData, tumour_data
 from palpate.validate.paper.tumour_fit import Found, TumourFit
 from palpate.validate.paper.tumour_scene import Divisions
-
-FloatArray = NDArray[np.float64]
 
 PAPER = {"patients": 10, "pearson": 0.8233, "pearson_p": 0.0034, "spearman": 0.8304, "spearman_p": 0.0029}
 # Of the virtual cohort, by stage T1 to T4: the tumour's share of its half and its mu over the normal tissue's. Assumed: no

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
@@ -22,8 +21,6 @@ from palpate.core.fem.space import Space
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
 
 # Of the linear body, kPa; under the load of `scenes.cap_pull` it is drawn out by a quarter.
 LINEAR_G, POISSON = 20.0, 0.495

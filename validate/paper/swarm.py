@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
 from palpate.core.identify.reduced_fit import ReducedFit
@@ -29,8 +29,6 @@ from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, Tum
 from palpate.validate.paper.tumour_fit import REDUCED, TumourFit
 from palpate.validate.paper.tumour_scene import Divisions
 from palpate.validate.paper.tumour_worker import Spec
-
-FloatArray = NDArray[np.float64]
 
 # The element that looks for the optimum first.
 SCOUT = "p1p1"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.problem import Surface, SurfacePair
@@ -21,8 +21,6 @@ from palpate.validate.paper.tumour_scene import (
     halved_ball,
     with_tumour,
 )
-
-FloatArray = NDArray[np.float64]
 
 # Another element than any that identifies, on a finer mesh.
 DATA_ELEMENT = "p2p0"

@@ -14,17 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.newton import Equilibrium, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.validate.paper.tumour_scene import LEFT, TUMOUR, DrivenScene, organ_material
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _CLOSE = 1e-4  # ln mu
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
 from palpate.core.identify.reduced_fit import ReducedFit
@@ -27,8 +27,6 @@ from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, TumourData
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume
-
-FloatArray = NDArray[np.float64]
 
 # Points of the organ's surface, about as far apart as this, mm.
 SPACING_MM = 2.0

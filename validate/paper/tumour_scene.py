@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler, State
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import sphere_in_cube
@@ -24,8 +24,6 @@ from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import Facts
-
-FloatArray = NDArray[np.float64]
 
 RADIUS_MM, HALF_MM = 20.0, 50.0
 LEFT, RIGHT, TISSUE, TUMOUR = 1, 2, 3, 7

@@ -12,16 +12,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from palpate.core.arrays import FloatArray
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, TumourData, tumour_data
 from palpate.validate.paper.tumour_fit import Found, TumourFit
 from palpate.validate.paper.tumour_scene import NORMAL_MU, TUMOUR_MU, Divisions
-
-FloatArray = NDArray[np.float64]
 
 
 # What the paper prints, kPa, mean of mu1 and mu2.

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from palpate.core.arrays import FloatArray
 from palpate.core.problem import Surface
 from palpate.core.reduced.greedy_design import Snapshot
 from palpate.validate.paper.tumour_fit import TumourFit
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

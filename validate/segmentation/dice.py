@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prompts import ORGANS, Prompts
 
-FloatArray = NDArray[np.float64]
 MODES = ("auto", "click", "extremes")
 # Extreme points as a person sets them: off by so many mm along each axis (standard deviation).
 JITTERED, JITTER_MM = "jittered", 1.5
@@ -43,7 +42,7 @@ class DiceRow:
         return {k: round(v, 4) if isinstance(v, float) else v for k, v in vars(self).items()}
 
 
-def dice(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+def dice(a: BoolArray, b: BoolArray) -> float:
     """Dice coefficient of two masks of one shape; 1 for two empty ones."""
     total = int(a.sum()) + int(b.sum())
     return 1.0 if total == 0 else 2.0 * int((a & b).sum()) / total
@@ -116,7 +115,7 @@ def _prompts(mode: str, reference: Mapping[str, Volume], seed: int) -> Prompts:
     raise InputError(f"the mode {mode!r} is unknown; known are {', '.join((*MODES, JITTERED))}")
 
 
-def _row(organ: str, mode: str, found: NDArray[np.bool_], reference: Volume, confidence: float | None) -> DiceRow:
+def _row(organ: str, mode: str, found: BoolArray, reference: Volume, confidence: float | None) -> DiceRow:
     drawn = reference.array.astype(bool)
     voxel_cc = float(np.abs(np.linalg.det(reference.affine[:3, :3]))) / 1000.0
     shift = np.nan

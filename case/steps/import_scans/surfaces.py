@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from palpate.case.case_folder import STATES, CaseFolder, check_new_case, file_sha256
@@ -18,6 +17,7 @@ from palpate.case.landmarks import Landmarks, read_landmarks
 from palpate.case.steps import mesh
 from palpate.case.steps.identify import problem_of
 from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.identify.pair.no_driving_wall import NEXT, moved_by_its_surface
 from palpate.core.identify.pair.surface_alignment import aligned
@@ -96,7 +96,7 @@ def run_surface_import(
     return summary
 
 
-def _write(case: CaseFolder, found: list[ReadSurface], matrix: NDArray[np.float64]) -> None:
+def _write(case: CaseFolder, found: list[ReadSurface], matrix: FloatArray) -> None:
     case.write_json("alignment.json", {"deformed_to_rest": matrix, "residual_mm": None})
     in_rest_frame = [np.eye(4), matrix]
     for state, one, transform in zip(STATES, found, in_rest_frame, strict=True):
@@ -120,7 +120,7 @@ def labels_of(surface: TriSurface) -> Volume:
     return Volume(np.where(inside, ORGAN_LABELS[0], np.where(near, SURROUNDING_TISSUE, 0)).astype(np.uint8), affine)
 
 
-def _summary(case: CaseFolder, found: list[ReadSurface], matrix: NDArray[np.float64]) -> dict[str, Any]:
+def _summary(case: CaseFolder, found: list[ReadSurface], matrix: FloatArray) -> dict[str, Any]:
     untold = moved_by_its_surface(problem_of(case))
     volumes = {s: one.surface.enclosed_volume / 1000.0 for s, one in zip(STATES, found, strict=True)}
     turn = float(np.degrees(np.arccos(np.clip((np.trace(matrix[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))

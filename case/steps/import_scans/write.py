@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_facts import CaseFacts, Vector
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import Landmarks, landmarks_csv
+from palpate.core.arrays import FloatArray
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.contours.user_labels import UserLabels
 from palpate.imaging.registration.align_on_bone import Alignment
@@ -50,7 +50,7 @@ def write_scan(case: CaseFolder, state: str, files: Sequence[Path]) -> list[str]
     return [f"{state}_ct"]
 
 
-def write_alignment(case: CaseFolder, alignment: Alignment | None) -> NDArray[np.float64]:
+def write_alignment(case: CaseFolder, alignment: Alignment | None) -> FloatArray:
     """Writes alignment.json and returns its transform (4, 4), deformed to rest; the identity where none was made."""
     if alignment is None:
         case.write_json("alignment.json", {"deformed_to_rest": np.eye(4), "residual_mm": None})
@@ -59,7 +59,7 @@ def write_alignment(case: CaseFolder, alignment: Alignment | None) -> NDArray[np
     return alignment.deformed_to_rest
 
 
-def write_user_labels(case: CaseFolder, drawn: Mapping[str, UserLabels], matrix: NDArray[np.float64]) -> list[str]:
+def write_user_labels(case: CaseFolder, drawn: Mapping[str, UserLabels], matrix: FloatArray) -> list[str]:
     """Writes STATE_user.nii.gz in the rest frame, and user_labels.json saying what they hold; removes earlier ones."""
     names = []
     for state, labels in drawn.items():
@@ -73,7 +73,7 @@ def write_user_labels(case: CaseFolder, drawn: Mapping[str, UserLabels], matrix:
     return [*names, "user_labels.json"]
 
 
-def write_landmarks(case: CaseFolder, points: Landmarks | None, matrix: NDArray[np.float64]) -> list[str]:
+def write_landmarks(case: CaseFolder, points: Landmarks | None, matrix: FloatArray) -> list[str]:
     """Writes landmarks.csv with the deformed points in the rest frame, where there are points."""
     if points is None:
         return []

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.files.atomic import atomic_path, writing
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import TriSurface
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.simulate.solve import DeformedState, Stiffness
 
 SURFACE_POINTS = 500

@@ -15,11 +15,11 @@ from palpate.case.steps.simulate.answers import surface_truth, truth_of, write_a
 from palpate.case.steps.simulate.from_ct import CtSource, ct_source
 from palpate.case.steps.simulate.spec import ScanSpec, SimulationSpec, parse_spec
 from palpate.case.steps.simulate.write import SimulatedPair, write_label_case, write_scans
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.scanner import Scanner
 from palpate.simulate.solve import solve_deformed

@@ -9,12 +9,12 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.simulate.spec import SimulationSpec
+from palpate.core.arrays import FloatArray
 from palpate.core.worker.progress import Progress
 from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.contour_errors import drawn_labels
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.solve import DeformedState

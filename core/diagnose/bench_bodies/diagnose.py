@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies import record
 from palpate.core.diagnose.bench_bodies.fit import BodyFit
 from palpate.core.diagnose.bench_bodies.judge import LEVEL, base_fit, decide_body, p_value
@@ -22,8 +22,6 @@ from palpate.core.worker.executors import one_thread
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 from palpate.core.worker.progress import Progress, part, silent
-
-FloatArray = NDArray[np.float64]
 
 MAP_FILE = "body_markers.npz"
 

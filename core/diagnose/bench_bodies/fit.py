@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies.problem import BodyState
 from palpate.core.diagnose.bench_bodies.scene import BodyStage
 from palpate.core.diagnose.effects import Effect, Variant
@@ -17,8 +17,6 @@ from palpate.core.forward.composition import Composition
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.linearised_model import out_of_balance
-
-FloatArray = NDArray[np.float64]
 
 _STEP = 1e-3
 _TOLERANCE, _EVALUATIONS = 5e-3, 20

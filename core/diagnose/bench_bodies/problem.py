@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
 
-FloatArray = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 BODY = 1
@@ -58,7 +58,7 @@ class BodyProblem:
     """mesh : region BODY. held : (f, 3) boundary faces that supports hold. model_gravity : whether the plain model has gravity."""
 
     mesh: TetMesh
-    held: NDArray[np.int64]
+    held: IntArray
     states: tuple[BodyState, ...]
     density_kg_m3: float
     bounds_kpa: tuple[float, float]

@@ -6,14 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies.fit import BodyFit
 from palpate.core.diagnose.bench_bodies.judge import LEVEL
 from palpate.core.diagnose.bench_bodies.rivals import Rival, marker_rms
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE
-
-FloatArray = NDArray[np.float64]
 
 
 def by_state(fit: BodyFit) -> list[FloatArray]:

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies.fit import Added, BodyFit, fit_body, weighting
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
 from palpate.core.diagnose.effects import Effect, Surroundings
 from palpate.core.inference.evidence import mean_of_exponentials, score
 from palpate.core.worker.progress import Progress
-
-FloatArray = NDArray[np.float64]
 
 # Effects that act through what a bench body does not have: neighbours, walls, contours.
 NOT_ON_A_BENCH = ("contour_bias", "interface_sliding", "prestress", "tissue_stiffening", "tissue_heterogeneity")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem, BodyState
 from palpate.core.fem.assembly import Assembler, State
 from palpate.core.fem.newton.newton import Equilibrium, solve_equilibrium
@@ -18,8 +18,6 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.forward.scene_parts import dead_load
 from palpate.core.residual.linearised_model import out_of_balance
-
-FloatArray = NDArray[np.float64]
 
 ELEMENT = "p2p1"
 # A marker off the body moves rigidly with the material within this distance of the body's point nearest to it, mm.
@@ -36,7 +34,7 @@ class BodyStage:
     problem: BodyProblem
     space: Space
     assembler: Assembler
-    held: NDArray[np.int64]
+    held: IntArray
     last: dict[str, FloatArray] = field(default_factory=dict)
 
     @classmethod

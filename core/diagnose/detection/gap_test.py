@@ -6,16 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.verdict.verdict import PRIOR_UNKNOWN
 from palpate.core.inference.evidence import log_share, means_of_exponentials, projected
 from palpate.core.residual.noise_estimation import FLAT, GAPS, NoiseGrid
-
-FloatArray = NDArray[np.float64]
 
 LEVEL = 0.05
 _DRAWS = 1000

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.inference.heldout import Split
 from palpate.core.observe.contour_noise import EXTRACTION_MM, smooth_covariance
 from palpate.core.residual.data_vector import Sight
 from palpate.core.residual.joint_states import apart
 from palpate.core.residual.plain_fit import PlainFit
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Width of a patch of the organ, mm: two correlation lengths of the contour noise. Bones are larger.
 PATCH_MM, BONE_PATCH_MM = 14.0, 28.0

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.inference.evidence import projected
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.residual.unknown_field import ForceFields, FreeField
-
-FloatArray = NDArray[np.float64]
 
 _SIDES = (("right", "left"), ("anterior", "posterior"), ("inferior", "superior"))
 
@@ -27,7 +25,7 @@ class Where:
 
     points: FloatArray
     normals: FloatArray
-    region: NDArray[np.int64]
+    region: IntArray
     residual: FloatArray
     standardised: FloatArray
     nodes: FloatArray
@@ -91,7 +89,7 @@ def regions(where: Where, names: dict[int, str]) -> list[dict[str, object]]:
     return out
 
 
-def _row(where: Where, part: NDArray[np.bool_], name: str, side: str, total: float) -> dict[str, object]:
+def _row(where: Where, part: BoolArray, name: str, side: str, total: float) -> dict[str, object]:
     squares = where.residual[part] ** 2
     rms = float(np.sqrt(squares.mean())) if part.any() else 0.0
     return {"name": name, "side": side, "rms_mm": rms, "share": float(squares.sum()) / total}
@@ -109,7 +107,7 @@ def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray) -> FloatArray 
 
 
 def _blur(
-    forces: ForceFields, resolution: FloatArray, nodes: FloatArray, near: NDArray[np.int64], peak: FloatArray | None
+    forces: ForceFields, resolution: FloatArray, nodes: FloatArray, near: IntArray, peak: FloatArray | None
 ) -> float:
     """Point spread: radius (rms, mm) within which the map shows a force that acts at the peak alone."""
     if peak is None:

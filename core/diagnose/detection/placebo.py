@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.heldout import Gain, Linear, Split, gain
 from palpate.core.residual.unknown_field import FreeField
-
-FloatArray = NDArray[np.float64]
 
 PLACEBOS = 40
 # An effect moved less far than this is not elsewhere, mm.

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.effect import Effect, Surroundings, Variant
 from palpate.core.inference.evidence import Score, mean_of_exponentials, score
 from palpate.core.residual.joint_states import Points
 from palpate.core.residual.linearised_model import Trial
 from palpate.core.residual.plain_fit import PlainFit
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.materials import Material
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.effect import Effect, FloatArray, Parameter, Surroundings, Variant
+from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.forward.material_changes import per_cell
 from palpate.core.laws.fibre import with_fibres
 from palpate.core.mesh import TetMesh

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import body_force
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.effect import Effect, FloatArray, Parameter, Surroundings, Variant
+from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 
 # 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
 _WEIGHT = 1.0e-6

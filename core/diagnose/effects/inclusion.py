@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.effect import Effect, FloatArray, Parameter, Surroundings, Variant
+from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.forward.material_changes import scaled
 
 _RADIUS_MM = 7.5

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.effect import Effect, FloatArray, Parameter, Surroundings, Variant
+from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 
 # Compliance grows exponentially with phi, because what it does saturates once it exceeds radius / shear modulus.
 _UNIT_COMPLIANCE = 0.1

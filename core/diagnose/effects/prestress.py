@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.effect import Effect, FloatArray, Parameter, Surroundings, Variant
+from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 
 _WALLS = ("bladder", "rectum")
 

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import traction
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.effect import Effect, FloatArray, Parameter, Surroundings, Variant
+from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 
 # Half width at 0.6 of the pressure's peak: what pushes is a centimetre or two across.
 _RADIUS_MM = 6.0

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.refit import Refit, refit_again
 from palpate.core.diagnose.refit.variants import corrected
@@ -19,8 +19,6 @@ from palpate.core.residual.element_error import OPTIONS, better_bench, better_re
 from palpate.core.residual.linearised_model import Bench
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
 
 # Only effects whose log evidence is within this of the best one's may still become the answer; at most so many.
 _WITHIN, _MOST = 12.0, 3

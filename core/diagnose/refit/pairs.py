@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.effects import Effect, Variant
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.effect import FloatArray
 from palpate.core.inference.evidence import score
 from palpate.core.residual.plain_fit import PlainFit
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.evidence import allowed
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.residual.joint_states import Points
 from palpate.core.residual.linearised_model import Trial
 from palpate.core.residual.plain_fit import FLAT, PlainFit
-
-FloatArray = NDArray[np.float64]
 
 # A fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations).
 _TOLERANCE = 0.03

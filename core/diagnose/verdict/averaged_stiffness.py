@@ -14,16 +14,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import softmax
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis, saturated_model, tempered
 from palpate.core.diagnose.verdict.verdict import UNKNOWN
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.residual.wall_error_bias import wall_bias
-
-FloatArray = NDArray[np.float64]
 
 # Precision of ln G's prior in the plain model's answer.
 _PRIOR = 0.2

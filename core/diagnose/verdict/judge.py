@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.gap_test import GapTest, gap_test
 from palpate.core.diagnose.detection.leave_out import bone_split, organ_split
 from palpate.core.diagnose.detection.location import Where
@@ -21,8 +21,6 @@ from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.residual.noise_covariance import SHORT_BY
 from palpate.core.residual.plain_fit import FLAT, PlainFit
 from palpate.core.residual.unknown_field import FreeField
-
-FloatArray = NDArray[np.float64]
 
 # So many of the best effects are compared with placebos.
 _PLACEBO_TESTED = 3

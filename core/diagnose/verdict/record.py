@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.location import Where, look, regions, residuals
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.averaged_stiffness import averaged_stiffness, plain_stiffness
@@ -16,8 +16,6 @@ from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.diagnose.verdict.words import next_measurement, sentence
 from palpate.core.residual.linearised_model import Point
 from palpate.core.residual.plain_fit import PlainFit
-
-FloatArray = NDArray[np.float64]
 
 MAP_FILE = "gap_maps.npz"
 # A stiffness this close to a bound (ln G) is flagged: it may be absorbing an effect. Unless its standard deviation (ln G) says that the

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import softmax
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.residual.noise_covariance import LENGTHS_MM, organ_contours
-
-FloatArray = NDArray[np.float64]
 
 _DRAWS = 2000
 

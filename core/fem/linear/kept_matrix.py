@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.linear.pattern import Pattern, scatter
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class KeptMatrix:

@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from palpate.core.fem.linear.direct_solver import FactorisationError, FloatArray, check_finite
+from palpate.core.arrays import FloatArray, Int32Array, IntArray
+from palpate.core.fem.linear.direct_solver import FactorisationError, check_finite
 from palpate.core.fem.linear.pattern import Pattern
 
 _MTYPE = -2
@@ -170,11 +171,11 @@ def symmetric_product(indptr, indices, values, x):  # type: ignore[no-untyped-de
 
 def _call_phase(
     call: Callable[..., None],
-    memory: NDArray[np.int64],
-    iparm: NDArray[np.int32],
+    memory: IntArray,
+    iparm: Int32Array,
     phase: int,
     n: int,
-    arrays: tuple[NDArray[np.floating], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]],
+    arrays: tuple[NDArray[np.floating], Int32Array, Int32Array, Int32Array],
     b: NDArray[np.floating],
     x: NDArray[np.floating],
 ) -> int:
@@ -192,7 +193,7 @@ def _call_phase(
     return int(error.value)
 
 
-def _release(call: Callable[..., None], memory: NDArray[np.int64], iparm: NDArray[np.int32], n: int) -> None:
+def _release(call: Callable[..., None], memory: IntArray, iparm: Int32Array, n: int) -> None:
     none = np.zeros(1, dtype=np.int32)
     _call_phase(call, memory, iparm, -1, n, (np.zeros(1), none, none, none), np.zeros(n), np.zeros(n))
 
@@ -201,5 +202,5 @@ def _floats(array: NDArray[np.floating]) -> ctypes._Pointer[ctypes.c_double]:
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
 
 
-def _integers(array: NDArray[np.int32]) -> ctypes._Pointer[ctypes.c_int32]:
+def _integers(array: Int32Array) -> ctypes._Pointer[ctypes.c_int32]:
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_int32))

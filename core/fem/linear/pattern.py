@@ -7,11 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
+from palpate.core.arrays import FloatArray, Int32Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from palpate.core.fem.linear.direct_solver import FactorisationError, FloatArray, check_finite
+from palpate.core.arrays import FloatArray
+from palpate.core.fem.linear.direct_solver import FactorisationError, check_finite
 from palpate.core.fem.linear.pattern import Pattern
 
 

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.mixed import Outcome, iterate_mixed
-from palpate.core.fem.newton.work import FloatArray, Work, is_minimum, moved, relative
+from palpate.core.fem.newton.work import Work, is_minimum, moved, relative
 from palpate.core.fem.state import Residual, State
 
 _NEAR = 1e-3  # relative residual below which the mixed iteration is given another try

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.point_pressures import point_pressures, pressure_slopes
-from palpate.core.fem.newton.work import FloatArray, Work, certify, is_minimum, moved, relative, size
+from palpate.core.fem.newton.work import Work, certify, is_minimum, moved, relative, size
 from palpate.core.fem.state import Residual, State
 
 _HISTORY = 5  # corrections that the accelerated chord mixes

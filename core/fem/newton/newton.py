@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.energy import leave_saddle, minimise
 from palpate.core.fem.newton.mixed import Outcome, iterate_mixed
-from palpate.core.fem.newton.work import FloatArray, NewtonOptions, Work, relative
+from palpate.core.fem.newton.work import NewtonOptions, Work, relative
 from palpate.core.fem.state import State
 
 __all__ = ["Equilibrium", "NewtonOptions", "quicker", "solve_equilibrium"]

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem import kernels
 from palpate.core.fem.assembly import Assembler
-
-FloatArray = NDArray[np.float64]
 
 
 def point_pressures(assembler: Assembler, u: FloatArray) -> FloatArray:

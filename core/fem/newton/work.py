@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear.choice import FactorisationError
 from palpate.core.fem.newton.point_pressures import pressure_step
 from palpate.core.fem.state import Residual, State
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

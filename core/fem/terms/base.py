@@ -7,11 +7,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 
 
 class Term(Protocol):

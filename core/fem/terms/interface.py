@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
-from palpate.core.fem.terms.base import IntArray
 from palpate.core.mesh import TetMesh
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.space import Space
-from palpate.core.fem.terms.base import FloatArray, IntArray, PointSet, face_points
+from palpate.core.fem.terms.base import PointSet, face_points
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.fem.space import Space
-from palpate.core.fem.terms.base import BoolArray, FloatArray, IntArray, triangle_quadrature
+from palpate.core.fem.terms.base import triangle_quadrature
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.core.fem.terms.base import FloatArray, IntArray, PointSet
+from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.fem.terms.base import PointSet
 
 
 @dataclass(frozen=True, eq=False)

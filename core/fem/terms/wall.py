@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.core.fem.terms.base import FloatArray, IntArray, PointSet
+from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.fem.terms.base import PointSet
 
 # x (q, 3) -> signed distance (q,) mm and its gradient (q, 3).
 DistanceFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray]]

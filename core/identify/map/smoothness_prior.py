@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_noise import matern_3_2
-
-FloatArray = NDArray[np.float64]
 
 # A region's stiffness differs from the organ's level by a factor of two or less in two cases of three; a focus is about this long.
 LOCAL_SD = float(np.log(2.0))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.newton import Equilibrium, solve_equilibrium
 from palpate.core.fem.sensitivity import Direction, direct
@@ -26,8 +27,6 @@ from palpate.core.identify.map.smoothness_prior import SmoothPrior
 from palpate.core.identify.misfit import Misfit
 from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.worker.progress import Progress, silent
-
-FloatArray = NDArray[np.float64]
 
 PATCHES = 60
 # Of the local variance, what the scans must have taken away for a place to be shown.
@@ -61,7 +60,7 @@ class StiffnessMap:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def told(self) -> BoolArray:
         """(n,) where the scans say more than the smoothness does."""
         return self.gain >= TOLD
 
@@ -85,7 +84,7 @@ class StiffnessMap:
         }
 
 
-def painted(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+def painted(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> tuple[FloatArray, BoolArray]:
     """G (p,) kPa at points (p, 3) mm of the organ, between patches as the prior has it, and whether their patch is told."""
     prior = SmoothPrior(*(float(v) for v in np.asarray(arrays["prior"], dtype=float)))
     centres = np.asarray(arrays["centres"], dtype=float)
@@ -93,7 +92,7 @@ def painted(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> tu
     return np.exp(ln_G), np.asarray(arrays["told"], dtype=bool)[nearest_patch(arrays, points)]
 
 
-def nearest_patch(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> NDArray[np.int64]:
+def nearest_patch(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> IntArray:
     """The patch (p,) whose centre is nearest to each of points (p, 3) mm."""
     return np.asarray(cdist(points, np.asarray(arrays["centres"], dtype=float)).argmin(axis=1), dtype=np.int64)
 

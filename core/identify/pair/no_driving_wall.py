@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.space import Space
 from palpate.core.identify.not_identifiable import SURFACE_MM, Untold
 from palpate.core.identify.pair.surface_only import WAYS, SurfaceAlone, explain_surface
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem
-
-FloatArray = NDArray[np.float64]
 
 # On the mesh of a case linear elements are 0.1 mm off inside the organ, these a tenth of that.
 ELEMENT = "p2p1"

@@ -10,17 +10,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from palpate.core.arrays import FloatArray
 from palpate.core.identify.misfit import LANDMARK_SD_MM
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
-
-FloatArray = NDArray[np.float64]
 
 # Some thirty independent looks at a surface: its rms scatters by 13 %, and this is two of that.
 TOLERANCE = 1.26

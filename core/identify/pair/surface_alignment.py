@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.identify.pair.rigid_pair import rigid_motion
 from palpate.core.identify.pair.surface_only import transformed
 from palpate.core.problem import Surface, SurfacePair
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
-
-FloatArray = NDArray[np.float64]
 
 # Left over after the nearest motion, as a share of the extent: beyond it turns are tried, and taken where they leave less by
 # this factor.

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.space import Space
 from palpate.core.forward.sliding_match import slide_onto
 from palpate.core.identify.pair.rigid_pair import rigid_motion
@@ -18,9 +18,6 @@ from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Ways of moving the organ that are compared, the poorest first.
 WAYS = ("still", "rigid", "affine", "model")

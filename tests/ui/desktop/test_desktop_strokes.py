@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from phantoms import affine, labels
 
+from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.journal import Journal, content_hash, replay
@@ -25,7 +25,7 @@ def volumes(rotation_deg: float = 0.0) -> dict[str, Volume]:
     return {"rest": labels(matrix), "deformed": labels(matrix, push_mm=3.0)}
 
 
-def disc(volume: Volume, radius: float = 5.0) -> NDArray[np.int64]:
+def disc(volume: Volume, radius: float = 5.0) -> IntArray:
     return footprint(volume, CENTRE, radius, AXIAL)
 
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from phantoms import CENTRE, MARKER, affine, marked_ct, write_case
 from PIL import Image
 
+from palpate.core.arrays import LabelArray
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.ui.cli import main as cli
 
@@ -45,11 +45,11 @@ def play(folder: Path, script: str, monkeypatch: pytest.MonkeyPatch) -> list[dic
     return events
 
 
-def picture(path: str) -> NDArray[np.uint8]:
+def picture(path: str) -> LabelArray:
     return np.asarray(Image.open(path).convert("RGB"))
 
 
-def part(whole: NDArray[np.uint8], top: bool, left: bool) -> NDArray[np.uint8]:
+def part(whole: LabelArray, top: bool, left: bool) -> LabelArray:
     """One of the four views, of a window of 1300 x 900 with its step bar above and panels at the right."""
     rows = slice(60, 460) if top else slice(480, 860)
     return whole[rows, slice(10, 420) if left else slice(440, 840)]

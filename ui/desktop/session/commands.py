@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import STATES
+from palpate.core.arrays import FloatArray
 from palpate.core.worker.job import Job
 from palpate.ui.cli.arguments import cores
 from palpate.ui.desktop.session import read_scans, step_job
@@ -29,7 +29,7 @@ def import_command(
 
 
 def step_command(
-    step: str, case: Path, seeds: Mapping[str, Mapping[str, Sequence[float]]], deformed_to_rest: NDArray[np.float64]
+    step: str, case: Path, seeds: Mapping[str, Mapping[str, Sequence[float]]], deformed_to_rest: FloatArray
 ) -> list[str]:
     """One step of a case. Seeds lie in the rest frame; the command line wants those of the deformed scan in its own."""
     command = [step, str(case.absolute())]
@@ -54,5 +54,5 @@ def scans_job(sources: Mapping[str, Path], case: Path | None, folder: Path) -> J
     return Job(read_scans.KIND, str(folder), options=options, workers=cores())
 
 
-def _seed(name: str, point: Sequence[float] | NDArray[np.float64]) -> str:
+def _seed(name: str, point: Sequence[float] | FloatArray) -> str:
     return f"{name}={','.join(f'{float(x):.3f}' for x in point)}"

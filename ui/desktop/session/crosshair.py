@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.slices import overlay
@@ -33,7 +33,7 @@ def words_at_crosshair(controller: Controller) -> str:
     return ", ".join(words)
 
 
-def _stiffness_words(controller: Controller, label: int, state: str, at: NDArray[np.float64]) -> list[str]:
+def _stiffness_words(controller: Controller, label: int, state: str, at: FloatArray) -> list[str]:
     """What is known of the stiffness at a point (1, 3) mm of a label: by the map where that is shown, else of the region."""
     case, display = controller.case, controller.display
     if case is None or label not in ORGAN_LABELS:
@@ -48,7 +48,7 @@ def _stiffness_words(controller: Controller, label: int, state: str, at: NDArray
     return values + (old if found else [])
 
 
-def _voxel(volume: Volume | None, at: NDArray[np.float64]) -> float | None:
+def _voxel(volume: Volume | None, at: FloatArray) -> float | None:
     """The value of the voxel that holds a point (1, 3) mm; None outside."""
     if volume is None:
         return None

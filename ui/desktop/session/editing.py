@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
@@ -25,7 +25,7 @@ class Editing:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._drag: Drag | None = None
-        self._from: NDArray[np.float64] | None = None
+        self._from: FloatArray | None = None
 
     def reset(self) -> None:
         """Forgets a stroke that was begun."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.display import Display
@@ -33,8 +34,8 @@ class GapMap:
     """points (n, 3) mm at rest, residual (n,) mm: predicted surface outside (+) or inside (-) the scan's. diagnosed : from
     `diagnose`, smoothed; else the plain misfit of `identify`."""
 
-    points: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    points: FloatArray
+    residual: FloatArray
     diagnosed: bool
 
 

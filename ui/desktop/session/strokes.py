@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
@@ -19,8 +19,8 @@ class Stroke:
     """state : "rest" or "deformed". index (n,) flat voxel indices (C order), before (n,) their labels, after : the new label."""
 
     state: str
-    index: NDArray[np.int64]
-    before: NDArray[np.uint8]
+    index: IntArray
+    before: LabelArray
     after: int
 
     def to_dict(self) -> dict[str, Any]:
@@ -41,7 +41,7 @@ class Stroke:
         return cls(data["state"], index, before, int(data["after"]))
 
 
-def footprint(volume: Volume, centre: NDArray[np.float64], radius_mm: float, plane: Plane | None) -> NDArray[np.int64]:
+def footprint(volume: Volume, centre: FloatArray, radius_mm: float, plane: Plane | None) -> IntArray:
     """Flat indices of the voxels whose centres lie within a radius (mm) of a point: a disc in the plane's slice through the
     point, or a ball where there is no plane. The voxel that holds the point always belongs to it."""
     middle = volume.to_index(centre[None])[0]
@@ -92,7 +92,7 @@ class Corrections:
         """The labels as they are now have been saved."""
         self._saved = self._last
 
-    def paint(self, state: str, index: NDArray[np.int64], label: int, only: int | None = None) -> Stroke | None:
+    def paint(self, state: str, index: IntArray, label: int, only: int | None = None) -> Stroke | None:
         """The stroke that gives voxels a label; only those of the label ``only`` where that is given. Nothing is changed yet.
 
         None where nothing would change. Raises InputError when the state has no labels to correct.
@@ -134,7 +134,7 @@ class Corrections:
     def _last(self) -> Stroke | None:
         return self._done[-1] if self._done else None
 
-    def _flat(self, state: str) -> NDArray[np.uint8]:
+    def _flat(self, state: str) -> LabelArray:
         return self.volumes[state].array.reshape(-1)
 
 
@@ -145,7 +145,7 @@ class Drag:
         self._corrections, self.state, self._label, self._only = corrections, state, label, only
         self._parts: list[Stroke] = []
 
-    def add(self, index: NDArray[np.int64]) -> Stroke | None:
+    def add(self, index: IntArray) -> Stroke | None:
         """Changes further voxels at once; None where nothing changes."""
         part = self._corrections.paint(self.state, index, self._label, self._only)
         if part is not None:

@@ -12,6 +12,7 @@ from PySide6.QtCore import QPointF
 from PySide6.QtGui import QImage, QPainterPath, QPolygonF
 from skimage import measure
 
+from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.slices import overlay
@@ -29,7 +30,7 @@ class MapLayer:
 
     image: QImage
     hatched: list[QPainterPath]
-    data: NDArray[np.uint8]
+    data: LabelArray
 
 
 def map_layer(
@@ -55,9 +56,7 @@ def map_layer(
     return MapLayer(image, _outlines(untold, sheet), data)
 
 
-def _places(
-    sheet: Sheet, plane: Plane, position: float, rows: NDArray[np.int64], columns: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _places(sheet: Sheet, plane: Plane, position: float, rows: IntArray, columns: IntArray) -> FloatArray:
     """Patient coordinates (n, 3) mm of pixel centres."""
     left, right, bottom, top = sheet.extent
     height, width = sheet.values.shape
@@ -67,7 +66,7 @@ def _places(
     return out
 
 
-def _outlines(inside: NDArray[np.float64], sheet: Sheet) -> list[QPainterPath]:
+def _outlines(inside: FloatArray, sheet: Sheet) -> list[QPainterPath]:
     left, right, bottom, top = sheet.extent
     height, width = inside.shape
     paths = []

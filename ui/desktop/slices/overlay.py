@@ -11,6 +11,7 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 from skimage import measure
 
+from palpate.core.arrays import BoolArray, FloatArray, LabelArray
 from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
 from palpate.ui.desktop.session.display import Display
@@ -77,8 +78,8 @@ def is_within(G: float, display: Display) -> bool:
 
 
 def map_at(
-    arrays: Mapping[str, NDArray[Any]], points: NDArray[np.float64], factor: float | None
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    arrays: Mapping[str, NDArray[Any]], points: FloatArray, factor: float | None
+) -> tuple[FloatArray, BoolArray]:
     """G (n,) kPa of the map at points (n, 3) mm of the organ at rest, and where it tells it, to the factor asked for."""
     if not len(points):
         return np.zeros(0), np.zeros(0, dtype=bool)
@@ -93,7 +94,7 @@ def only_at_rest(overlay: str, state: str) -> str:
     return f"{overlay} is shown at rest only" if overlay in ("map", "misfit") and state == "deformed" else ""
 
 
-def outlines(sheet: Sheet, label: int) -> list[NDArray[np.float64]]:
+def outlines(sheet: Sheet, label: int) -> list[FloatArray]:
     """Lines (n, 2) of (across, down) mm around a label in a sheet of labels."""
     inside = np.pad(np.asarray(sheet.values == label, dtype=np.float32), 1)
     if not inside.any():
@@ -106,12 +107,12 @@ def outlines(sheet: Sheet, label: int) -> list[NDArray[np.float64]]:
     return [np.column_stack([left + (c[:, 1] - 0.5) * step_a, top + down * (c[:, 0] - 0.5) * step_d]) for c in lines]
 
 
-def residual_rgb(residual: NDArray[np.float64], limit: float) -> NDArray[np.uint8]:
+def residual_rgb(residual: FloatArray, limit: float) -> LabelArray:
     """Colours (n, 3) of residuals (n,) mm: blue inside (-), red outside (+), white where the model meets the scan."""
     rgba = colormaps[_RESIDUAL_MAP]((np.clip(residual / limit, -1.0, 1.0) + 1.0) / 2.0)
     return np.rint(255.0 * rgba[:, :3]).astype(np.uint8)
 
 
-def residual_limit(residual: NDArray[np.float64]) -> float:
+def residual_limit(residual: FloatArray) -> float:
     """A round limit, mm, for the colours of residuals: all but the largest 2 % lie within."""
     return max(0.5, float(np.ceil(2.0 * np.percentile(np.abs(residual), 98)) / 2.0))

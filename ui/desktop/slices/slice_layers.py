@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import QPointF
 from PySide6.QtGui import QImage, QPainterPath, QPolygonF, qRgba
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.window_level import WindowLevel, to_grey
 from palpate.ui.desktop.slices.overlay import RGBA, outlines
@@ -72,13 +72,13 @@ def outline_paths(kept: Kept, name: str, sheet: Sheet, labels: tuple[int, ...]) 
     return made
 
 
-def _grey(sheet: Sheet, window: WindowLevel) -> tuple[QImage, NDArray[np.uint8]]:
+def _grey(sheet: Sheet, window: WindowLevel) -> tuple[QImage, LabelArray]:
     data = to_grey(sheet.values, window)
     rows, columns = data.shape
     return QImage(data.data, columns, rows, columns, QImage.Format.Format_Grayscale8), data
 
 
-def _coloured(sheet: Sheet, table: Mapping[int, RGBA]) -> tuple[QImage, NDArray[np.uint8]]:
+def _coloured(sheet: Sheet, table: Mapping[int, RGBA]) -> tuple[QImage, LabelArray]:
     data = np.ascontiguousarray(sheet.values, dtype=np.uint8)
     rows, columns = data.shape
     image = QImage(data.data, columns, rows, columns, QImage.Format.Format_Indexed8)
@@ -86,7 +86,7 @@ def _coloured(sheet: Sheet, table: Mapping[int, RGBA]) -> tuple[QImage, NDArray[
     return image, data
 
 
-def _path(lines: list[NDArray[np.float64]]) -> QPainterPath:
+def _path(lines: list[FloatArray]) -> QPainterPath:
     path = QPainterPath()
     for line in lines:
         path.addPolygon(QPolygonF([QPointF(float(a), float(d)) for a, d in line]))

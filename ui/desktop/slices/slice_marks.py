@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QBrush, QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.desktop.window import style
 from palpate.ui.pictures.slice_axes import LETTER_FONT
@@ -127,9 +127,7 @@ def seeds(painter: QPainter, screen: Screen, found: Mapping[str, Sequence[float]
             text(painter, QRectF(p.x() + 10, p.y() - 9, 90, 18), name, left, style.SEED)
 
 
-def misfit_points(
-    painter: QPainter, screen: Screen, points: NDArray[np.float64], rgb: NDArray[np.uint8], position: float
-) -> None:
+def misfit_points(painter: QPainter, screen: Screen, points: FloatArray, rgb: LabelArray, position: float) -> None:
     """Points of the organ's surface near the slice, coloured by the model's misfit there."""
     plane = screen.plane
     near = np.flatnonzero(np.abs(points[:, plane.normal] - position) <= _NEAR_MM / 2.0)

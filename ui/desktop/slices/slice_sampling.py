@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import Float32Array, FloatArray
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures.planes import Plane
 
@@ -118,9 +119,7 @@ def _sampled(
     return Sheet(values, (float(low[a]), float(low[a] + columns * step[a]), bottom, top))
 
 
-def _indices(
-    volume: Volume, plane: Plane, position: float, across: NDArray[np.float64], down: NDArray[np.float64]
-) -> NDArray[np.float32]:
+def _indices(volume: Volume, plane: Plane, position: float, across: FloatArray, down: FloatArray) -> Float32Array:
     """Fractional indices (3, rows, columns) of the pixels of a slice; they are sums of a row's and a column's part."""
     inverse = np.linalg.inv(volume.affine)
     by_row = inverse[:3, plane.down, None] * down + inverse[:3, plane.normal, None] * position + inverse[:3, 3, None]
@@ -128,7 +127,7 @@ def _indices(
     return np.add(by_row[:, :, None], by_column[:, None, :], dtype=np.float32)
 
 
-def _nearest(array: NDArray[Any], index: NDArray[np.float32], fill: float) -> NDArray[Any]:
+def _nearest(array: NDArray[Any], index: Float32Array, fill: float) -> NDArray[Any]:
     """The voxels nearest to fractional indices (3, rows, columns), ``fill`` outside."""
     array = array if array.flags.forc else np.ascontiguousarray(array)
     order: Literal["F", "C"] = "F" if array.flags.f_contiguous else "C"
@@ -143,7 +142,7 @@ def _nearest(array: NDArray[Any], index: NDArray[np.float32], fill: float) -> ND
     return values
 
 
-def _corners(volume: Volume) -> NDArray[np.float64]:
+def _corners(volume: Volume) -> FloatArray:
     """The eight outer corners (8, 3) mm of the grid's outermost voxels."""
     ends = [(-0.5, n - 0.5) for n in volume.array.shape]
     return volume.to_lps(np.array([[i, j, k] for i in ends[0] for j in ends[1] for k in ends[2]]))

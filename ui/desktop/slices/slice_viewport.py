@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, QSize
 from PySide6.QtGui import QTransform
 
+from palpate.core.arrays import FloatArray
 from palpate.ui.pictures.planes import Plane
 
 
@@ -16,14 +16,14 @@ from palpate.ui.pictures.planes import Plane
 class Field:
     """centre (3,) mm LPS in the middle of every view. mm_per_pixel : magnification."""
 
-    centre: NDArray[np.float64]
+    centre: FloatArray
     mm_per_pixel: float = 0.5
 
     def zoom(self, factor: float) -> None:
         """Magnifies; kept between 0.02 and 5 mm a pixel."""
         self.mm_per_pixel = float(np.clip(self.mm_per_pixel / factor, 0.02, 5.0))
 
-    def fit(self, low: NDArray[np.float64], high: NDArray[np.float64], pixels: int) -> None:
+    def fit(self, low: FloatArray, high: FloatArray, pixels: int) -> None:
         """Shows a box (mm) whole in views of so many pixels."""
         self.centre = (low + high) / 2.0
         self.mm_per_pixel = float(np.clip((high - low).max() / max(pixels, 50), 0.02, 5.0))

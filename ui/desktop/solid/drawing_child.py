@@ -10,8 +10,8 @@ from typing import Protocol
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 
+from palpate.core.arrays import LabelArray
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.pipe_child import Answer, Message, serve
 
@@ -24,7 +24,7 @@ class Scene(Protocol):
     def take(self, message: Message) -> None:
         """A message that asks for no picture."""
 
-    def draw(self, view: Message) -> NDArray[np.uint8]:
+    def draw(self, view: Message) -> LabelArray:
         """The picture of a view, (height, width, 3)."""
 
 
@@ -37,7 +37,7 @@ def off_screen_plotter(samples: int) -> pv.Plotter:
     return plotter
 
 
-def picture(plotter: pv.Plotter, camera: Camera, size: Sequence[int]) -> NDArray[np.uint8]:
+def picture(plotter: pv.Plotter, camera: Camera, size: Sequence[int]) -> LabelArray:
     """What a camera sees, (height, width, 3). size : width and height, as the plotter's window has them already."""
     towards = camera.axes[2]
     plotter.camera.focal_point = camera.centre.tolist()

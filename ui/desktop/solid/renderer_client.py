@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.solid.process_pipe import Pipe, Reply
 from palpate.ui.pictures.offscreen import REMEDY
@@ -40,11 +40,11 @@ class SolidClient:
         temporary.replace(path)
         self._pipe.say(type="labels", state=state, file=str(path), affine=volume.affine.tolist())
 
-    def scan(self, file: Path, affine: NDArray[np.float64]) -> None:
+    def scan(self, file: Path, affine: FloatArray) -> None:
         """The scan whose slices are shown; its voxels lie in a file already."""
         self._pipe.say(type="scan", file=str(file), affine=affine.tolist())
 
-    def points(self, table: NDArray[np.float64] | None) -> None:
+    def points(self, table: FloatArray | None) -> None:
         """Misfit on the organ: (n, 7) x, y, z, residual, r, g, b; None takes it away."""
         path = self._folder / "points.npy"
         if table is not None:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.window_level import WindowLevel, to_grey
@@ -51,7 +52,7 @@ class SolidScene:
         self._bodies: dict[tuple[str, int], Any] = {}
         self._scan: Volume | None = None
         self._centre, self._half = np.zeros(3), 60.0
-        self._points: NDArray[np.float64] | None = None
+        self._points: FloatArray | None = None
         self._map: tuple[tuple[str, int], dict[str, NDArray[Any]]] | None = None
 
     def take(self, message: Message) -> None:
@@ -91,7 +92,7 @@ class SolidScene:
         """Misfit on the organ at rest, or nothing."""
         self._points = None if message["file"] is None else np.load(message["file"])
 
-    def draw(self, message: Message) -> NDArray[np.uint8]:
+    def draw(self, message: Message) -> LabelArray:
         """The picture of a view, (height, width, 3)."""
         plotter = self._plotter
         plotter.window_size = list(message["size"])

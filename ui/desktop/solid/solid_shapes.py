@@ -9,6 +9,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.slices import overlay
 from palpate.ui.desktop.slices.slice_sampling import Sheet
@@ -39,7 +40,7 @@ def surface(labels: Volume, label: int) -> pv.PolyData | None:
     return shape.compute_normals(auto_orient_normals=True)
 
 
-def near(sheet: Sheet, plane: Plane, centre: NDArray[np.float64], reach: float) -> Sheet | None:
+def near(sheet: Sheet, plane: Plane, centre: FloatArray, reach: float) -> Sheet | None:
     """The part of a sheet within `reach` mm of a centre (3,), None where there is none: the whole pelvis would hide the organ."""
     left, _, _, top = sheet.extent
     step_a, step_d = sheet.step
@@ -66,7 +67,7 @@ def quad_of(sheet: Sheet, plane: Plane, position: float) -> pv.PolyData:
     return quad
 
 
-def map_colours(arrays: dict[str, NDArray[Any]], points: NDArray[np.float64], how: dict[str, Any]) -> NDArray[np.uint8]:
+def map_colours(arrays: dict[str, NDArray[Any]], points: FloatArray, how: dict[str, Any]) -> LabelArray:
     """Colours (n, 3) of points (n, 3) mm by the stiffness map, as the slices have them. how : `map` of a view."""
     scale = StiffnessScale(*how["scale"])
     G, told = overlay.map_at(arrays, points, how["surest_factor"])

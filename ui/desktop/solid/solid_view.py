@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QMouseEvent, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
+from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import MAP_FILE
@@ -132,7 +132,7 @@ class SolidView(QWidget):
                 out[f"{state} {label}"] = [float(c) for c in rgba]
         return out
 
-    def _misfit(self) -> NDArray[np.float64] | None:
+    def _misfit(self) -> FloatArray | None:
         gap = None if self.controller.case is None else self.controller.case.gap
         if gap is None:
             return None

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 
+from palpate.core.arrays import LabelArray
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.drawing_child import off_screen_plotter, picture, serve_scene
 from palpate.ui.desktop.solid.pipe_child import Message
@@ -52,7 +52,7 @@ class TouchScene:
             smooth_shading=True, specular=0.6, specular_power=20, reset_camera=False, render=False,
         )  # fmt: skip
 
-    def draw(self, view: Message) -> NDArray[np.uint8]:
+    def draw(self, view: Message) -> LabelArray:
         """The picture of a view, (height, width, 3)."""
         self._plotter.window_size = list(view["size"])
         u = np.zeros_like(self._rest)

@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.touch.body import SUPPORTS, Body
 from palpate.ui.desktop.solid.process_pipe import Pipe, Reply
 from palpate.ui.desktop.touch.child import save_body
-
-FloatArray = NDArray[np.float64]
 
 COLOURS = ((0x31, 0x68, 0x8E), (0xB5, 0x65, 0x1D), (0x88, 0x88, 0x88))
 _CHILD, _DRAWING = "palpate.ui.desktop.touch.child", "palpate.ui.desktop.touch.drawing"

@@ -9,16 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.touch.body import Body
 from palpate.core.touch.session import Answer, Session
 from palpate.ui.pictures.force_curve import CurveRow, curve_csv, force_curve
 from palpate.ui.words.number_words import three_figures
-
-FloatArray = NDArray[np.float64]
 
 # A press by a script goes there in steps of at most so much, and a slide too, mm.
 PRESS_STEP, SLIDE_STEP = 0.25, 1.0

@@ -15,13 +15,13 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.worker.progress import Progress, silent
 from palpate.ui.pictures.drop.canvas import Canvas
 from palpate.ui.pictures.drop.stage import DropStage, FallingOrgan
 from palpate.ui.pictures.film import write_film
 from palpate.ui.pictures.offscreen import REMEDY, OffscreenError, polydata
 
-FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 _TOWARDS = np.array([0.0, -1.0, 0.32])  # from the patient's front, a little from above
@@ -160,7 +160,7 @@ class _Plot:
         self._plotter.close()
 
 
-def point_normals(x: FloatArray, faces: NDArray[np.int64]) -> FloatArray:
+def point_normals(x: FloatArray, faces: IntArray) -> FloatArray:
     """(n, 3) unit normals of points x (n, 3), by the area of their faces (f, 3): shading goes on across the halves' border."""
     corners = x[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

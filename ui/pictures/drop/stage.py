@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from palpate.core.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

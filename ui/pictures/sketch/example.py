@@ -11,11 +11,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray
 from palpate.core.files.atomic import atomic_folder
-
-FloatArray = NDArray[np.float64]
 
 LETTERS = "PAL"
 _CANVAS, _FOOT, _TALL = 400.0, 330.0, 200.0

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from palpate.case.steps.sketch import Sketch, triangles
+from palpate.core.arrays import FloatArray
 from palpate.core.sketch.outline import Outline
 
-FloatArray = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 # Drawn so much larger, then averaged: smooth edges.

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.meshing.smooth_distance import FloatArray
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.validate.blind.simulator.simulated_body import Simulated
 
 
@@ -26,7 +25,7 @@ def direction(rng: np.random.Generator) -> tuple[float, float, float]:
     return float(a[0]), float(a[1]), float(a[2])
 
 
-def ball(s: Simulated, rng: np.random.Generator, label: int) -> tuple[NDArray[np.bool_], FloatArray]:
+def ball(s: Simulated, rng: np.random.Generator, label: int) -> tuple[BoolArray, FloatArray]:
     """A place in one half: cells (m,) of bool within a sharp edge, and its centre."""
     centre = s.centres[s.body.regions == label].mean(axis=0) + rng.uniform(-4.0, 4.0, 3)
     inside = np.linalg.norm(s.centres - centre, axis=1) < rng.uniform(6.5, 9.5)

@@ -10,17 +10,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from skfem import Basis, ElementTetP2, MeshTet
 from skfem.assembly.form.coo_data import COOData
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.fem.linear.choice import make_solver
 from palpate.core.fem.linear.pattern import Pattern
 from palpate.validate.blind.simulator.laws import Dilation, Organ, Tissue
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Laws = Mapping[int, Organ | Tissue]
 
 
@@ -138,7 +136,7 @@ class Body:
         keys = np.repeat(np.arange(n), np.diff(pattern.indptr)) * n + pattern.indices
         return pattern, np.searchsorted(keys, pairs[0] * n + pairs[1])
 
-    def solver(self, K: sparse.csr_matrix, free: NDArray[np.bool_]) -> _Solver:
+    def solver(self, K: sparse.csr_matrix, free: BoolArray) -> _Solver:
         """Of this body's matrices, for unknowns free (3 n,) of bool; the same one as long as the same are free."""
         key = free.tobytes()
         if key not in self._solvers:
@@ -161,7 +159,7 @@ class Body:
 class _Solver:
     """Direct solver for the free unknowns of a body's matrices, analysed once."""
 
-    def __init__(self, K: sparse.csr_matrix, free: NDArray[np.bool_]) -> None:
+    def __init__(self, K: sparse.csr_matrix, free: BoolArray) -> None:
         # Where in K's values the upper triangle of the free unknowns is.
         numbered = sparse.csr_matrix((np.arange(1.0, K.nnz + 1.0), K.indices, K.indptr), shape=K.shape)
         upper = sparse.triu(numbered[free][:, free], format="csr")

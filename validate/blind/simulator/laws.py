@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from palpate.core.arrays import FloatArray
 
 _ONE = np.eye(3)
 _LEVI_CIVITA = np.zeros((3, 3, 3))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import ConvergenceError
-from palpate.validate.blind.simulator.fem import Body, FloatArray, Laws
+from palpate.validate.blind.simulator.fem import Body, Laws
 
 _TOLERANCE, _ITERATIONS, _SMALLEST_STEP = 1e-7, 14, 1.0 / 64.0
 # So many goes, and a body that creeps on by small steps folds all the same: soft layers took minutes to do so.
@@ -79,7 +79,7 @@ def _softened(body: Body, laws: Laws, start: FloatArray, force: FloatArray, held
 
 
 def _newton(
-    body: Body, laws: Laws, u: FloatArray, jump: FloatArray, force: FloatArray, free: NDArray[np.bool_]
+    body: Body, laws: Laws, u: FloatArray, jump: FloatArray, force: FloatArray, free: BoolArray
 ) -> FloatArray | None:
     """Newton's method with the held unknowns moved by `jump` in the first step; None when it does not converge."""
     inner, K = body.assemble(u.reshape(-1, 3), laws)

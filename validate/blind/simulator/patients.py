@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray
-from palpate.simulate.source import LabelArray
 from palpate.simulate.wall_motion import WallMotion
 from palpate.validate.blind.simulator.pelvis import Pelvis
 

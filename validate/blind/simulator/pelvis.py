@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import (
     BLADDER,
     BONE,
@@ -20,10 +21,9 @@ from palpate.imaging.labels import (
     SURROUNDING_TISSUE,
 )
 from palpate.imaging.volume import Volume
-from palpate.meshing.smooth_distance import FloatArray
 from palpate.simulate.phantom.solids import Capsule, Ellipsoid, Solid, Tube
 from palpate.simulate.phantom.unions import Union
-from palpate.simulate.source import LabelArray, labels_on
+from palpate.simulate.source import labels_on
 
 # Semi-axes of the modelled region, a box with rounded edges, and its middle over the prostate's, mm; the power that rounds it.
 _REGION_MM, _MIDDLE_MM, _POWER = np.array([50.0, 54.0, 54.0]), np.array([0.0, 5.0, 9.0]), 20

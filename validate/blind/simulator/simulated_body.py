@@ -6,10 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.validate.blind.simulator.fem import Body, Laws
 from palpate.validate.blind.simulator.laws import Organ, Tissue
 from palpate.validate.blind.simulator.patients import Rigid
@@ -70,7 +69,7 @@ class Simulated:
         return np.asarray(self.body.points[self.body.cells].mean(axis=1))
 
     @property
-    def in_organ(self) -> NDArray[np.bool_]:
+    def in_organ(self) -> BoolArray:
         """(m,) whether a cell is the organ's."""
         return np.isin(self.body.regions, ORGAN_LABELS)
 
@@ -79,7 +78,7 @@ class Simulated:
         """(3,) mm, the organ's centre."""
         return np.asarray(self.body.points[np.unique(self.organ_faces)].mean(axis=0))
 
-    def stiffer(self, where: NDArray[np.bool_], factor: float) -> None:
+    def stiffer(self, where: BoolArray, factor: float) -> None:
         """Shear and bulk modulus of cells (m,) of bool times a factor."""
         self.G = np.where(where, factor * self.G, self.G)
         self.K = np.where(where, factor * self.K, self.K)

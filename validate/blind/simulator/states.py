@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.wall_motion import WallMotion
 from palpate.validate.blind.simulator.fem import Body, Laws

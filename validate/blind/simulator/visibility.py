@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.imaging.labels import ORGAN_LABELS
-from palpate.meshing.smooth_distance import FloatArray, IntArray
 from palpate.validate.blind.simulator.fem import Body
 from palpate.validate.blind.simulator.newton import slopes_in
 from palpate.validate.blind.simulator.simulated_body import Simulated
