@@ -16,7 +16,7 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.landmarks import Landmarks, landmarks_csv, read_landmarks
-from palpate.case.rigid_offset import Elsewhere, elsewhere_in
+from palpate.case.rigid_offset import RigidOffset, elsewhere_in
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_labels import label_values
@@ -72,7 +72,7 @@ def state_labels(case: CaseFolder, state: FurtherState) -> Volume:
     return volume if elsewhere is None else volume.moved(elsewhere.deformed_to_rest)
 
 
-def state_elsewhere(case: CaseFolder, state: FurtherState) -> Elsewhere | None:
+def state_elsewhere(case: CaseFolder, state: FurtherState) -> RigidOffset | None:
     """How a further state's labels lie elsewhere; what `state_labels` and `state_landmarks` give no longer does."""
     return elsewhere_in(case, _as_given(case, state))
 

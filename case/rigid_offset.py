@@ -29,7 +29,7 @@ _ON_BONE_MM, _NEAR_MM, _SHARE = 1.0, 1.5, 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Elsewhere:
+class RigidOffset:
     """deformed_to_rest : (4, 4) LPS mm, rigid. shift_mm : how far it takes the organ's middle; turn_deg : by how much it turns."""
 
     deformed_to_rest: FloatArray
@@ -37,7 +37,7 @@ class Elsewhere:
     turn_deg: float
 
     @classmethod
-    def from_dict(cls, found: Mapping[str, Any]) -> Elsewhere:
+    def from_dict(cls, found: Mapping[str, Any]) -> RigidOffset:
         """Of what `to_dict` made."""
         return cls(np.array(found["deformed_to_rest"]), float(found["shift_mm"]), float(found["turn_deg"]))
 
@@ -61,14 +61,14 @@ class Elsewhere:
         )
 
 
-def elsewhere_in(case: CaseFolder, deformed: Volume) -> Elsewhere | None:
+def elsewhere_in(case: CaseFolder, deformed: Volume) -> RigidOffset | None:
     """How a deformed state of a case lies elsewhere. None where `import` made the case: it aligns scans, or was told not to."""
     if case.has("import.json") or not case.has_labels("rest"):
         return None
     return laid_elsewhere(case.labels("rest"), deformed)
 
 
-def laid_elsewhere(rest: Volume, deformed: Volume) -> Elsewhere | None:
+def laid_elsewhere(rest: Volume, deformed: Volume) -> RigidOffset | None:
     """How two label volumes lie apart as a whole; None where they do not, or where that cannot be told."""
     if not ((rest.array == BONE).any() and (deformed.array == BONE).any()):
         return None
@@ -84,7 +84,7 @@ def laid_elsewhere(rest: Volume, deformed: Volume) -> Elsewhere | None:
     if on_bone.residual_mm > _ON_BONE_MM or left > min(_NEAR_MM, _SHARE * apart):
         return None
     organ = deformed.to_lps(np.argwhere(np.isin(deformed.array, ORGAN_LABELS)).astype(np.float64))
-    found = Elsewhere(matrix, 0.0, float(np.rad2deg(Rotation.from_matrix(matrix[:3, :3]).magnitude())))
+    found = RigidOffset(matrix, 0.0, float(np.rad2deg(Rotation.from_matrix(matrix[:3, :3]).magnitude())))
     return replace(found, shift_mm=float(np.linalg.norm((found.back(organ) - organ).mean(axis=0))))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from palpate.case.case_folder import CaseFolder, file_sha256
-from palpate.case.rigid_offset import Elsewhere, elsewhere_in
+from palpate.case.rigid_offset import RigidOffset, elsewhere_in
 from palpate.case.steps.import_scans.rest_only import is_alone
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
@@ -78,10 +78,10 @@ def load_meshed(case: CaseFolder) -> MeshedCase:
     return MeshedCase(mesh, boundary, quality)
 
 
-def elsewhere_of(case: CaseFolder) -> Elsewhere | None:
+def elsewhere_of(case: CaseFolder) -> RigidOffset | None:
     """How the deformed scan of a meshed case lay elsewhere; its surfaces no longer do."""
     found = case.read_json("mesh.json").get("laid_elsewhere")
-    return None if found is None else Elsewhere.from_dict(found)
+    return None if found is None else RigidOffset.from_dict(found)
 
 
 def load_surfaces(case: CaseFolder, state: str) -> dict[str, TriSurface]:

@@ -21,7 +21,7 @@ from palpate.core.inference.evidence import mean_of_exponentials
 from palpate.core.residual.joint_states import factorised
 from palpate.core.residual.noise_estimation import GAPS
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
-from palpate.core.residual.unknown_field import FreeField
+from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.progress import Progress, part, silent
 
 # Effects whose linear evidence is further below the best than this are not refitted.
@@ -32,7 +32,7 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     """Diagnose a case. Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved."""
     fit = fit_plain(data.pairs, data.remeshed, part(progress, 0.0, 0.45))
     factorised(fit.point)
-    forces = FreeField.around(fit.point, fit.bench.sights)
+    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights)
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     progress(0.46, "score test of every effect")
     stage, point = fit.bench.first.stage, fit.point.first
@@ -50,7 +50,7 @@ def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress =
     return judge(fit, test, screened, refits, where, forces, _unnamed(fit, forces), seed)
 
 
-def _unnamed(fit: PlainFit, forces: FreeField) -> float:
+def _unnamed(fit: PlainFit, forces: UnknownDiscrepancy) -> float:
     """Log evidence, against the plain model, of a free smooth field of any size, whatever the noise."""
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     none = np.zeros((len(r), len(r)))

@@ -11,10 +11,10 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import face_points
 from palpate.core.forward.scene import GapScene
-from palpate.core.forward.shared_geometry import Stage
+from palpate.core.forward.shared_geometry import SharedGeometry
 
 
-def pressure_fields(stage: Stage, scene: GapScene, theta: FloatArray) -> dict[str, FloatArray]:
+def pressure_fields(stage: SharedGeometry, scene: GapScene, theta: FloatArray) -> dict[str, FloatArray]:
     """Wall name -> displacement (points, 3) mm at rest when that wall alone is pushed by a pressure; 1 mm rms on the wall."""
     problem = stage.problem
     space = Space.of(problem.mesh, "p1p1")

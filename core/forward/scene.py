@@ -25,7 +25,7 @@ from palpate.core.forward.scene_parts import at_nodes, dead_load, moved_observat
 from palpate.core.mesh import TetMesh
 
 if TYPE_CHECKING:
-    from palpate.core.forward.shared_geometry import Stage
+    from palpate.core.forward.shared_geometry import SharedGeometry
 
 
 # Stiffness across an opened interface over the tissue's shear modulus, 1/mm: the two sides stay within 0.03 mm.
@@ -37,7 +37,7 @@ _STEP = 1e-4
 class GapScene(CoupledScene):
     """`CoupledScene` of a composition. Nodal displacements are counted from the stress-free mesh; `seen` from the scanned one."""
 
-    def __init__(self, stage: Stage, composition: Composition) -> None:
+    def __init__(self, stage: SharedGeometry, composition: Composition) -> None:
         self.stage, self.composition = stage, composition
         opened = stage.opened if composition.interface > 0.0 else None
         self.problem = stage.problem if opened is None else opened.problem

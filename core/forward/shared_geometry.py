@@ -28,7 +28,7 @@ _CUBES = 1.5
 
 
 @dataclass(eq=False)
-class Stage:
+class SharedGeometry:
     """What all compositions of one problem share: distance fields, walls' likeliest motions, and scenes' structures by need.
 
     element : see core.fem.elements.
@@ -43,7 +43,7 @@ class Stage:
     _opened: OpenedProblem | None = None
 
     @classmethod
-    def of(cls, problem: IdentificationProblem, element: str, like: Stage | None = None) -> Stage:
+    def of(cls, problem: IdentificationProblem, element: str, like: SharedGeometry | None = None) -> SharedGeometry:
         """A stage with another element shares the distance fields of `like`."""
         space = Space.of(problem.mesh, element)
         if like is not None:

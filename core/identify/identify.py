@@ -16,7 +16,16 @@ from palpate.core.forward.coupled_scene import prolonged
 from palpate.core.forward.make_scene import Scene, make_scene
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.plain_fit import Counter, Optimum, Posed, Walk, find_optimum, middle, noise_of, settle_first
+from palpate.core.identify.plain_fit import (
+    Continuation,
+    Counter,
+    Optimum,
+    StateProblem,
+    find_optimum,
+    middle,
+    noise_of,
+    settle_first,
+)
 from palpate.core.identify.swarm_run import SwarmOutcome
 from palpate.core.identify.swarm_stage import search_with_swarm
 from palpate.core.inference.posterior import Posterior, laplace
@@ -35,7 +44,7 @@ class Identification:
     jacobian : of all states. posterior : of all of theta. optimum : by Gauss-Newton; swarm : its outcome with that method.
     """
 
-    states: tuple[Posed, ...]
+    states: tuple[StateProblem, ...]
     theta: FloatArray
     residual: FloatArray
     jacobian: FloatArray
@@ -99,7 +108,7 @@ def identify(
         swarm = search_with_swarm(folder, files, states, options, fingerprint, reporter, count)
         theta = swarm.theta
     reporter.progress(0.92, "uncertainty")
-    walk = Walk(states, count)
+    walk = Continuation(states, count)
     linear, best = walk.linearise(theta), walk.best
     if linear is None:  # the swarm's best has no equilibrium once the walls have settled anew
         theta, linear, best = optimum.fit.theta, (optimum.fit.residual, optimum.fit.jacobian), optimum.equilibria
@@ -108,17 +117,19 @@ def identify(
     return Identification(tuple(_at(states, best)), theta, *linear, posterior, optimum, swarm, count, seconds)
 
 
-def _at(states: Sequence[Posed], equilibria: Sequence[Equilibrium]) -> list[Posed]:
+def _at(states: Sequence[StateProblem], equilibria: Sequence[Equilibrium]) -> list[StateProblem]:
     return [replace(state, equilibrium=found) for state, found in zip(states, equilibria, strict=True)]
 
 
-def _posed(problem: IdentificationProblem, scout: Optimum, k: int, options: IdentifyOptions, count: Counter) -> Posed:
+def _posed(
+    problem: IdentificationProblem, scout: Optimum, k: int, options: IdentifyOptions, count: Counter
+) -> StateProblem:
     """State k with the chosen element, from where the scout left it."""
     scene = make_scene(problem, options.boundary, options.element, options.split_mu)
     first, misfit = settle_first(
         scene, scout.fit.theta, count, prolonged(scout.equilibria[k].u, scene.space), options.uneven
     )
-    return Posed(scene, misfit, first)
+    return StateProblem(scene, misfit, first)
 
 
 def _scout(
@@ -131,7 +142,7 @@ def _scout(
         scene = make_scene(problem, options.boundary, SCOUT, options.split_mu)
         starts = _starts(scene, options)
         first, misfit = _settle_somewhere(scene, starts, count)
-        states.append(Posed(scene, misfit, first))
+        states.append(StateProblem(scene, misfit, first))
     return find_optimum(states, starts, count, lambda f, m: reporter.progress(0.05 + 0.1 * f, m))
 
 

@@ -14,12 +14,12 @@ from palpate.core.forward.coupled_scene import CoupledScene
 from palpate.core.identify.identify import Identification, identify
 from palpate.core.identify.map.stiffness_map import StiffnessMap, stiffness_map
 from palpate.core.identify.mu_split import separable
-from palpate.core.identify.not_identifiable import Untold, moved_as_a_whole, nothing_found
+from palpate.core.identify.not_identifiable import NoInformation, moved_as_a_whole, nothing_found
 from palpate.core.identify.notes import agreement, notes
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.pair.no_driving_wall import moved_by_its_surface, surface_is_all
 from palpate.core.identify.pair.rigid_pair import rigid_pair
-from palpate.core.identify.plain_fit import Posed
+from palpate.core.identify.plain_fit import StateProblem
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.inference.posterior import verdict
@@ -67,7 +67,7 @@ def problem_files(job: Job) -> list[Path]:
     return [Path(job.paths[name]) for name in ("problem", *further) if name in job.paths]
 
 
-def _untold(problem: IdentificationProblem) -> Untold | None:
+def _untold(problem: IdentificationProblem) -> NoInformation | None:
     """Why no stiffness need be searched for; None where one must be."""
     pair = rigid_pair(problem)
     if pair.nothing_deformed:
@@ -138,7 +138,7 @@ def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
     }
 
 
-def _misfit(state: Posed) -> dict[str, Any]:
+def _misfit(state: StateProblem) -> dict[str, Any]:
     """Eqs 10 to 13: every point to its own region's surface, points near the dividing line left out."""
     observation, u = state.scene.observation, state.equilibrium.u
     moved = observation.points + observation.operator @ u

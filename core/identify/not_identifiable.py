@@ -30,7 +30,7 @@ def prior_of(problem: IdentificationProblem) -> Posterior:
 
 
 @dataclass(frozen=True, eq=False)
-class Untold:
+class NoInformation:
     """Why a pair tells no stiffness, and how the organ moves nevertheless.
 
     in_words : the reason. mesh_displacement : (n, 3) mm of the problem's mesh. points (q, 3), region (q,), displacement (q, 3) :
@@ -49,17 +49,17 @@ class Untold:
     surface_mm: Mapping[str, float] | None = None
 
 
-def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair) -> Untold:
+def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair) -> NoInformation:
     """Of a pair that a rigid motion explains."""
     points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
     nodes = problem.mesh.points
-    return Untold(
+    return NoInformation(
         pair.in_words, pair.moved(nodes) - nodes, points, region, pair.moved(points) - points, pair.expected_mm["organ"]
     )
 
 
 def nothing_found(
-    problem: IdentificationProblem, untold: Untold, options: IdentifyOptions, seconds: float
+    problem: IdentificationProblem, untold: NoInformation, options: IdentifyOptions, seconds: float
 ) -> tuple[dict[str, Any], dict[str, NDArray[np.generic]]]:
     """result.json without versions and inputs, and fields.npz, of a pair that tells no stiffness.
 
@@ -89,13 +89,13 @@ def nothing_found(
     return result, _fields(untold, prior)
 
 
-def _misfit(problem: IdentificationProblem, untold: Untold) -> dict[str, Any]:
+def _misfit(problem: IdentificationProblem, untold: NoInformation) -> dict[str, Any]:
     """Eqs 10 to 13 after the motion."""
     figures = misfit_figures(problem, untold.points, untold.region, untold.points + untold.displacement)
     return {**figures, "expected_noise_rms_mm": untold.expected_mm}
 
 
-def _fields(untold: Untold, prior: Posterior) -> dict[str, NDArray[np.generic]]:
+def _fields(untold: NoInformation, prior: Posterior) -> dict[str, NDArray[np.generic]]:
     return {
         "mesh_displacement": untold.mesh_displacement,
         "surface_points": untold.points,

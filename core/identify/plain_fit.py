@@ -39,7 +39,7 @@ class Counter:
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class StateProblem:
     """One deformed state: its scene, what its data weigh, and an equilibrium to start from."""
 
     scene: Scene
@@ -47,7 +47,7 @@ class Posed:
     equilibrium: Equilibrium
 
 
-def noise_of(states: Sequence[Posed], jacobian: FloatArray) -> NoiseFacts:
+def noise_of(states: Sequence[StateProblem], jacobian: FloatArray) -> NoiseFacts:
     """What the noise of all states does to their weighted residual with Jacobian (rows of all states, t)."""
     score, expected, row = np.zeros((jacobian.shape[1],) * 2), 0.0, 0
     for state in states:
@@ -106,7 +106,7 @@ def settle_first(
     return found, Misfit.of(scene, *errors)
 
 
-def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, progress: Progress) -> Optimum:
+def find_optimum(states: Sequence[StateProblem], starts: FloatArray, count: Counter, progress: Progress) -> Optimum:
     """Gauss-Newton on the states' misfits added up, from each start (s, t). Raises ConvergenceError when none ends."""
     parameters = states[0].scene.parameters
     best: tuple[GaussNewtonResult, tuple[Equilibrium, ...]] | None = None
@@ -117,7 +117,7 @@ def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, pr
             (k + solved / (solved + 6.0)) / len(starts),
             f"Gauss-Newton, start {k + 1} of {len(starts)}, equilibrium {solved + 1}",
         )
-        walk = Walk(states, count, told)
+        walk = Continuation(states, count, told)
         fit = gauss_newton(walk.linearise, start, parameters.bounds)
         if fit is None or not walk.best:
             continue
@@ -129,14 +129,16 @@ def find_optimum(states: Sequence[Posed], starts: FloatArray, count: Counter, pr
     return Optimum(best[0], best[1], np.array(ends), stiffness=parameters.stiffness)
 
 
-class Walk:
+class Continuation:
     """Linearises the states' misfits along a path of thetas, each equilibrium started from the one before.
 
     best : every state's equilibrium where their misfits added up least; none before there was one. told : hears how many
     equilibria have been solved, before each.
     """
 
-    def __init__(self, states: Sequence[Posed], count: Counter, told: Callable[[int], None] = lambda _: None) -> None:
+    def __init__(
+        self, states: Sequence[StateProblem], count: Counter, told: Callable[[int], None] = lambda _: None
+    ) -> None:
         self.states, self.count = states, count
         self._told, self._solved = told, 0
         self.last = [state.equilibrium for state in states]

@@ -11,7 +11,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.identify import particle_solves
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.plain_fit import Counter, Posed
+from palpate.core.identify.plain_fit import Counter, StateProblem
 from palpate.core.identify.reidentify import keep_for_again
 from palpate.core.identify.swarm_misfit import Evaluator
 from palpate.core.identify.swarm_run import SwarmOutcome, run_swarm
@@ -23,7 +23,7 @@ from palpate.core.worker.messages import Reporter
 def search_with_swarm(
     folder: Path,
     files: Sequence[Path],
-    states: Sequence[Posed],
+    states: Sequence[StateProblem],
     options: IdentifyOptions,
     fingerprint: str,
     reporter: Reporter,
@@ -63,7 +63,7 @@ def _added(evaluators: Sequence[Evaluator], thetas: FloatArray) -> FloatArray:
     return np.asarray(sum(evaluator.values(thetas) for evaluator in evaluators), dtype=np.float64)
 
 
-def _write_reference(path: Path, state: Posed, fingerprint: str) -> None:
+def _write_reference(path: Path, state: StateProblem, fingerprint: str) -> None:
     """One file tells every process where the walls are and where to start from."""
     if load_checkpoint(path, fingerprint) is None:
         found = state.equilibrium

@@ -24,7 +24,7 @@ from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import DistanceFunction, SlidingWall
 from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
 from palpate.core.observe.wall_motion_prior import SIDEWAYS_MM, Kernel, likeliest
-from palpate.core.observe.wall_rigid_and_growth import SECTION_LENGTH_MM, Whole
+from palpate.core.observe.wall_rigid_and_growth import SECTION_LENGTH_MM, WallRigidModes
 
 # Correlation length of the contours' noise, and what voxels add to it point by point, mm.
 _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
@@ -57,7 +57,7 @@ class WallMotion:
     points: FloatArray
     at_rest: DistanceFunction
     kernel: Kernel
-    whole: Whole
+    whole: WallRigidModes
     basis: FloatArray
     sections: FloatArray
     slides: FloatArray
@@ -71,7 +71,7 @@ class WallMotion:
         X = wall.rest[chosen]
         out = _normals(at_rest, X)
         noise = 2.0 * smooth_covariance(X, noise_sd_mm, _NOISE_LENGTH_MM) + _VOXELS_MM**2 * np.eye(len(X))
-        whole = Whole.of(wall.rest, _normals(at_rest, wall.rest))
+        whole = WallRigidModes.of(wall.rest, _normals(at_rest, wall.rest))
         few = slice(None, None, -(-len(X) // _FEWER))
         near = np.exp(-0.5 * (cdist(X, X) / _SMOOTH_MM) ** 2)
         v, off = np.zeros_like(wall.rest), np.zeros(len(X))
@@ -133,7 +133,7 @@ def _posterior(
     shift: FloatArray,
     noise: FloatArray,
     kernel: Kernel,
-    whole: Whole,
+    whole: WallRigidModes,
 ) -> WallMotion:
     basis, slides = (_basis(X, length) for length in (kernel.length, SLIDE_LENGTH_MM))
     sections = _basis(np.outer(X @ whole.along, whole.along), SECTION_LENGTH_MM)

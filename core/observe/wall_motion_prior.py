@@ -9,7 +9,7 @@ from scipy.linalg import solve_triangular
 from scipy.spatial.distance import cdist
 
 from palpate.core.arrays import FloatArray
-from palpate.core.observe.wall_rigid_and_growth import Whole
+from palpate.core.observe.wall_rigid_and_growth import WallRigidModes
 
 # Lengths and standard deviations along the normal among which the likeliest is taken, mm.
 LENGTHS_MM = (10.0, 12.0, 14.0, 17.0, 20.0, 24.0, 29.0, 35.0)
@@ -28,7 +28,7 @@ class Kernel:
 
 
 def likeliest(
-    X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray, whole: Whole
+    X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray, whole: WallRigidModes
 ) -> Kernel:
     """The kernel under which motions shift (q,) mm along `normal` (q, 3) at X (q, 3) mm are likeliest (Rasmussen & Williams 2006, 5.4).
 

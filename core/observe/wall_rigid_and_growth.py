@@ -19,7 +19,7 @@ BAG = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Whole:
+class WallRigidModes:
     """How a wall may move as a whole. axes (3, 3) : takes unit normal amplitudes to a translation, in its size.
 
     middle (3,) mm, radius mm : of the wall at rest, about which it grows; radius is rms, infinite for what is no bag. along (3,) : a tube's
@@ -32,7 +32,7 @@ class Whole:
     along: FloatArray
 
     @classmethod
-    def of(cls, points: FloatArray, normals: FloatArray) -> Whole:
+    def of(cls, points: FloatArray, normals: FloatArray) -> WallRigidModes:
         """Of a wall at rest with these points and normals, (q, 3) each."""
         axes, middle = pushed(normals), points.mean(axis=0)
         values, vectors = np.linalg.eigh(axes)

@@ -22,7 +22,7 @@ SMALLEST_VARIANCE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class DataVector:
     """modes : (q, k) orthonormal. bone : how the bones are seen, None where the case has none. n_marks : landmarks."""
 
     modes: FloatArray
@@ -30,7 +30,7 @@ class Sight:
     bone: BoneSight | None
 
     @classmethod
-    def of(cls, observation: SurfaceObservation, bone: BoneSight | None) -> Sight:
+    def of(cls, observation: SurfaceObservation, bone: BoneSight | None) -> DataVector:
         """The modes of an observation's points."""
         values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, MODE_LENGTH_MM))
         kept = values > SMALLEST_VARIANCE * values[-1]

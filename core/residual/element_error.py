@@ -11,9 +11,9 @@ from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.shared_geometry import Stage
-from palpate.core.residual.data_vector import Sight
-from palpate.core.residual.linearised_model import NOTHING, PLAIN, Bench, Point, Trial, carried
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel, carried
 from palpate.core.residual.remeshing import Remeshed
 from palpate.core.worker.progress import Progress
 
@@ -34,14 +34,16 @@ class Differences:
     own: FloatArray | None
 
 
-def better_differences(bench: Bench, point: Point, remeshed: Sequence[Remeshed], progress: Progress) -> Differences:
+def better_differences(
+    bench: StateModel, point: Linearisation, remeshed: Sequence[Remeshed], progress: Progress
+) -> Differences:
     """The better element's residual on every mesh, the bench's own first, less the quick one's at `point`."""
     none = np.zeros(bench.sight.n)
     found = [better_residual(better_bench(bench), PLAIN, point)]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")
         problem = other.problem(bench.plain.problem)
-        quick = Bench(Stage.of(problem, QUICK, bench.stage), bench.sight, Composition(problem), none)
+        quick = StateModel(SharedGeometry.of(problem, QUICK, bench.stage), bench.sight, Composition(problem), none)
         there = quick.solve(PLAIN, point.theta, NOTHING, None)
         if there is not None:  # a mesh on which the model has no equilibrium tells nothing
             found.append(better_residual(better_bench(quick), PLAIN, there))
@@ -50,12 +52,14 @@ def better_differences(bench: Bench, point: Point, remeshed: Sequence[Remeshed],
     return Differences(every, None if found[0] is None else every[0])
 
 
-def better_bench(quick: Bench) -> Bench:
+def better_bench(quick: StateModel) -> StateModel:
     """The same problem with the better element."""
-    return Bench(Stage.of(quick.plain.problem, GOOD, quick.stage), quick.sight, quick.plain, quick.correction)
+    return StateModel(
+        SharedGeometry.of(quick.plain.problem, GOOD, quick.stage), quick.sight, quick.plain, quick.correction
+    )
 
 
-def scatter_mm(differences: FloatArray, sight: Sight) -> float:
+def scatter_mm(differences: FloatArray, sight: DataVector) -> float:
     """rms mm along the surface, of one mesh about the mean."""
     if len(differences) < 2:
         return float("nan")
@@ -63,7 +67,9 @@ def scatter_mm(differences: FloatArray, sight: Sight) -> float:
     return float(np.sqrt(square))
 
 
-def better_residual(better: Bench, trial: Trial, point: Point, options: NewtonOptions = OPTIONS) -> FloatArray | None:
+def better_residual(
+    better: StateModel, trial: Hypothesis, point: Linearisation, options: NewtonOptions = OPTIONS
+) -> FloatArray | None:
     """(n,) residual with the better element, from the quick one's equilibrium of the trial: their pressures share their nodes.
 
     None where it finds no equilibrium within what options allow.

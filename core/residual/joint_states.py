@@ -13,18 +13,18 @@ from scipy.linalg import block_diag
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
-from palpate.core.residual.data_vector import Sight
-from palpate.core.residual.linearised_model import Bench, Point, Trial
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import Hypothesis, Linearisation, StateModel
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class JointLinearisation:
     """A model solved in every state, at the same ln G and phi."""
 
-    each: tuple[Point, ...]
+    each: tuple[Linearisation, ...]
 
     @property
-    def first(self) -> Point:
+    def first(self) -> Linearisation:
         """In the first deformed state, which pictures show."""
         return self.each[0]
 
@@ -48,30 +48,30 @@ class Points:
         """(n, t) its derivative."""
         return np.vstack([p.in_theta for p in self.each])
 
-    def corrected(self, correction: FloatArray) -> Points:
+    def corrected(self, correction: FloatArray) -> JointLinearisation:
         """The same with a correction (n,) added to the residual."""
         ends = np.cumsum([len(p.residual) for p in self.each])[:-1]
         parts = zip(self.each, np.split(correction, ends), strict=True)
-        return Points(tuple(replace(p, residual=p.residual + c) for p, c in parts))
+        return JointLinearisation(tuple(replace(p, residual=p.residual + c) for p, c in parts))
 
-    def with_phi(self, phi: FloatArray) -> Points:
+    def with_phi(self, phi: FloatArray) -> JointLinearisation:
         """The same as points of a model with parameters phi."""
-        return Points(tuple(replace(p, phi=phi) for p in self.each))
+        return JointLinearisation(tuple(replace(p, phi=phi) for p in self.each))
 
 
 @dataclass(frozen=True, eq=False)
 class States:
     """Where models are tried, one bench for each deformed state. The states share the mesh and the organ's contour at rest."""
 
-    each: tuple[Bench, ...]
+    each: tuple[StateModel, ...]
 
     @property
-    def first(self) -> Bench:
+    def first(self) -> StateModel:
         """Of the first deformed state."""
         return self.each[0]
 
     @property
-    def sights(self) -> list[Sight]:
+    def sights(self) -> list[DataVector]:
         """What each state shows."""
         return [bench.sight for bench in self.each]
 
@@ -106,22 +106,24 @@ class States:
         """The same with another correction (n,)."""
         return States(tuple(replace(b, correction=correction[r]) for b, r in zip(self.each, self.rows, strict=True)))
 
-    def solve(self, trial: Trial, theta: FloatArray, phi: FloatArray, near: Points | None) -> Points | None:
+    def solve(
+        self, trial: Hypothesis, theta: FloatArray, phi: FloatArray, near: JointLinearisation | None
+    ) -> JointLinearisation | None:
         """The model at (theta, phi), from a neighbour's equilibria; None when it has none in one of the states."""
-        found: list[Point] = []
+        found: list[Linearisation] = []
         for k, bench in enumerate(self.each):
             point = bench.solve(trial, theta, phi, None if near is None else near.each[k])
             if point is None:
                 return None
             found.append(point)
-        return Points(tuple(found))
+        return JointLinearisation(tuple(found))
 
-    def directions(self, trial: Trial, at: Points) -> FloatArray:
-        """(n, k) derivative of the residual in phi; see `Bench.directions`."""
+    def directions(self, trial: Hypothesis, at: JointLinearisation) -> FloatArray:
+        """(n, k) derivative of the residual in phi; see `StateModel.directions`."""
         return np.vstack([bench.directions(trial, p) for bench, p in zip(self.each, at.each, strict=True)])
 
 
-def rows_of(sights: Sequence[Sight]) -> list[slice]:
+def rows_of(sights: Sequence[DataVector]) -> list[slice]:
     """Where each state's data are among all."""
     ends = np.cumsum([0, *(s.n for s in sights)]).tolist()
     return [slice(a, b) for a, b in pairwise(ends)]
@@ -132,7 +134,7 @@ def apart(parts: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(block_diag(*parts), dtype=np.float64)
 
 
-def factorised(points: Points) -> None:
+def factorised(points: JointLinearisation) -> None:
     """Factorise every state's tangent at its equilibrium."""
     for point in points.each:
         scene, found = point.scene, point.equilibrium

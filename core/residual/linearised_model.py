@@ -15,8 +15,8 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.coupled_scene import prolonged
 from palpate.core.forward.effect import Effect, Variant
 from palpate.core.forward.scene import GapScene
-from palpate.core.forward.shared_geometry import Stage
-from palpate.core.residual.data_vector import Sight
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.residual.data_vector import DataVector
 
 # Rounds in which walls find their place: from rest, and from a neighbour's equilibrium.
 _FROM_AFAR, _FROM_NEARBY = 8, 2
@@ -27,7 +27,7 @@ _TIED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class Hypothesis:
     """An effect's variant under test; None, None stands for the plain model."""
 
     effect: Effect | None = None
@@ -43,12 +43,12 @@ class Trial:
         return plain if self.variant is None else self.variant.applied(plain, phi)
 
 
-PLAIN = Trial()
+PLAIN = Hypothesis()
 NOTHING = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Linearisation:
     """A model solved in one deformed state. residual (n,), with what the better element adds; in_theta (n, t) its derivative.
 
     out_of_balance : what Newton left.
@@ -64,18 +64,20 @@ class Point:
 
 
 @dataclass(eq=False)
-class Bench:
+class StateModel:
     """Where models are tried in one deformed state: what all trials share.
 
     plain : the composition without an effect. correction : (n,) what a better element adds to every residual.
     """
 
-    stage: Stage
-    sight: Sight
+    stage: SharedGeometry
+    sight: DataVector
     plain: Composition
     correction: FloatArray
 
-    def solve(self, trial: Trial, theta: FloatArray, phi: FloatArray, near: Point | None) -> Point | None:
+    def solve(
+        self, trial: Hypothesis, theta: FloatArray, phi: FloatArray, near: Linearisation | None
+    ) -> Linearisation | None:
         """The model at (theta, phi), from a neighbour's equilibrium; None when it has none."""
         composition = trial.composition(self.plain, phi)
         try:
@@ -95,9 +97,9 @@ class Bench:
         sensitivities = scene.displacement_sensitivities(theta, found)
         in_theta = self.sight.response(scene, found.u, sensitivities)
         left = out_of_balance(scene.assembler, State(found.u, found.p))
-        return Point(theta, phi, scene, found, residual, in_theta, left)
+        return Linearisation(theta, phi, scene, found, residual, in_theta, left)
 
-    def directions(self, trial: Trial, at: Point) -> FloatArray:
+    def directions(self, trial: Hypothesis, at: Linearisation) -> FloatArray:
         """(n, k) derivative of the residual in phi: one back-substitution each at the point's own tangent.
 
         The point must be the last one solved on its structure.
@@ -114,7 +116,7 @@ class Bench:
             columns.append(self._difference(trial, at, step) / step[j])
         return np.stack(columns, axis=1)
 
-    def _difference(self, trial: Trial, at: Point, step: FloatArray) -> FloatArray:
+    def _difference(self, trial: Hypothesis, at: Linearisation, step: FloatArray) -> FloatArray:
         """Change of the residual (n,) from phi to phi + step, to first order."""
         if trial.composition(self.plain, at.phi + step) is at.scene.composition:
             return np.zeros(self.sight.n)
@@ -131,12 +133,12 @@ class Bench:
         return after - self.sight.residual(scene, u + newton_step(at, scene, u)) - self.correction
 
 
-def carried(at: Point, scene: GapScene) -> FloatArray:
+def carried(at: Linearisation, scene: GapScene) -> FloatArray:
     """Displacements (nodes, 3) of another scene that put its nodes where the point's are."""
     return carried_nodes(at, scene, at.equilibrium.u)
 
 
-def carried_nodes(at: Point, scene: GapScene, u: FloatArray) -> FloatArray:
+def carried_nodes(at: Linearisation, scene: GapScene, u: FloatArray) -> FloatArray:
     """The same for any displacement u of the point's scene; mid-edge nodes of a better element take the mean of their ends."""
     place = u + at.scene.shift
     if scene.space.element.degree != at.scene.space.element.degree:
@@ -151,7 +153,7 @@ def carried_nodes(at: Point, scene: GapScene, u: FloatArray) -> FloatArray:
     return out
 
 
-def newton_step(at: Point, scene: GapScene, u: FloatArray) -> FloatArray:
+def newton_step(at: Linearisation, scene: GapScene, u: FloatArray) -> FloatArray:
     """(nodes, 3) first-order change of the equilibrium when the point's model becomes the scene's.
 
     Where unknowns are the same, the point's factor serves; a model with other unknowns is factorised once.

@@ -20,9 +20,9 @@ from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.scene import GapScene
 from palpate.core.observe.contour_noise import covariance_between, noise_modes, smooth_covariance
 from palpate.core.observe.wall_motion import DRAG
-from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import apart, rows_of
-from palpate.core.residual.linearised_model import Point
+from palpate.core.residual.linearised_model import Linearisation
 
 # Correlation lengths of contour noise that are told apart, mm.
 LENGTHS_MM = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
@@ -68,7 +68,7 @@ class NoiseParts:
     offset: FloatArray
 
     @classmethod
-    def of(cls, points: Sequence[Point], sights: Sequence[Sight]) -> NoiseParts:
+    def of(cls, points: Sequence[Linearisation], sights: Sequence[DataVector]) -> NoiseParts:
         """At points, one for each state, whose tangents must be factorised."""
         rows, sd = rows_of(sights), points[0].scene.problem.facts.noise_sd_mm
         read = [_read(point.scene, sight, point.equilibrium.u) for point, sight in zip(points, sights, strict=True)]
@@ -102,7 +102,7 @@ class _Contour:
     response: FloatArray
 
 
-def _read(scene: GapScene, sight: Sight, u: FloatArray) -> dict[str, _Contour]:
+def _read(scene: GapScene, sight: DataVector, u: FloatArray) -> dict[str, _Contour]:
     """The contours of organ, walls and bones at the equilibrium u, whose tangent must be factorised."""
     organ = np.zeros((sight.n, len(sight.modes)))
     organ[: sight.n_modes] = sight.modes.T
@@ -143,7 +143,7 @@ def _read_twice(responses: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(0.5 * common @ common.T + 0.5 * apart([a @ a.T for a in responses]))
 
 
-def _of_marks(at_rest: Sequence[FloatArray], sights: Sequence[Sight]) -> list[FloatArray]:
+def _of_marks(at_rest: Sequence[FloatArray], sights: Sequence[DataVector]) -> list[FloatArray]:
     """For each state (n, 3 m): which of all m landmarks, told by where they are at rest (k, 3) mm, are which of its data."""
     _, number = np.unique(np.vstack(at_rest).round(6), axis=0, return_inverse=True)
     names, out, first = number.ravel(), [], 0
@@ -157,14 +157,14 @@ def _of_marks(at_rest: Sequence[FloatArray], sights: Sequence[Sight]) -> list[Fl
     return out
 
 
-def _floor(sight: Sight) -> FloatArray:
+def _floor(sight: DataVector) -> FloatArray:
     out = np.zeros((sight.n, sight.n))
     if sight.bone is not None:
         out[-6:, -6:] = sight.bone.floor
     return out
 
 
-def organ_contours(sight: Sight, points: FloatArray, sd_mm: float, length: float) -> FloatArray:
+def organ_contours(sight: DataVector, points: FloatArray, sd_mm: float, length: float) -> FloatArray:
     """(k, k) mm2 of the surface's modes, for the organ's two contours at points (q, 3), correlated over `length` mm."""
     return np.asarray(2.0 * sight.modes.T @ smooth_covariance(points, sd_mm, length) @ sight.modes)
 
@@ -175,7 +175,7 @@ def _on_nodes(scene: GapScene, nodes: IntArray, force: FloatArray) -> FloatArray
     return full
 
 
-def _along(scene: GapScene, sight: Sight, u: FloatArray) -> FloatArray:
+def _along(scene: GapScene, sight: DataVector, u: FloatArray) -> FloatArray:
     """Covariance of the residual for what is not known of the walls' motion along themselves."""
     total = np.zeros((sight.n, sight.n))
     for wall, motion in zip(scene.walls, scene.stage.motions.values(), strict=True):
@@ -185,7 +185,9 @@ def _along(scene: GapScene, sight: Sight, u: FloatArray) -> FloatArray:
     return total
 
 
-def slide_responses(scene: GapScene, sight: Sight, u: FloatArray, wall: SlidingWall, moved: FloatArray) -> FloatArray:
+def slide_responses(
+    scene: GapScene, sight: DataVector, u: FloatArray, wall: SlidingWall, moved: FloatArray
+) -> FloatArray:
     """(n, r) change of the residual when a wall's points move by moved (r, w, 3) mm more, of which only what is along the wall counts.
 
     u : the equilibrium, whose tangent must be factorised.

@@ -13,20 +13,20 @@ from palpate.core.diagnose.case_data import Pair
 from palpate.core.errors import ConvergenceError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.parameters import StiffnessParameters
-from palpate.core.forward.shared_geometry import Stage
+from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.identify.plain_fit import middle
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.observe.bone_registration import BoneSight
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.problem import IdentificationProblem, SurfacePair
-from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.element_error import QUICK, UNKNOWN_MM, better_differences, scatter_mm
-from palpate.core.residual.joint_states import Points, States, apart
-from palpate.core.residual.linearised_model import NOTHING, PLAIN, Bench
+from palpate.core.residual.joint_states import JointLinearisation, States, apart
+from palpate.core.residual.linearised_model import NOTHING, PLAIN, StateModel
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
 from palpate.core.residual.remeshing import Remeshed, left_by_all
-from palpate.core.residual.unknown_field import TYPICAL_MM, FreeField
+from palpate.core.residual.unknown_field import TYPICAL_MM, UnknownDiscrepancy
 from palpate.core.residual.wall_error_bias import noise_slope
 from palpate.core.worker.progress import Progress, part, silent
 
@@ -48,7 +48,7 @@ class PlainFit:
     """
 
     bench: States
-    point: Points
+    point: JointLinearisation
     mesh: FloatArray
     on_own_mesh: FloatArray | None
     meshes: int
@@ -96,7 +96,7 @@ def fit_plain(
     bench, point = bench.corrected(mesh), point.corrected(mesh)
     progress(0.8, "plain model: noise of this case's contours")
     noise = NoiseParts.of(point.each, bench.sights)
-    gap = FreeField.around(point, bench.sights)
+    gap = UnknownDiscrepancy.around(point, bench.sights)
     grid = NoiseGrid.of(
         noise, sizes, np.hstack([left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, sizes)])
     )
@@ -113,14 +113,14 @@ def fit_plain(
     return PlainFit(bench, point, mesh, on_own_mesh, meshes, slope, scatter, grid, fitted.sizes, weighting)
 
 
-def _bench(problem: IdentificationProblem, bones: SurfacePair | None, state: int) -> Bench:
-    stage = Stage.of(problem, QUICK)
+def _bench(problem: IdentificationProblem, bones: SurfacePair | None, state: int) -> StateModel:
+    stage = SharedGeometry.of(problem, QUICK)
     bone = None if bones is None else BoneSight.of(bones, problem.organ.rest.points.mean(axis=0))
-    sight = Sight.of(stage.observation, bone)
-    return Bench(stage, sight, Composition(problem, state=state), np.zeros(sight.n))
+    sight = DataVector.of(stage.observation, bone)
+    return StateModel(stage, sight, Composition(problem, state=state), np.zeros(sight.n))
 
 
-def _of_the_model(gap: FreeField, differences: Sequence[FloatArray], sizes: NoiseSizes) -> FloatArray:
+def _of_the_model(gap: UnknownDiscrepancy, differences: Sequence[FloatArray], sizes: NoiseSizes) -> FloatArray:
     """(n, m) columns of the model's own smooth error: half of its variance the same forces in every state, half each state's own.
 
     Where no better element could be solved, it is larger by what that would have changed.
@@ -130,7 +130,7 @@ def _of_the_model(gap: FreeField, differences: Sequence[FloatArray], sizes: Nois
     return np.sqrt(0.5) * np.hstack([np.vstack(each), apart(each)])
 
 
-def _free(sight: Sight) -> list[FloatArray]:
+def _free(sight: DataVector) -> list[FloatArray]:
     """What may have moved a state's data besides noise and a gap: an offset of the contour, the bones. (n, k) each."""
     offset = _OFFSET_MM * sight.wider[:, None]
     bones = np.zeros((sight.n, 6))
@@ -139,7 +139,7 @@ def _free(sight: Sight) -> list[FloatArray]:
     return [offset, bones]
 
 
-def _solved(bench: States, theta: FloatArray, near: Points | None) -> Points:
+def _solved(bench: States, theta: FloatArray, near: JointLinearisation | None) -> JointLinearisation:
     point = bench.solve(PLAIN, theta, NOTHING, near)
     if point is None:
         raise ConvergenceError(
@@ -149,9 +149,11 @@ def _solved(bench: States, theta: FloatArray, near: Points | None) -> Points:
     return point
 
 
-def _best(bench: States, weighting: Weighting, starts: list[FloatArray], near: Points) -> Points:
+def _best(
+    bench: States, weighting: Weighting, starts: list[FloatArray], near: JointLinearisation
+) -> JointLinearisation:
     """Gauss-Newton from every start; the best point of all."""
-    best: tuple[float, Points] | None = None
+    best: tuple[float, JointLinearisation] | None = None
     bounds = near.first.scene.parameters.bounds
     for start in starts:
         here = near

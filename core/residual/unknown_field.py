@@ -11,9 +11,9 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.observe.contour_noise import noise_modes
-from palpate.core.residual.data_vector import Sight
-from palpate.core.residual.joint_states import Points, apart
-from palpate.core.residual.linearised_model import Point
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.joint_states import JointLinearisation, apart
+from palpate.core.residual.linearised_model import Linearisation
 
 # Correlation length of a missing force, mm; forces are looked for this far around the organ, mm.
 LENGTH_MM = 12.0
@@ -38,7 +38,7 @@ class ForceFields:
     share: FloatArray
 
     @classmethod
-    def around(cls, point: Point, sight: Sight) -> ForceFields:
+    def around(cls, point: Linearisation, sight: DataVector) -> ForceFields:
         """At a point whose tangent is factorised."""
         scene = point.scene
         mesh, nodes = scene.space.mesh, scene.space.nodes
@@ -65,13 +65,13 @@ class ForceFields:
 
 
 @dataclass(frozen=True, eq=False)
-class FreeField:
+class UnknownDiscrepancy:
     """What has no name, in every deformed state by itself: each state's forces and shapes."""
 
     each: tuple[ForceFields, ...]
 
     @classmethod
-    def around(cls, points: Points, sights: Sequence[Sight]) -> FreeField:
+    def around(cls, points: JointLinearisation, sights: Sequence[DataVector]) -> UnknownDiscrepancy:
         """At points whose tangents are factorised."""
         return cls(tuple(ForceFields.around(p, s) for p, s in zip(points.each, sights, strict=True)))
 
@@ -86,7 +86,7 @@ class FreeField:
         return np.hstack([self.response, apart([f.shapes for f in self.each])])
 
 
-def contour_shapes(organ: FloatArray, sight: Sight) -> FloatArray:
+def contour_shapes(organ: FloatArray, sight: DataVector) -> FloatArray:
     """(n, m) of the residual for smooth errors of a contour with points organ (q, 3) mm, as large as TYPICAL_MM."""
     modes = noise_modes(organ, TYPICAL_MM, SHAPE_MM, 0.97)
     shapes = np.zeros((sight.n, modes.shape[1]))

@@ -14,7 +14,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_noise import Weighting
-from palpate.core.residual.joint_states import Points, States
+from palpate.core.residual.joint_states import JointLinearisation, States
 from palpate.core.residual.linearised_model import NOTHING, PLAIN
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 
@@ -24,7 +24,7 @@ _STEP = 0.1
 _LEAST = 1.0
 
 
-def noise_slope(bench: States, weighting: Weighting, sizes: NoiseSizes, at: Points) -> FloatArray:
+def noise_slope(bench: States, weighting: Weighting, sizes: NoiseSizes, at: JointLinearisation) -> FloatArray:
     """(t,) derivative in ln G of tr(W S), at a plain model's points; 0 where a neighbour has no equilibrium.
 
     The points' tangents are no longer those factorised afterwards.

@@ -26,7 +26,7 @@ from palpate.core.residual.joint_states import factorised
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
-from palpate.core.residual.unknown_field import FreeField
+from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.executors import one_thread
 
 SLIDES = (0.0, 0.1, 0.15, 0.2, 0.3, 0.4)
@@ -68,7 +68,7 @@ def plain_of(path: Path) -> PlainFit:
 
 def likelihoods(fit: PlainFit) -> dict[str, FloatArray]:
     """For each size, log likelihoods as it changes, less that of the sizes in use."""
-    forces = FreeField.around(fit.point, fit.bench.sights).response
+    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights).response
     used = NoiseSizes()
     parts = _parts(fit)
     base = _log_likelihood(fit, parts, used, forces)

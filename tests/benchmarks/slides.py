@@ -22,8 +22,8 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.shared_geometry import Stage
-from palpate.core.residual.data_vector import Sight
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.noise_covariance import slide_responses
 from palpate.core.worker.executors import one_thread
 from palpate.validate.blind.cases import simulated
@@ -65,14 +65,14 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
         case = CaseFolder(path)
         mesh.run(case)
         problem = data_of(case).problem
-    stage = Stage.of(problem, "p1p1")
+    stage = SharedGeometry.of(problem, "p1p1")
     scene, theta = stage.scene(Composition(problem)), np.log(recipe.G)
     found = scene.settle(theta).equilibrium
     if not found.converged:
         raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")
     scene.assembler.set_materials(scene.materials(theta))
     factorise_at(scene.assembler, State(found.u, found.p))
-    sight = Sight.of(stage.observation, None)
+    sight = DataVector.of(stage.observation, None)
     out = {}
     for (name, motion), wall in zip(stage.motions.items(), scene.walls, strict=True):
         missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))

@@ -19,9 +19,9 @@ from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
 from palpate.core.errors import ConvergenceError
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.shared_geometry import Stage
-from palpate.core.residual.data_vector import Sight
-from palpate.core.residual.linearised_model import NOTHING, PLAIN, Bench
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import NOTHING, PLAIN, StateModel
 from palpate.core.worker.executors import one_thread
 
 
@@ -46,10 +46,10 @@ def error_mm(data: Path, name: str, element: str) -> float:
         case = CaseFolder(lone)
         mesh.run(case)
         problem = data_of(case).problem
-    stage = Stage.of(problem, element)
-    sight = Sight.of(stage.observation, None)
+    stage = SharedGeometry.of(problem, element)
+    sight = DataVector.of(stage.observation, None)
     theta = np.log([truth["true_G_kpa"][label] for label in ("1", "2")])
-    point = Bench(stage, sight, Composition(problem), np.zeros(sight.n)).solve(PLAIN, theta, NOTHING, None)
+    point = StateModel(stage, sight, Composition(problem), np.zeros(sight.n)).solve(PLAIN, theta, NOTHING, None)
     if point is None:
         raise ConvergenceError(f"{name}: the plain model has no equilibrium at the true stiffness")
     with np.load(data / "answers" / f"{name}_surface.npz", allow_pickle=False) as surface:

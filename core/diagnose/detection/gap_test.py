@@ -88,7 +88,7 @@ def gap_test(
     freedom = len(r) - J.shape[1]
     noise = noise.probable(r, J, fields, _SIZES)
     draws = np.column_stack([r, _drawn(noise, r, J, np.random.default_rng(seed))])
-    looks = _Looks()
+    looks = _Statistics()
     for C, log_prior in zip(noise.covariances, noise.log_prior, strict=True):
         looks.add(C, float(log_prior), J, fields, named or {}, draws)
     smooth, library = looks.together()
@@ -133,7 +133,7 @@ def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Genera
 
 
 @dataclass(eq=False)
-class _Looks:
+class _Statistics:
     """Log likelihoods of every draw, one row for each size of the noise: of the plain model, with a free field, with each effect.
 
     Q : r'Mr.

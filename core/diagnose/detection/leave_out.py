@@ -7,7 +7,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.inference.heldout import Split
 from palpate.core.observe.contour_noise import EXTRACTION_MM, smooth_covariance
-from palpate.core.residual.data_vector import Sight
+from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import apart
 from palpate.core.residual.plain_fit import PlainFit
 
@@ -40,7 +40,7 @@ def organ_split(fit: PlainFit) -> Split:
     return Split(reader, np.zeros(len(reader)), patch, covariance, points)
 
 
-def _rows_of_surface(sight: Sight, chosen: IntArray) -> FloatArray:
+def _rows_of_surface(sight: DataVector, chosen: IntArray) -> FloatArray:
     """(c, n) that takes a state's data to the organ's surface at the chosen points (c,)."""
     out = np.zeros((len(chosen), sight.n))
     out[:, : sight.n_modes] = sight.modes[chosen]

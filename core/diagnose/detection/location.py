@@ -11,13 +11,13 @@ from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.inference.evidence import projected
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.plain_fit import PlainFit
-from palpate.core.residual.unknown_field import ForceFields, FreeField
+from palpate.core.residual.unknown_field import ForceFields, UnknownDiscrepancy
 
 _SIDES = (("right", "left"), ("anterior", "posterior"), ("inferior", "superior"))
 
 
 @dataclass(frozen=True, eq=False)
-class Where:
+class DiscrepancyMaps:
     """points (q, 3) mm, normals, region (q,), residual (q,) mm, standardised (q,); nodes (k, 3) mm near the organ, force (k, 3) kPa/mm.
 
     peak : (3,) mm where the missing force is largest, None when there is none. blur_mm : how far a point force spreads in that map.
@@ -34,7 +34,7 @@ class Where:
     blur_mm: float
 
 
-def look(fit: PlainFit, free: FreeField, state: int = 0) -> Where:
+def look(fit: PlainFit, free: UnknownDiscrepancy, state: int = 0) -> DiscrepancyMaps:
     """Maps of a deformed state at the plain fit, from that state's data."""
     sight, point, forces, rows = (
         fit.bench.each[state].sight,
@@ -56,7 +56,7 @@ def look(fit: PlainFit, free: FreeField, state: int = 0) -> Where:
     nodes = point.scene.space.nodes[near] - point.scene.shift[near]
     peak = _peak(nodes, size[near], observation.points)
     blur = _blur(forces, inverse @ R, nodes, near, peak)
-    return Where(
+    return DiscrepancyMaps(
         observation.points,
         observation.normals,
         observation.region,
@@ -75,7 +75,7 @@ def residuals(fit: PlainFit) -> list[FloatArray]:
     return [bench.sight.modes @ point.residual[: bench.sight.n_modes] for bench, point in each]
 
 
-def regions(where: Where, names: dict[int, str]) -> list[dict[str, object]]:
+def regions(where: DiscrepancyMaps, names: dict[int, str]) -> list[dict[str, object]]:
     """Residual by organ region and by side: rms in mm and share of the sum of squares."""
     centre = where.points.mean(axis=0)
     total = max(float((where.residual**2).sum()), 1e-30)
@@ -89,7 +89,7 @@ def regions(where: Where, names: dict[int, str]) -> list[dict[str, object]]:
     return out
 
 
-def _row(where: Where, part: BoolArray, name: str, side: str, total: float) -> dict[str, object]:
+def _row(where: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: float) -> dict[str, object]:
     squares = where.residual[part] ** 2
     rms = float(np.sqrt(squares.mean())) if part.any() else 0.0
     return {"name": name, "side": side, "rms_mm": rms, "share": float(squares.sum()) / total}

@@ -7,7 +7,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.heldout import Gain, Linear, Split, gain
-from palpate.core.residual.unknown_field import FreeField
+from palpate.core.residual.unknown_field import UnknownDiscrepancy
 
 PLACEBOS = 40
 # An effect moved less far than this is not elsewhere, mm.
@@ -15,7 +15,7 @@ APART_MM = 15.0
 
 
 def placebo_gains(
-    split: Split, plain: Linear, before: FloatArray, forces: FreeField, size: float, seed: int = 1
+    split: Split, plain: Linear, before: FloatArray, forces: UnknownDiscrepancy, size: float, seed: int = 1
 ) -> list[Gain]:
     """Gain on data left out of each placebo: a random smooth load whose amplitude is fitted, of the given prior size.
 

@@ -10,8 +10,8 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.forward.effect import Effect, Surroundings, Variant
 from palpate.core.inference.evidence import Score, mean_of_exponentials, score
-from palpate.core.residual.joint_states import Points
-from palpate.core.residual.linearised_model import Trial
+from palpate.core.residual.joint_states import JointLinearisation
+from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.plain_fit import PlainFit
 
 
@@ -45,7 +45,7 @@ def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -
         if not variants:
             continue
         at = _at_zero(fit, effect)
-        directions = [fit.bench.directions(Trial(effect, v), at) for v in variants]
+        directions = [fit.bench.directions(Hypothesis(effect, v), at) for v in variants]
         scores = [score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds) for S in directions]
         order = np.argsort([-s.log_evidence for s in scores], kind="stable")
         total = mean_of_exponentials(np.array([s.log_evidence for s in scores]))
@@ -57,6 +57,6 @@ def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -
     return out
 
 
-def _at_zero(fit: PlainFit, effect: Effect) -> Points:
+def _at_zero(fit: PlainFit, effect: Effect) -> JointLinearisation:
     """The plain point as a point of the effect's model."""
     return fit.point.with_phi(np.zeros(len(effect.parameters)))

@@ -16,7 +16,7 @@ from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.refit import Refit, refit_again
 from palpate.core.diagnose.refit.variants import corrected
 from palpate.core.residual.element_error import OPTIONS, better_bench, better_residual
-from palpate.core.residual.linearised_model import Bench
+from palpate.core.residual.linearised_model import StateModel
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.progress import Progress, silent
 
@@ -49,7 +49,7 @@ def with_own_error(
 
 
 def _again(
-    fit: PlainFit, of_plain: FloatArray, screened: Screened, found: Refit, better: Sequence[Bench]
+    fit: PlainFit, of_plain: FloatArray, screened: Screened, found: Refit, better: Sequence[StateModel]
 ) -> Refit | None:
     residuals = [better_residual(b, found.trial, p, _FEW) for b, p in zip(better, found.point.each, strict=True)]
     known = [r for r in residuals if r is not None]

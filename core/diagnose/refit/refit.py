@@ -10,8 +10,8 @@ from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.evidence import allowed
 from palpate.core.inference.gauss_newton import gauss_newton
-from palpate.core.residual.joint_states import Points
-from palpate.core.residual.linearised_model import Trial
+from palpate.core.residual.joint_states import JointLinearisation
+from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.plain_fit import FLAT, PlainFit
 
 # A fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations).
@@ -29,8 +29,8 @@ class Refit:
     residual. others : variants that were refitted too.
     """
 
-    trial: Trial
-    point: Points
+    trial: Hypothesis
+    point: JointLinearisation
     in_phi: FloatArray
     covariance: FloatArray
     own_evidence: float
@@ -65,12 +65,12 @@ def refit_again(fit: PlainFit, screened: Screened, found: Refit, correction: Flo
     return _fitted(corrected, screened, which, found.point, found.phi / scales)
 
 
-def _fitted(fit: PlainFit, screened: Screened, which: int, near: Points, start: FloatArray) -> Refit | None:
+def _fitted(fit: PlainFit, screened: Screened, which: int, near: JointLinearisation, start: FloatArray) -> Refit | None:
     """Gauss-Newton from the point `near` and phi / scale = start (k,)."""
     effect = screened.effect
-    trial = Trial(effect, screened.variants[which])
+    trial = Hypothesis(effect, screened.variants[which])
     t, scales = len(fit.point.theta), effect.scales
-    best: tuple[float, Points, FloatArray] | None = None
+    best: tuple[float, JointLinearisation, FloatArray] | None = None
     here = near
 
     def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -107,7 +107,9 @@ def _start(screened: Screened, which: int) -> FloatArray:
     return guess if np.abs(guess).max() > 0.02 else np.clip(guess + 0.05, low, high)
 
 
-def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point: Points, S: FloatArray) -> Refit:
+def _weighed(
+    fit: PlainFit, screened: Screened, which: int, trial: Hypothesis, point: JointLinearisation, S: FloatArray
+) -> Refit:
     scales = screened.effect.scales
     J = np.hstack([fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S)])
     t = len(point.theta)
@@ -118,7 +120,7 @@ def _weighed(fit: PlainFit, screened: Screened, which: int, trial: Trial, point:
     return Refit(trial, point, S, covariance, evidence, evidence, fit.bench.correction)
 
 
-def _whatever_noise(fit: PlainFit, point: Points, S: FloatArray, scales: FloatArray) -> float:
+def _whatever_noise(fit: PlainFit, point: JointLinearisation, S: FloatArray, scales: FloatArray) -> float:
     """Log evidence against the plain model, the noise of neither given."""
     J = np.hstack([point.in_theta, S])
     precision = np.concatenate([np.full(len(point.theta), FLAT), 1.0 / scales**2])

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.gap_test import GapTest, gap_test
 from palpate.core.diagnose.detection.leave_out import bone_split, organ_split
-from palpate.core.diagnose.detection.location import Where
+from palpate.core.diagnose.detection.location import DiscrepancyMaps
 from palpate.core.diagnose.detection.placebo import moved_gains, placebo_gains
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.pairs import JOINED, refit_pairs
@@ -20,7 +20,7 @@ from palpate.core.inference.evidence import projected
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.residual.noise_covariance import SHORT_BY
 from palpate.core.residual.plain_fit import FLAT, PlainFit
-from palpate.core.residual.unknown_field import FreeField
+from palpate.core.residual.unknown_field import UnknownDiscrepancy
 
 # So many of the best effects are compared with placebos.
 _PLACEBO_TESTED = 3
@@ -39,13 +39,13 @@ class Diagnosis:
     screened: Sequence[Screened]
     refits: Sequence[Refit]
     verdict: Verdict
-    where: Where
+    where: DiscrepancyMaps
     split: Split
     left_out: Mapping[str, FloatArray]
     gains: Mapping[str, Gain]
     ceiling: Gain
     placebo: float
-    forces: FreeField
+    forces: UnknownDiscrepancy
 
 
 def tempered(log_evidence: float) -> float:
@@ -61,8 +61,8 @@ def judge(
     test: GapTest,
     screened: Sequence[Screened],
     refits: Sequence[Refit],
-    where: Where,
-    forces: FreeField,
+    where: DiscrepancyMaps,
+    forces: UnknownDiscrepancy,
     unknown: float,
     seed: int,
 ) -> Diagnosis:
@@ -129,7 +129,7 @@ class _Placebos:
     split: Split
     plain: Linear
     before: FloatArray
-    forces: FreeField
+    forces: UnknownDiscrepancy
     seed: int
 
     def against(self, fit: PlainFit, found: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
@@ -143,7 +143,14 @@ class _Placebos:
 
 
 def _judged(
-    fit: PlainFit, f: Refit, best: Refit, g: Gain, ceiling: Gain, placebo_p: float, forces: FreeField, seed: int
+    fit: PlainFit,
+    f: Refit,
+    best: Refit,
+    g: Gain,
+    ceiling: Gain,
+    placebo_p: float,
+    forces: UnknownDiscrepancy,
+    seed: int,
 ) -> Judged:
     share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
     J = np.hstack([f.point.in_theta, f.in_phi])
@@ -188,7 +195,7 @@ def plain_model(fit: PlainFit) -> Linear:
     return Linear(fit.point.residual, fit.point.in_theta, np.zeros(t), np.full(t, FLAT))
 
 
-def saturated_model(fit: PlainFit, forces: FreeField) -> Linear:
+def saturated_model(fit: PlainFit, forces: UnknownDiscrepancy) -> Linear:
     """The plain model around its fit with a free smooth field."""
     plain, k = plain_model(fit), forces.free.shape[1]
     return replace(

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.detection.location import Where, look, regions, residuals
+from palpate.core.diagnose.detection.location import DiscrepancyMaps, look, regions, residuals
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.averaged_stiffness import averaged_stiffness, plain_stiffness
 from palpate.core.diagnose.verdict.judge import Diagnosis, tempered
 from palpate.core.diagnose.verdict.shrinkage import shrinkage
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.diagnose.verdict.words import next_measurement, sentence
-from palpate.core.residual.linearised_model import Point
+from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.plain_fit import PlainFit
 
 MAP_FILE = "gap_maps.npz"
@@ -85,7 +85,7 @@ def _prefix(state: int) -> str:
     return f"state_{state + 1}/" if state else ""
 
 
-def _maps(found: Diagnosis, state: int, where: Where) -> dict[str, FloatArray]:
+def _maps(found: Diagnosis, state: int, where: DiscrepancyMaps) -> dict[str, FloatArray]:
     """Of one deformed state."""
     sight, rows = found.fit.bench.sights[state], found.fit.bench.rows[state]
     models = {"plain": (found.fit.point, found.fit.bench.correction)} | {
@@ -108,7 +108,7 @@ def _maps(found: Diagnosis, state: int, where: Where) -> dict[str, FloatArray]:
     }  # fmt: skip
 
 
-def _predicted(point: Point) -> FloatArray:
+def _predicted(point: Linearisation) -> FloatArray:
     seen = point.scene.observation
     return np.asarray(seen.points + seen.operator @ point.scene.seen(point.equilibrium.u))
 

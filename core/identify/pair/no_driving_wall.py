@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.space import Space
-from palpate.core.identify.not_identifiable import SURFACE_MM, Untold
+from palpate.core.identify.not_identifiable import SURFACE_MM, NoInformation
 from palpate.core.identify.pair.surface_only import WAYS, SurfaceAlone, explain_surface
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
@@ -26,7 +26,7 @@ def surface_is_all(problem: IdentificationProblem) -> bool:
     return not problem.walls and "bone" not in problem.boundary
 
 
-def moved_by_its_surface(problem: IdentificationProblem) -> Untold:
+def moved_by_its_surface(problem: IdentificationProblem) -> NoInformation:
     """Prescribe the organ's surface, predict its inside. Raises ConvergenceError when the surfaces cannot be matched."""
     organ, vertices = problem.mesh.submesh(problem.regions)
     space = Space.of(organ, ELEMENT)
@@ -34,7 +34,7 @@ def moved_by_its_surface(problem: IdentificationProblem) -> Untold:
     points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
     whole = np.zeros_like(problem.mesh.points)
     whole[vertices] = found.u[: len(vertices)]  # mid-edge nodes follow the vertices
-    return Untold(
+    return NoInformation(
         in_words=reason(len(problem.regions)),
         mesh_displacement=whole,
         points=points,

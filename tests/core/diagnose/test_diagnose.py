@@ -29,11 +29,11 @@ from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretel
 from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.diagnose.verdict.shrinkage import contours_mm2
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.shared_geometry import Stage
+from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.problem import Surface, SurfacePair
 from palpate.core.residual import element_error
 from palpate.core.residual.element_error import GOOD, better_bench, better_residual
-from palpate.core.residual.joint_states import Points
+from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.noise_covariance import SHORT_BY, NoiseParts
 from palpate.core.residual.wall_error_bias import wall_bias
 
@@ -50,7 +50,7 @@ def posed():  # type: ignore[no-untyped-def]
     """What the scans would show if the plain model, with the better element and the walls' likeliest motion, were right."""
     found = problem(depth=5.0)
     found = replace(found, facts=replace(found.facts, noise_sd_mm=0.08))
-    scene = Stage.of(found, GOOD).scene(Composition(found))
+    scene = SharedGeometry.of(found, GOOD).scene(Composition(found))
     settled = scene.settle(np.log([30.0, 70.0])).equilibrium
     assert settled.converged
     rest = found.organ.rest
@@ -273,14 +273,14 @@ def test_a_stress_free_mesh_is_weighed_by_no_more_than_its_first_look(wide: Diag
     shift = np.zeros_like(best.point.first.scene.space.mesh.points)
     moved = copy(best.point.first.scene)
     moved.composition = moved.composition.with_geometry(shift)
-    elsewhere = replace(best, point=Points((replace(best.point.first, scene=moved),)))
+    elsewhere = replace(best, point=JointLinearisation((replace(best.point.first, scene=moved),)))
     assert capped(best, poor).log_evidence == best.log_evidence
     assert capped(elsewhere, poor).log_evidence == poor.log_evidence
 
 
 def test_leading_effects_have_the_quick_element_s_error_of_their_own(posed) -> None:  # type: ignore[no-untyped-def]
     """An organ that gives up much volume is another body: what the better element says of it there, not of the plain model."""
-    scene = Stage.of(posed, GOOD).scene(
+    scene = SharedGeometry.of(posed, GOOD).scene(
         EFFECTS["compressible_organ"].variants(Surroundings(posed))[0].applied(Composition(posed), np.array([3.0]))
     )
     settled = scene.settle(np.log([30.0, 70.0])).equilibrium

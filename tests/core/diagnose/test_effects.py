@@ -18,13 +18,13 @@ from palpate.core.errors import InputError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.cut_interface import open_problem
 from palpate.core.forward.pressure_fields import pressure_fields
-from palpate.core.forward.shared_geometry import Stage
+from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN
 from palpate.core.laws.check import derivative_errors, random_deformation_gradients
 from palpate.core.laws.fibre import with_fibres
 from palpate.core.laws.grown import grown
-from palpate.core.residual.data_vector import Sight
-from palpate.core.residual.linearised_model import PLAIN, Bench, Point, Trial
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import PLAIN, Hypothesis, Linearisation, StateModel
 
 IDS = {
     "interface_sliding", "inclusion", "fibre_anisotropy", "volume_change", "compressible_organ", "tissue_stiffening",
@@ -45,48 +45,48 @@ EFFECT = Effect(
 
 
 @pytest.fixture(scope="module")
-def bench() -> Bench:
+def bench() -> StateModel:
     posed = problem(depth=3.0)
     rectum = posed.walls["rectum"]
     # A second hollow organ, so that prestress has what it needs: half of the same wall by another name.
     faces = posed.boundary["rectum"]
     boundary = {**posed.boundary, "rectum": faces[::2], "bladder": faces[1::2]}
     posed = replace(posed, boundary=boundary, walls={"rectum": rectum, "bladder": rectum})
-    stage = Stage.of(posed, "p1p1")
-    sight = Sight.of(stage.observation, None)
-    return Bench(stage, sight, Composition(posed), np.zeros(sight.n))
+    stage = SharedGeometry.of(posed, "p1p1")
+    sight = DataVector.of(stage.observation, None)
+    return StateModel(stage, sight, Composition(posed), np.zeros(sight.n))
 
 
 @pytest.fixture(scope="module")
-def plain(bench: Bench) -> Point:
+def plain(bench: StateModel) -> Linearisation:
     point = bench.solve(PLAIN, THETA, np.zeros(0), None)
     assert point is not None
     return point
 
 
-def surroundings(bench: Bench, plain: Point) -> Surroundings:
+def surroundings(bench: StateModel, plain: Linearisation) -> Surroundings:
     return Surroundings(
         bench.stage.problem, (None, None), lambda: pressure_fields(bench.stage, plain.scene, THETA)
     )  # fmt: skip
 
 
-def test_the_library_holds_the_twelve_effects_and_each_can_be_there(bench: Bench, plain: Point) -> None:
+def test_the_library_holds_the_twelve_effects_and_each_can_be_there(bench: StateModel, plain: Linearisation) -> None:
     effects = library()
     assert set(effects) == IDS
     assert all(effects[name].variants(surroundings(bench, plain)) for name in IDS)
 
 
-def test_at_zero_every_variant_is_the_very_plain_composition(bench: Bench, plain: Point) -> None:
+def test_at_zero_every_variant_is_the_very_plain_composition(bench: StateModel, plain: Linearisation) -> None:
     for effect in library().values():
         for variant in effect.variants(surroundings(bench, plain)):
             assert variant.applied(bench.plain, np.zeros(len(effect.parameters))) is bench.plain
 
 
 @pytest.mark.parametrize("name", sorted(IDS - {"interface_sliding"}))
-def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: Bench, plain: Point) -> None:
+def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: StateModel, plain: Linearisation) -> None:
     """One back-substitution against two full solves at small phi of either sign (one sign where the other is not allowed)."""
     effect = library()[name]
-    trial = Trial(effect, effect.variants(surroundings(bench, plain))[0])
+    trial = Hypothesis(effect, effect.variants(surroundings(bench, plain))[0])
     again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
     assert again is not None
     at = replace(again, phi=np.zeros(trial.n))
@@ -102,7 +102,7 @@ def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: Bench, p
     assert np.linalg.norm(S - slope) < 0.05 * np.linalg.norm(slope) + 2e-3
 
 
-def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(bench: Bench, plain: Point) -> None:
+def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(bench: StateModel, plain: Linearisation) -> None:
     held = bench.stage.scene(bench.plain.with_interface(1e-9))
     found = held.settle(THETA).equilibrium
     assert found.converged
@@ -113,9 +113,9 @@ def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(bench: Bench,
     np.testing.assert_allclose(opened.problem.mesh.points, bench.stage.problem.mesh.points[opened.original])
 
 
-def test_sliding_moves_the_organ_along_its_surroundings(bench: Bench, plain: Point) -> None:
+def test_sliding_moves_the_organ_along_its_surroundings(bench: StateModel, plain: Linearisation) -> None:
     effect = library()["interface_sliding"]
-    trial = Trial(effect, effect.variants(surroundings(bench, plain))[0])
+    trial = Hypothesis(effect, effect.variants(surroundings(bench, plain))[0])
     slid = bench.solve(trial, THETA, np.array([3.0]), plain)
     assert slid is not None
     opened = bench.stage.opened
@@ -143,10 +143,12 @@ def test_a_grown_body_is_free_of_stress_at_its_new_size() -> None:
     assert np.abs(law.stress(np.eye(3)[None], p)).max() > 1.0
 
 
-def test_a_thirteenth_effect_is_one_file_of_a_users_own(tmp_path: Path, bench: Bench, plain: Point) -> None:
+def test_a_thirteenth_effect_is_one_file_of_a_users_own(
+    tmp_path: Path, bench: StateModel, plain: Linearisation
+) -> None:
     (tmp_path / "mine.py").write_text(THIRTEENTH)
     effect = library(tmp_path)["stiffer_right_half"]
-    trial = Trial(effect, effect.variants(surroundings(bench, plain))[0])
+    trial = Hypothesis(effect, effect.variants(surroundings(bench, plain))[0])
     again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
     assert again is not None
     S = bench.directions(trial, replace(again, phi=np.zeros(1)))
@@ -154,13 +156,13 @@ def test_a_thirteenth_effect_is_one_file_of_a_users_own(tmp_path: Path, bench: B
     np.testing.assert_allclose(S[:, 0], again.in_theta[:, 1], atol=1e-3 * np.abs(S).max())
 
 
-def test_the_example_of_the_docs_is_an_effect(tmp_path: Path, bench: Bench, plain: Point) -> None:
+def test_the_example_of_the_docs_is_an_effect(tmp_path: Path, bench: StateModel, plain: Linearisation) -> None:
     text = (Path(__file__).parents[3] / "docs" / "effects.md").read_text(encoding="utf-8")
     (tmp_path / "scar.py").write_text(text.split("```python\n")[1].split("```")[0])
     effect = library(tmp_path)["scar"]
     variants = effect.variants(surroundings(bench, plain))
     assert len({v.where for v in variants}) == len(variants) > 1
-    moved = bench.solve(Trial(effect, variants[0]), THETA, np.array([1.0]), plain)
+    moved = bench.solve(Hypothesis(effect, variants[0]), THETA, np.array([1.0]), plain)
     assert moved is not None and np.abs(moved.residual - plain.residual).max() > 1e-3
 
 
@@ -176,7 +178,7 @@ def test_a_users_file_that_is_no_effect_is_refused(tmp_path: Path) -> None:
         library(tmp_path)
 
 
-def test_two_effects_at_once_are_each_as_they_are_alone(bench: Bench, plain: Point) -> None:
+def test_two_effects_at_once_are_each_as_they_are_alone(bench: StateModel, plain: Linearisation) -> None:
     effects = library()
     one, two = (effects[name].variants(surroundings(bench, plain))[0] for name in ("bone_motion", "contour_bias"))
     pair = together(effects["bone_motion"], effects["contour_bias"])
@@ -195,13 +197,13 @@ def test_two_effects_at_once_are_each_as_they_are_alone(bench: Bench, plain: Poi
     )
 
 
-def test_a_push_dents_the_organ_where_it_presses_and_may_be_moved(bench: Bench, plain: Point) -> None:
+def test_a_push_dents_the_organ_where_it_presses_and_may_be_moved(bench: StateModel, plain: Linearisation) -> None:
     effect = library()["unmodelled_load"]
     again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
     assert again is not None
     points = bench.stage.observation.points
     for variant in effect.variants(surroundings(bench, plain))[:3]:
-        trial = Trial(effect, variant)
+        trial = Hypothesis(effect, variant)
         S = bench.directions(trial, replace(again, phi=np.zeros(trial.n)))
         assert not S[:, 3:].any()  # where and how wide say nothing while nothing presses
         moved = bench.sight.modes @ S[: bench.sight.n_modes, 0]
@@ -233,7 +235,7 @@ def test_bones_take_the_held_edge_along_near_them_or_all_of_it_or_not_at_all() -
     faces, _ = posed.mesh.boundary
     side = (posed.mesh.points[faces][:, :, 0] > 15.0 - 1e-6).all(axis=1)
     posed = replace(posed, boundary=posed.boundary | {"outer": faces[side]})
-    stage = Stage.of(posed, "p1p1")
+    stage = SharedGeometry.of(posed, "p1p1")
     variants = library()["bone_motion"].variants(Surroundings(posed))
     assert len(variants) == 3
     bone, outer = (np.unique(posed.boundary[name]) for name in ("bone", "outer"))

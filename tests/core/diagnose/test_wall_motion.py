@@ -9,7 +9,7 @@ from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.observe.wall_motion_prior import SIDEWAYS_MM, likeliest
-from palpate.core.observe.wall_rigid_and_growth import Whole, pushed
+from palpate.core.observe.wall_rigid_and_growth import WallRigidModes, pushed
 
 RADIUS = np.array([14.0, 10.0, 22.0])
 
@@ -87,7 +87,7 @@ def test_the_likeliest_length_is_about_the_true_one(length: float) -> None:
     distance = np.linalg.norm(X[:, None] - X, axis=2)
     K = 9.0 * np.exp(-0.5 * (distance / length) ** 2) + 1e-6 * np.eye(len(X))
     v = np.linalg.cholesky(K) @ np.random.default_rng(2).standard_normal(len(X))
-    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)), Whole(np.eye(3), np.zeros(3), 20.0, np.zeros(3)))
+    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)), WallRigidModes(np.eye(3), np.zeros(3), 20.0, np.zeros(3)))
     assert found.length == pytest.approx(length, rel=0.45)
     assert np.hypot(found.size, SIDEWAYS_MM) == pytest.approx(3.0, rel=0.6)
 
@@ -176,7 +176,7 @@ def test_a_bag_that_grows_about_its_neck_slides_as_it_grows_and_a_tube_has_no_si
     assert np.linalg.norm(found - moved, axis=1).mean() < 0.4 * np.linalg.norm(straight - moved, axis=1).mean()
     phi = np.linspace(0.0, 2.0 * np.pi, 200)[:-1]
     round_tube = np.column_stack([np.cos(phi), np.sin(phi), 0.0 * phi])
-    assert Whole.of(points(), at_rest(points())[1]).radius == pytest.approx(
+    assert WallRigidModes.of(points(), at_rest(points())[1]).radius == pytest.approx(
         np.sqrt((points() ** 2).sum(axis=1).mean()), rel=0.01
     )
-    assert np.isinf(Whole.of(round_tube, round_tube).radius)
+    assert np.isinf(WallRigidModes.of(round_tube, round_tube).radius)

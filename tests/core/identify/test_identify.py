@@ -16,7 +16,7 @@ from palpate.core.errors import InputError
 from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.job import run
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.plain_fit import Counter, Posed, find_optimum, middle, settle_first
+from palpate.core.identify.plain_fit import Counter, StateProblem, find_optimum, middle, settle_first
 from palpate.core.identify.reidentify import identify_again
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.inference.posterior import laplace, verdict
@@ -50,7 +50,7 @@ def test_taylor_hood_finds_both_stiffnesses_within_five_percent(problem: Identif
     count = Counter()
     start = middle(scene.parameters.bounds)
     first, misfit = settle_first(scene, start, count)
-    found = find_optimum([Posed(scene, misfit, first)], start[None], count, silent)
+    found = find_optimum([StateProblem(scene, misfit, first)], start[None], count, silent)
     np.testing.assert_allclose(np.exp(found.fit.theta), TRUTH, rtol=0.05)
     posterior = laplace(found.fit.theta, found.fit.residual, found.fit.jacobian, scene.parameters.bounds)
     low, high = posterior.interval().T

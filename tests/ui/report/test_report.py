@@ -12,7 +12,7 @@ from phantoms import result, write_case
 from pypdf import PdfReader
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.rigid_offset import Elsewhere
+from palpate.case.rigid_offset import RigidOffset
 from palpate.core.errors import InputError
 from palpate.ui.report import drawn_by as program
 from palpate.ui.report import report_step
@@ -149,7 +149,7 @@ def test_a_deformed_scan_that_lay_elsewhere_is_drawn_on_its_bones(tmp_path: Path
     np.testing.assert_array_equal(report_step.labels_in_rest_frame(case)["deformed"].affine, given)
     back = np.eye(4)
     back[:3, 3] = [4.0, -3.0, 2.0]
-    case.write_json("mesh.json", {"laid_elsewhere": Elsewhere(back, 5.4, 0.0).to_dict()})
+    case.write_json("mesh.json", {"laid_elsewhere": RigidOffset(back, 5.4, 0.0).to_dict()})
     shown = report_step.labels_in_rest_frame(case)
     np.testing.assert_allclose(shown["deformed"].affine, back @ given)
     np.testing.assert_array_equal(shown["rest"].affine, case.labels("rest").affine)
