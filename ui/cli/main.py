@@ -10,9 +10,9 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from importlib import metadata
 from types import ModuleType
 
+from palpate import __version__
 from palpate.core.errors import PalpateError
 from palpate.ui.cli.arguments import Parser, UsageError, common
 from palpate.ui.cli.console import Console
@@ -67,7 +67,7 @@ def parser(given: Sequence[str] = ()) -> Parser:
     """
     wanted = [name for name in given[:1] if name in COMMANDS] or list(COMMANDS)
     top = Parser(prog="palpate", description=_DESCRIPTION)
-    top.add_argument("--version", action="version", version=f"palpate {metadata.version('palpate')}")
+    top.add_argument("--version", action="version", version=f"palpate {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = common()
     for module in map(_module, wanted):

@@ -7,8 +7,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from importlib import metadata
 
+from palpate import __version__
 from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.typed import typed_options
 
@@ -30,7 +30,7 @@ def record(case: CaseFolder, args: argparse.Namespace, seconds: float) -> None:
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": args.command,
         "options": typed_options(args, args._module),
-        "version": metadata.version("palpate"),
+        "version": __version__,
         "seconds": round(seconds, 1),
     }
     earlier = case.read_json(HISTORY).get("commands", []) if case.has(HISTORY) else []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import UID, ExplicitVRLittleEndian, generate_uid
 from pydicom.valuerep import DA, DT, TM
 
+from palpate import __version__
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.core.files.atomic import atomic_path
 from palpate.ui.dicom.source import SourceScan
@@ -106,7 +106,7 @@ def _clock(seconds: int, offset: str) -> datetime:
 
 def version() -> str:
     """Of this program."""
-    return metadata.version("palpate")
+    return __version__
 
 
 def save(dataset: Dataset, path: Path) -> Path:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from functools import cache
-from importlib import metadata
 from pathlib import Path
+
+from palpate import __version__
 
 _UI = Path(__file__).resolve().parents[1]
 _DRAWING = ("words/*.py", "pictures/**/*.py", "report/*.py", "report/*.html")
@@ -17,4 +18,4 @@ def drawn_by() -> str:
     digest = hashlib.sha256()
     for path in sorted(path for pattern in _DRAWING for path in _UI.glob(pattern)):
         digest.update(f"{path.relative_to(_UI).as_posix()}\0".encode() + path.read_bytes() + b"\0")
-    return f"{metadata.version('palpate')} {digest.hexdigest()}"
+    return f"{__version__} {digest.hexdigest()}"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from palpate import __version__
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.steps.mesh import elsewhere_of
 from palpate.core.errors import InputError
@@ -42,7 +42,7 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
     case has no result or no labels.
     """
     options = options or ReportOptions()
-    version = metadata.version("palpate")
+    version = __version__
     inputs = case.inputs_sha256(INPUTS, [asdict(options), drawn_by()])
     if case.step_is_done(STEP, inputs) and not _written(case)["missing"]:
         progress(1.0, "the report is up to date")
