@@ -153,7 +153,7 @@ def test_a_mesher_that_dies_is_told_in_one_line(labels: Volume, monkeypatch: pyt
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with the one that started it")
 def test_the_mesher_ends_with_a_killed_program() -> None:
-    child = "import os, time; from palpate.segmentation import tetwild; tetwild._die_with_parent(); "
+    child = "import os, time; from palpate.meshing import tetwild; tetwild._die_with_parent(); "
     child += "print(os.getpid(), flush=True); time.sleep(60)"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
     with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as program:

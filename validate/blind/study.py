@@ -33,7 +33,10 @@ _EASIER = (0, 2, 4)
 # Patients that are looked at for one whose scans show the effect above the noise floor, before another effect takes its place; and how
 # many effects are tried.
 _PATIENTS, _EFFECTS = 2, 12
-_CHILD = "import sys; from palpate.segmentation import diagnose_step as d, case as c; d.run(c.CaseFolder(sys.argv[1]))"
+_CHILD = (
+    "import sys; from palpate.case import case_folder as c; from palpate.case.steps import diagnose as d; "
+    "d.run(c.CaseFolder(sys.argv[1]))"
+)
 
 
 def run(folder: Path, options: StudyOptions | None = None, progress: Progress = silent) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
 from PySide6.QtWidgets import QMessageBox
-from palpate.ui.desktop import application
+from palpate.ui.desktop.window import application
 from palpate.ui.desktop.panels.charts import SwarmChart
 from palpate.ui.desktop.session.jobs import Swarm
 from palpate.ui.desktop.window.questions import may_close

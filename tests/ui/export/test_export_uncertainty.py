@@ -7,8 +7,8 @@ from pathlib import Path
 import nibabel as nib
 import numpy as np
 import pytest
+from map_arrays import map_arrays
 from phantoms import CENTRE, result, write_case
-from test_map_planes import arrays
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
@@ -20,7 +20,7 @@ def case(tmp_path: Path) -> CaseFolder:
     case = write_case(tmp_path / "case", ct=False)
     case.write_json("result.json", result() | {"stiffness_map": {"patches": 2}})
     case.file("identify").mkdir(exist_ok=True)
-    case.write_npz("identify/stiffness_map.npz", **arrays(told_left=False))
+    case.write_npz("identify/stiffness_map.npz", **map_arrays(told_left=False))
     return case
 
 

@@ -3,11 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+from map_arrays import map_arrays
 from phantoms import CENTRE, affine, labels, result, write_case
 
-from palpate.core.identify.map.patches import Patches
-from palpate.core.identify.map.smoothness_prior import SmoothPrior
-from palpate.core.identify.map.stiffness_map import StiffnessMap
 from palpate.ui.pictures import map_planes as module
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.convergence import convergence
@@ -18,22 +16,11 @@ from palpate.ui.report import figures
 from palpate.ui.report.record import CaseRecord
 
 
-def arrays(told_left: bool) -> dict[str, np.ndarray]:
-    """Two patches, 20 kPa on the patient's left and 60 on the right."""
-    centres = np.array([CENTRE, CENTRE], dtype=float) + np.array([[9.0, 0.0, 0.0], [-9.0, 0.0, 0.0]])
-    patches = Patches(np.arange(2), np.arange(2), centres, np.ones(2))
-    made = StiffnessMap(
-        patches, SmoothPrior(3.5, 1.3), np.log([20.0, 60.0]), 0.04 * np.eye(2), 0.5 * np.eye(2),
-        np.array([0.9 if told_left else 0.0, 0.9]), np.full(2, 8.0), 2, True,
-    )  # fmt: skip
-    return {name: np.asarray(value) for name, value in made.arrays().items()}
-
-
 def test_left_is_left_and_what_is_not_told_is_marked() -> None:
     images = CaseImages(labels(affine()), stiffness_kpa={1: 20.0, 2: 60.0})
     window = images.window(AXIAL)
     inside, extent = module._inside(images, AXIAL, window)
-    data = arrays(told_left=False)
+    data = map_arrays(told_left=False)
     G, told = module._on(inside, extent, AXIAL, window, lambda at: module.painted(data, at))
     across, _ = module.Slice(G, extent).coordinates
     left, right = G[:, across > CENTRE[0] + 8.0], G[:, across < CENTRE[0] - 8.0]
@@ -45,18 +32,18 @@ def test_left_is_left_and_what_is_not_told_is_marked() -> None:
 
 def test_figure_has_both_rows_and_both_bars(tmp_path: Path) -> None:
     images = CaseImages(labels(affine()), stiffness_kpa={1: 20.0, 2: 60.0})
-    figure = module.map_planes(images, arrays(told_left=True))
+    figure = module.map_planes(images, map_arrays(told_left=True))
     titles = [ax.get_title() for ax in figure.axes[:3]]
     assert [t.split(",")[0] for t in titles] == ["axial", "sagittal", "coronal"]
     bars = [ax.get_ylabel() for ax in figure.axes[6:]]
     assert bars == ["shear modulus G (kPa)", "known to a factor of (1 sd)"]
-    assert map_scale([20.0], arrays(told_left=True)).high >= 60.0
+    assert map_scale([20.0], map_arrays(told_left=True)).high >= 60.0
 
 
 def test_a_report_with_a_map_has_one_scale_for_all_its_pictures(tmp_path: Path) -> None:
     """The map reaches 90 kPa where the halves have 20 and 60: without a common scale their pictures would differ."""
     case, found = write_case(tmp_path / "case"), result(20.0, 60.0)
-    data = arrays(told_left=True) | {"ln_G": np.log([20.0, 90.0])}
+    data = map_arrays(told_left=True) | {"ln_G": np.log([20.0, 90.0])}
     record = CaseRecord(case.facts, found, {}, {}, {}, {})
     images = figures._images(case, record, {"rest": case.labels("rest")}, data)
     high = [stiffness_planes(images).axes[6].get_ylim()[1], module.map_planes(images, data).axes[6].get_ylim()[1]]

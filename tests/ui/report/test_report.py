@@ -100,13 +100,13 @@ def test_a_report_of_another_program_and_one_with_a_gap_are_made_again(
 def test_any_change_of_what_draws_the_report_is_another_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("label_words.py", "pictures/slices.py", "report/page.html"):
+    for name in ("words/label_words.py", "pictures/slices.py", "report/page.html"):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
         path.write_text("as it was")
     monkeypatch.setattr(program, "_UI", tmp_path)
     marks = {program.drawn_by.__wrapped__()}
-    for name in ("label_words.py", "pictures/slices.py", "report/page.html"):
+    for name in ("words/label_words.py", "pictures/slices.py", "report/page.html"):
         (tmp_path / name).write_text("changed")
         marks.add(program.drawn_by.__wrapped__())
     assert len(marks) == 4
