@@ -10,9 +10,9 @@ from typing import Any
 from palpate.case.bench_body import body_inputs, body_problem, is_body
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import further_states, state_elsewhere, state_labels
+from palpate.case.meshed import elsewhere_of, load_surfaces
+from palpate.case.problem import further_files, problem_of, state_problems
 from palpate.case.steps import mesh
-from palpate.case.steps.identify import further_files, problem_of, state_problems
-from palpate.case.steps.mesh import elsewhere_of, load_surfaces
 from palpate.core.diagnose.case_data import CaseData, arrays
 from palpate.core.errors import ConvergenceError
 from palpate.core.problem import Surface, SurfacePair

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import identified_shear
-from palpate.case.steps.identify import facts_of
+from palpate.case.problem import facts_of
 from palpate.core.dynamics.drop import Drop, DropOptions, dish_for, drop
 from palpate.core.dynamics.rigid import RigidSurface
 from palpate.core.errors import ConvergenceError, InputError

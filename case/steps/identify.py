@@ -4,35 +4,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from palpate.case.case_folder import CaseFolder
-from palpate.case.deformed_states import further_states, state_labels, state_landmarks
+from palpate.case.problem import further_files, noise_source, problem_of, state_problems
 from palpate.case.steps import mesh
-from palpate.case.steps.measure_contour_noise import FILE as NOISE_FILE
-from palpate.case.steps.measure_contour_noise import measured_noise
-from palpate.case.steps.mesh import ORGAN_NAME, elsewhere_of, load_meshed, load_surfaces
-from palpate.core.errors import InputError
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, silent
-from palpate.imaging.labels import LABELS
-from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
-from palpate.meshing.partition import HOLE_NAMES
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
-# Standard deviation of a contour when nobody says: about what two observers of one CT differ by (DESIGN.md).
-DEFAULT_NOISE_MM = 0.4
-_WALLS = ("bladder", "rectum")
-_ORGAN = (1, 2)
 _PACKAGES = (
     "palpate",
     "numpy",
@@ -77,38 +63,13 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
         _job(case, options.identify, paths), lambda m: _tell(m, progress, options.on_message), options.cancel
     )
     result = {**found, "versions": versions(), "inputs_sha256": _input_hashes(case)}
-    result["misfit"]["contour_noise_from"] = _noise_from(case)
+    result["misfit"]["contour_noise_from"] = noise_source(case)
     if case.facts.other.get("simulated"):
         result["simulated"] = True
     case.write_json("result.json", result)
     case.mark_done("identify", inputs, ("result.json", "identify/fields.npz"))
     progress(1.0, "stiffness found")
     return result
-
-
-def problem_of(case: CaseFolder) -> IdentificationProblem:
-    """The case's mesh, walls and organ surfaces as one numerical problem. Raises InputError when a step before is missing."""
-    meshed = load_meshed(case)
-    rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
-    for state, surfaces in (("rest", rest), ("deformed", deformed)):
-        if ORGAN_NAME not in surfaces:
-            raise InputError(f"{case.file('surfaces.npz')} has no organ in the {state} state; run `palpate mesh` again")
-    walls = {n: SurfacePair(_plain(rest[n]), _plain(deformed[n])) for n in _WALLS if n in rest and n in deformed}
-    present = sorted(set(np.unique(meshed.mesh.regions).tolist()) & set(_ORGAN))
-    marks = case.landmarks()
-    elsewhere = elsewhere_of(case)
-    if marks is not None and elsewhere is not None:
-        marks = replace(marks, deformed=elsewhere.back(marks.deformed))
-    landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
-    return IdentificationProblem(
-        meshed.mesh,
-        meshed.boundary,
-        walls,
-        SurfacePair(_plain(rest[ORGAN_NAME]), _plain(deformed[ORGAN_NAME])),
-        facts_of(case),
-        {r: LABELS[r] for r in present},
-        landmarks,
-    )
 
 
 def versions() -> dict[str, str]:
@@ -120,50 +81,6 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             out[name] = "absent"
     return out
-
-
-def facts_of(case: CaseFolder) -> Facts:
-    """The scalars of a case that the model needs; the contours' error as stated, else as measured from repeats, else assumed."""
-    facts = case.facts
-    measured = None if facts.boundary_noise_sd_mm is not None else measured_noise(case)
-    sd, length = measured or (facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM, Facts.noise_correlation_mm)
-    return Facts(
-        tissue_shear_modulus_kpa=facts.tissue_shear_modulus_kpa,
-        tissue_poisson_ratio=facts.tissue_poisson_ratio,
-        bounds_kpa=facts.organ_shear_modulus_bounds_kpa,
-        noise_sd_mm=sd,
-        noise_correlation_mm=length,
-        outer_fixed=facts.outer_surface == "fixed",
-    )
-
-
-def _noise_from(case: CaseFolder) -> str:
-    if case.facts.boundary_noise_sd_mm is not None:
-        return "case"
-    return "assumed" if measured_noise(case) is None else "repeats"
-
-
-def _plain(surface: TriSurface) -> Surface:
-    return Surface(surface.points, surface.faces, surface.region)
-
-
-def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[IdentificationProblem]:
-    """Those of the case's further deformed states: the mesh, walls and organ at rest of the first, what each shows of itself."""
-    out = []
-    for state in further_states(case):
-        labels, marks = state_labels(case, state), state_landmarks(case, state)
-        seen = {name: _plain(wall_surface(labels, label)) for label, name in HOLE_NAMES.items() if name in first.walls}
-        walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in seen.items() if len(surface.faces)}
-        organ = SurfacePair(first.organ.rest, _plain(organ_surfaces(labels)))
-        landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
-        out.append(replace(first, walls=walls, organ=organ, landmarks=landmarks))
-    return out
-
-
-def further_files(case: CaseFolder) -> list[str]:
-    """What only some cases have: further deformed states, and how well contours repeat."""
-    noise = [NOISE_FILE] if case.has(NOISE_FILE) else []
-    return [*(name for state in further_states(case) for name in state.files), *noise]
 
 
 def _write_problems(case: CaseFolder, folder: Path) -> dict[str, str]:

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.measured_noise import FILE
 from palpate.case.second_drawing import redrawn_labels
 from palpate.core.errors import InputError
 from palpate.core.observe.repeat_contours import repeat_of
 from palpate.core.problem import Surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces
-
-FILE = "noise.json"
 
 
 def run(case: CaseFolder, drawn: Mapping[str, Path]) -> dict[str, Any]:
@@ -43,22 +42,6 @@ def run(case: CaseFolder, drawn: Mapping[str, Path]) -> dict[str, Any]:
     }
     case.write_json(FILE, noise)
     return noise
-
-
-def measured_noise(case: CaseFolder) -> tuple[float, float] | None:
-    """sd and correlation length mm from repeats; None where none were made. Raises InputError for a file that does not hold them."""
-    if not case.has(FILE):
-        return None
-    noise = case.read_json(FILE)
-    try:
-        sd, length = float(noise["sd_mm"]), float(noise["correlation_mm"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{case.file(FILE)} holds no sd_mm and correlation_mm; remove it and give --repeat again"
-        ) from error
-    if not (0.0 < sd < 20.0 and 0.0 < length < 100.0):
-        raise InputError(f"{case.file(FILE)} holds values that cannot be; remove it and give --repeat again")
-    return sd, length
 
 
 def _organ(labels: Volume) -> Surface:

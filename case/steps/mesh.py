@@ -9,19 +9,19 @@ import numpy as np
 import pyvista as pv
 
 from palpate.case.case_folder import CaseFolder, file_sha256
-from palpate.case.rigid_offset import RigidOffset, elsewhere_in
-from palpate.case.steps.import_scans.rest_only import is_alone
+from palpate.case.imported import holds_rest_alone
+from palpate.case.meshed import ORGAN_NAME, load_meshed
+from palpate.case.rigid_offset import elsewhere_in
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
-from palpate.meshing.mesh_file import Recipe, load_mesh, mesh_arrays, recipe_hash
+from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
+from palpate.meshing.mesh_file import Recipe, mesh_arrays, recipe_hash
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.meshing.partition import HOLE_NAMES
 
 OUTPUTS = ("mesh.npz", "surfaces.npz", "mesh.json", "mesh.vtu")
-ORGAN_NAME = "organ"
 
 
 def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
@@ -39,7 +39,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         report: dict[str, Any] = case.read_json("mesh.json")
         return report
     for state in ("rest", "deformed"):
-        if state == "deformed" and case.has("import.json") and is_alone(case):
+        if state == "deformed" and case.has("import.json") and holds_rest_alone(case):
             raise InputError(
                 f"{case.path} holds the scan at rest alone; `palpate plan` works on it, or import both scans"
             )
@@ -69,26 +69,6 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     case.mark_done("mesh", inputs, OUTPUTS)
     progress(1.0, f"{len(meshed.mesh.cells)} cells")
     return report
-
-
-def load_meshed(case: CaseFolder) -> MeshedCase:
-    """The mesh of a case with its named boundary and quality. Raises InputError when the mesh step has not been run."""
-    quality = case.read_json("mesh.json")
-    mesh, boundary, _ = load_mesh(case.file("mesh.npz"))
-    return MeshedCase(mesh, boundary, quality)
-
-
-def elsewhere_of(case: CaseFolder) -> RigidOffset | None:
-    """How the deformed scan of a meshed case lay elsewhere; its surfaces no longer do."""
-    found = case.read_json("mesh.json").get("laid_elsewhere")
-    return None if found is None else RigidOffset.from_dict(found)
-
-
-def load_surfaces(case: CaseFolder, state: str) -> dict[str, TriSurface]:
-    """The surfaces of one state ("rest" or "deformed") by name: "organ", and the walls that the case has."""
-    arrays = case.read_npz("surfaces.npz")
-    names = [key[len(state) + 1 : -len("_faces")] for key in arrays if key.startswith(state) and key.endswith("_faces")]
-    return {n: TriSurface(*(arrays[f"{state}_{n}_{part}"] for part in ("points", "faces", "region"))) for n in names}
 
 
 def surface_arrays(state: str, labels: Volume) -> dict[str, Any]:

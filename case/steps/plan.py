@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.steps.identify import facts_of
+from palpate.case.problem import facts_of
 from palpate.case.steps.plan_loads import LOADS, NOTES
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError

@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.drawn_labels import drawn_labels
-from palpate.case.steps.import_scans.rest_only import is_alone
+from palpate.case.imported import holds_rest_alone
 from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -76,7 +76,7 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
     if case.step_is_done(STEP, inputs):
         report: dict[str, Any] = case.read_json("segmentation.json")
         return report
-    alone = is_alone(case)
+    alone = holds_rest_alone(case)
     states = STATES[:1] if alone else STATES
     came_with_labels = all(case.has_labels(state) for state in states) and not case.has("segmentation.json")
     if came_with_labels or not all(case.has(f"{state}_ct") for state in states):

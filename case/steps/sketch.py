@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from palpate.case.steps.sketch_options import SketchOptions
 from palpate.case.steps.sketch_summary import summary_of
 from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
@@ -19,9 +20,9 @@ from palpate.core.sketch.fit import Fit, fit_keyframes
 from palpate.core.sketch.fit_walk import FitOptions
 from palpate.core.sketch.held import sides_that_stay
 from palpate.core.sketch.matching import matched
-from palpate.core.sketch.motion import MotionOptions, Moving, animate
+from palpate.core.sketch.motion import Moving, animate
 from palpate.core.sketch.residual import Target
-from palpate.core.sketch.swarm_fit import SwarmFitOptions, swarm_fit
+from palpate.core.sketch.swarm_fit import swarm_fit
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.drawings.drawing import Drawing, read_drawing
 from palpate.meshing.extrude import mesh_figure
@@ -31,26 +32,6 @@ from palpate.meshing.extrude import mesh_figure
 _CELLS, _CELLS_OF_PARTS = 600, 1500
 # Steps along the observed rim, in figure sizes.
 _SPACING = 0.01
-
-
-@dataclass(frozen=True)
-class SketchOptions:
-    """size_mm : of the figure in the first keyframe. hold : sides that do not move, None to see from the keyframes.
-
-    poisson_ratio : of all parts. line_error : of the drawn lines, in figure sizes. cells : of the mesh, about; None for what serves.
-    pull_n_per_mm : the known total force on the figure in the second keyframe, N per mm of its thickness; without it stiffness is
-    relative. swarm : options of the paper's search; None for Gauss-Newton alone. motion : of the film.
-    """
-
-    size_mm: float = 100.0
-    hold: tuple[str, ...] | None = None
-    poisson_ratio: float = 0.4
-    line_error: float = 0.004
-    cells: int | None = None
-    highest_degree: int = 3
-    pull_n_per_mm: float | None = None
-    swarm: SwarmFitOptions | None = None
-    motion: MotionOptions = field(default_factory=MotionOptions)
 
 
 @dataclass(frozen=True, eq=False)

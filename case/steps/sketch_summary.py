@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from palpate.case.case_folder import file_sha256
+from palpate.case.steps.sketch_options import SketchOptions
 from palpate.core.errors import InputError
 from palpate.core.sketch.figure import FORCE_UNIT, Figure
 from palpate.core.sketch.fit import HIT, Fit
 from palpate.core.sketch.motion import Moving
 from palpate.core.sketch.outline import Outline, hausdorff
 from palpate.imaging.drawings.drawing import Drawing
-
-if TYPE_CHECKING:
-    from palpate.case.steps.sketch import SketchOptions
 
 # A ratio whose standard deviation (of ln) is larger than this is not told.
 UNTOLD_SD = 0.7

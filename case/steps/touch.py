@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import identified_shear
-from palpate.case.steps.identify import facts_of
+from palpate.case.problem import facts_of
 from palpate.core.errors import InputError
 from palpate.core.touch.body import SUPPORTS, Body
 from palpate.core.worker.progress import Progress, silent

@@ -15,6 +15,7 @@ import synthetic_case
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import NewState, add_state, further_states
+from palpate.case.problem import problem_of, state_problems
 from palpate.case.steps import identify
 from palpate.case.steps.mesh import surface_arrays
 from palpate.core.errors import InputError
@@ -99,8 +100,8 @@ def test_landmarks_come_along_in_the_rest_frame(case: CaseFolder, second: Path, 
     marks.write_text("name,rest_x,rest_y,rest_z,deformed_x,deformed_y,deformed_z\nseed,1,2,3,1,0.5,3\n")
     state = add_state(case, NewState(second, landmarks=marks))
     assert state.landmarks == "landmarks_2.csv"
-    first = identify.problem_of(case)
-    (problem,) = identify.state_problems(case, first)
+    first = problem_of(case)
+    (problem,) = state_problems(case, first)
     np.testing.assert_allclose(problem.landmarks, [[1, 2, 3, 1, 0.5, 3]])
     assert problem.mesh is first.mesh and problem.organ.rest is first.organ.rest
     # The larger push takes the wall and the organ further along -y.

@@ -12,9 +12,9 @@ from made_up_body import body
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
+from palpate.case.measured_noise import measured_noise
+from palpate.case.problem import facts_of
 from palpate.case.steps import measure_contour_noise
-from palpate.case.steps.identify import facts_of
-from palpate.case.steps.measure_contour_noise import measured_noise
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_noise import EXTRACTION_LENGTH_MM, EXTRACTION_MM, matern_3_2, smooth_covariance
 from palpate.core.observe.repeat_contours import repeat_of

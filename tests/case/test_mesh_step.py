@@ -10,6 +10,7 @@ import pytest
 import pyvista as pv
 from voxel_shapes import ball, grid, paint, tube
 
+from palpate.case import meshed as meshed_case
 from palpate.case.case_folder import CaseFacts, CaseFolder, file_sha256
 from palpate.case.steps import mesh as mesh_step
 from palpate.core.errors import InputError
@@ -67,14 +68,14 @@ def test_files_and_figures(case: CaseFolder, calls: list[MeshOptions]) -> None:
     view = pv.read(case.file("mesh.vtu"))
     assert view.n_cells == 1
     assert view.cell_data["region"][0] == 1
-    meshed = mesh_step.load_meshed(case)
+    meshed = meshed_case.load_meshed(case)
     assert set(meshed.boundary) == {"outer"}
     assert meshed.mesh.volumes.sum() == pytest.approx(1.0 / 6.0)
 
 
 def test_surfaces_of_both_states(case: CaseFolder, calls: list[MeshOptions]) -> None:
     mesh_step.run(case)
-    rest, deformed = (mesh_step.load_surfaces(case, name) for name in ("rest", "deformed"))
+    rest, deformed = (meshed_case.load_surfaces(case, name) for name in ("rest", "deformed"))
     assert set(rest) == set(deformed) == {"organ", "rectum"}
     assert rest["organ"].enclosed_volume == pytest.approx(4.0 / 3.0 * np.pi * 1000.0, rel=0.02)
     moved = deformed["organ"].points.mean(axis=0) - rest["organ"].points.mean(axis=0)
@@ -98,7 +99,7 @@ def test_other_deformed_labels_keep_the_mesh(case: CaseFolder, calls: list[MeshO
     mesh_step.run(case)
     assert len(calls) == 1
     assert np.array_equal(case.read_npz("mesh.npz")["points"], before)
-    moved = mesh_step.load_surfaces(case, "deformed")["organ"].points.mean(axis=0)
+    moved = meshed_case.load_surfaces(case, "deformed")["organ"].points.mean(axis=0)
     assert moved[1] == pytest.approx(-2.0, abs=0.15)
 
 

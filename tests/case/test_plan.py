@@ -12,8 +12,8 @@ from made_up_body import body
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
+from palpate.case.problem import facts_of
 from palpate.case.steps import plan as plan_step
-from palpate.case.steps.identify import facts_of
 from palpate.case.steps.plan import PlanOptions
 from palpate.case.steps.plan_loads import LOADS
 from palpate.core.errors import InputError

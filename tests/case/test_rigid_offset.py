@@ -12,10 +12,10 @@ from voxel_shapes import Shape, ball, grid, paint, tube
 
 from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.case.deformed_states import further_states, state_labels, state_landmarks
+from palpate.case.problem import problem_of
 from palpate.case.rigid_offset import laid_elsewhere
 from palpate.case.steps import diagnose
 from palpate.case.steps import mesh as mesh_step
-from palpate.case.steps.identify import problem_of
 from palpate.core.arrays import FloatArray
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume

@@ -15,7 +15,7 @@ from synthetic_case import HALF, RADIUS
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import further_states, state_labels, state_landmarks
 from palpate.case.landmarks import read_landmarks
-from palpate.case.steps.identify import state_problems
+from palpate.case.problem import state_problems
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.imaging.volume import Volume

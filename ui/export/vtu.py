@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.steps.mesh import load_meshed
+from palpate.case.meshed import load_meshed
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import SURROUNDING_TISSUE
 from palpate.ui.export.stiffness import stiffness_of

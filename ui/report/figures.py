@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.steps.mesh import load_surfaces
+from palpate.case.meshed import load_surfaces
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures import slices, solids

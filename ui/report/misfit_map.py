@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.steps.mesh import ORGAN_NAME, load_surfaces
+from palpate.case.meshed import ORGAN_NAME, load_surfaces
 from palpate.core.arrays import FloatArray
 from palpate.ui.pictures.offscreen import polydata
 from palpate.ui.pictures.solids import MisfitMap

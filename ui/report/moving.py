@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.steps.mesh import load_meshed
+from palpate.case.meshed import load_meshed
 from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import LABELS
 from palpate.meshing.mesh_labels import MeshedCase

@@ -9,7 +9,7 @@ from typing import Any
 
 from palpate import __version__
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.steps.mesh import elsewhere_of
+from palpate.case.meshed import elsewhere_of
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume

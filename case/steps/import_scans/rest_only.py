@@ -47,13 +47,6 @@ def import_alone(
     return summary
 
 
-def is_alone(case: CaseFolder) -> bool:
-    """Whether the case is of the scan at rest only, as `plan` takes it; not where the import of a pair was cut short."""
-    if case.has("deformed_ct") or case.has_labels("deformed"):
-        return False
-    return not case.has("import.json") or len(case.read_json("import.json").get("sources_sha256", {})) < 2
-
-
 def _from_ct(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFolder, list[str], list[str]]:
     volume, facts = read_series(path, options.series[0])
     file = options.labels[0]

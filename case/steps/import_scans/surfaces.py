@@ -14,8 +14,8 @@ from scipy import ndimage
 
 from palpate.case.case_folder import STATES, CaseFolder, check_new_case, file_sha256
 from palpate.case.landmarks import Landmarks, read_landmarks
+from palpate.case.problem import problem_of
 from palpate.case.steps import mesh
-from palpate.case.steps.identify import problem_of
 from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError

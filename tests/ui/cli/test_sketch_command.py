@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from palpate.case.steps.sketch import SketchOptions, run_sketch
+from palpate.case.steps.sketch import run_sketch
+from palpate.case.steps.sketch_options import SketchOptions
 from palpate.core.sketch.motion import MotionOptions
 from palpate.ui.cli.main import main
 from palpate.ui.pictures.film import read_film

@@ -12,6 +12,7 @@ import pytest
 from phantoms import labels, result, write_case
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.measured_noise import FILE as NOISE_FILE
 from palpate.case.steps import diagnose, identify, mesh
 from palpate.core.errors import Cancelled, InputError
 from palpate.meshing.mesh_labels import MeshOptions
@@ -41,7 +42,7 @@ def out_of_date(case: CaseFolder) -> dict[str, str]:
 
 
 def test_files_are_those_of_the_steps() -> None:
-    assert (*identify.INPUTS, identify.NOISE_FILE) == freshness.IDENTIFY_INPUTS
+    assert (*identify.INPUTS, NOISE_FILE) == freshness.IDENTIFY_INPUTS
     assert freshness.DIAGNOSE_INPUTS == diagnose.INPUTS and freshness.REPORT_INPUTS == report_step.INPUTS
 
 

@@ -97,7 +97,7 @@ def _repeat(text: str) -> tuple[str, Path]:
 
 def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.json") -> list[str]:
     """What a person reads of an identification."""
-    from palpate.case.steps.mesh import elsewhere_of
+    from palpate.case.meshed import elsewhere_of
 
     lines = []
     for name, found in result["parameters"].items():

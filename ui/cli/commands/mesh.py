@@ -45,7 +45,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
 
 def text_of(case: CaseFolder, report: dict[str, Any]) -> str:
     """What a person reads of a mesh."""
-    from palpate.case.steps.mesh import elsewhere_of
+    from palpate.case.meshed import elsewhere_of
 
     angle = report["min_dihedral_deg"]
     made = f"mesh    {case.file('mesh.vtu')}: {report['cells']} tetrahedra, smallest dihedral angle {angle:.0f}\N{DEGREE SIGN}"

@@ -80,7 +80,7 @@ def text_of(summary: dict[str, Any], folder: Path) -> list[str]:
 
 
 def _options(args: argparse.Namespace) -> Any:
-    from palpate.case.steps.sketch import SketchOptions
+    from palpate.case.steps.sketch_options import SketchOptions
 
     hold = None
     if args.hold is not None:

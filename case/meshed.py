@@ -1,0 +1,31 @@
+"""The mesh and the surfaces of a case, as the mesh step has left them."""
+
+from __future__ import annotations
+
+from palpate.case.case_folder import CaseFolder
+from palpate.case.rigid_offset import RigidOffset
+from palpate.meshing.label_surfaces import TriSurface
+from palpate.meshing.mesh_file import load_mesh
+from palpate.meshing.mesh_labels import MeshedCase
+
+ORGAN_NAME = "organ"
+
+
+def load_meshed(case: CaseFolder) -> MeshedCase:
+    """The mesh of a case with its named boundary and quality. Raises InputError when the mesh step has not been run."""
+    quality = case.read_json("mesh.json")
+    mesh, boundary, _ = load_mesh(case.file("mesh.npz"))
+    return MeshedCase(mesh, boundary, quality)
+
+
+def elsewhere_of(case: CaseFolder) -> RigidOffset | None:
+    """How the deformed scan of a meshed case lay elsewhere; its surfaces no longer do."""
+    found = case.read_json("mesh.json").get("laid_elsewhere")
+    return None if found is None else RigidOffset.from_dict(found)
+
+
+def load_surfaces(case: CaseFolder, state: str) -> dict[str, TriSurface]:
+    """The surfaces of one state ("rest" or "deformed") by name: "organ", and the walls that the case has."""
+    arrays = case.read_npz("surfaces.npz")
+    names = [key[len(state) + 1 : -len("_faces")] for key in arrays if key.startswith(state) and key.endswith("_faces")]
+    return {n: TriSurface(*(arrays[f"{state}_{n}_{part}"] for part in ("points", "faces", "region"))) for n in names}
