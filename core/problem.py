@@ -129,3 +129,7 @@ def _pair(data: Mapping[str, NDArray[np.generic]], name: str) -> SurfacePair:
         for state in ("rest", "deformed")
     )
     return SurfacePair(rest, deformed)
+
+
+# The problem of one deformed state, and the bones' surfaces at rest and in that state, None where they were not segmented.
+StateData = tuple[IdentificationProblem, SurfacePair | None]

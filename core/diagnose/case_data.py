@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.core.forward.effect import Vector
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, StateData, Surface, SurfacePair
 from palpate.core.residual.remeshing import Remeshed, all_from
 
 _KEYS = ("points", "faces", "region")
-# The problem of one deformed state, and the bones' surfaces at rest and in that state.
-Pair = tuple[IdentificationProblem, SurfacePair | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +30,10 @@ class CaseData:
     bones: SurfacePair | None = None
     gravity: tuple[Vector | None, Vector | None] = (None, None)
     remeshed: tuple[Remeshed, ...] = ()
-    more: tuple[Pair, ...] = ()
+    more: tuple[StateData, ...] = ()
 
     @property
-    def pairs(self) -> list[Pair]:
+    def pairs(self) -> list[StateData]:
         """Problem and bones of every deformed state."""
         return [(self.problem, self.bones), *self.more]
 
@@ -68,8 +66,8 @@ def _prefix(state: int) -> str:
     return f"state_{state + 1}/" if state else ""
 
 
-def _pairs(found: Mapping[str, NDArray[np.generic]]) -> list[Pair]:
-    out: list[Pair] = []
+def _pairs(found: Mapping[str, NDArray[np.generic]]) -> list[StateData]:
+    out: list[StateData] = []
     while not out or f"{_prefix(len(out))}scalars" in found:
         before = _prefix(len(out))
         here = {key.removeprefix(before): values for key, values in found.items() if key.startswith(before)}

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.materials import Material
@@ -18,13 +17,12 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem
+from palpate.core.surfaces.rigid_motion import Motion
 
 # (mesh, region -> material) -> region -> material. Must not depend on values in any but a smooth way.
 MaterialChange = Callable[[TetMesh, Mapping[int, Material]], dict[int, Material]]
 # A load on a space: body force, traction.
 LoadPart = Callable[[Space], Term]
-# Rest positions (n, 3) mm of what holds the body -> displacements (n, 3) mm.
-Motion = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +87,3 @@ class Composition:
         for motion in self.support:
             out = out + motion(X)
         return out
-
-
-def rigid_motion(X: FloatArray, pivot: FloatArray, phi: FloatArray) -> FloatArray:
-    """(n, 3) mm: translation phi[:3] mm and rotation vector phi[3:] degrees about the pivot, at X (n, 3)."""
-    turned = Rotation.from_rotvec(phi[3:], degrees=True).apply(X - pivot)
-    return np.asarray(turned + pivot - X + phi[:3])

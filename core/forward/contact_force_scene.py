@@ -17,8 +17,9 @@ from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions, Settled, prolonged
+from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions, Settled
 from palpate.core.forward.parameters import TISSUE, StiffnessParameters
+from palpate.core.forward.scene_parts import prolonged
 from palpate.core.forward.sliding_match import slide_onto
 from palpate.core.laws import LINEAR, bulk_modulus
 from palpate.core.observe.surface_observation import SurfaceObservation

@@ -9,21 +9,14 @@ import numpy as np
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.elements import EDGES
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
-from palpate.core.fem.terms.wall import SlidingWall, wall_points
 from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.forward.scene_parts import distance_fields, driving_walls, wall_of
 from palpate.core.observe.surface_observation import SurfaceObservation
-from palpate.core.problem import IdentificationProblem, SurfacePair
-from palpate.core.surfaces.distance_field import SignedDistanceField
-
-# Wall stiffness over the tissue's shear modulus, 1/mm. Nearly incompressible tissue that must make room pulls on a wall with up to
-# ten times its modulus (measured): walls still stay within 0.03 mm of what was seen.
-WALL_STIFFNESS = 400.0
-
+from palpate.core.problem import IdentificationProblem
 
 # Walls have settled when a round moves them by less than this (rms), mm.
 SETTLED_MM = 0.01
@@ -63,9 +56,8 @@ class CoupledScene:
         self.parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
         self.space = Space.of(problem.mesh, options.element)
         self.walls = [
-            _wall(self.space, problem, name, pair)
-            for name, pair in problem.walls.items()
-            if name in problem.boundary and len(pair.rest.faces) and len(pair.deformed.faces)
+            wall_of(distance_fields(pair), problem, name, self.space, self.space.nodes)
+            for name, pair in driving_walls(problem).items()
         ]
         if not self.walls:
             raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
@@ -142,31 +134,6 @@ class CoupledScene:
         return np.unique(self.space.face_nodes(np.vstack(faces)))
 
 
-def prolonged(u: FloatArray, space: Space) -> FloatArray:
-    """Nodal displacements (n, 3) of a space from vertex displacements u: mid-edge nodes take the mean of their ends."""
-    vertices = u[: len(space.mesh.points)]
-    if space.element.degree == 1:
-        return vertices.copy()
-    out = np.empty((space.n_nodes, 3))
-    out[: len(vertices)] = vertices
-    ends = space.mesh.cells[:, EDGES]
-    out[space.cell_nodes[:, 4:]] = vertices[ends].mean(axis=2)
-    return out
-
-
 def _state(found: State | Equilibrium | None) -> State:
     assert found is not None
     return found if isinstance(found, State) else State(found.u, found.p)
-
-
-def _wall(space: Space, problem: IdentificationProblem, name: str, pair: SurfacePair) -> SlidingWall:
-    points = wall_points(space.face_nodes(problem.boundary[name]), space.nodes)
-    rest = points.positions(space.nodes)
-    at_rest, deformed = (SignedDistanceField.from_surface(s.points, s.faces) for s in (pair.rest, pair.deformed))
-    return SlidingWall.between(
-        points,
-        rest,
-        at_rest.value_and_gradient,
-        deformed.value_and_gradient,
-        WALL_STIFFNESS * problem.facts.tissue_shear_modulus_kpa,
-    )

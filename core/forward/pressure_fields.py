@@ -10,11 +10,11 @@ from palpate.core.fem.sensitivity import factorise_at, response_to_forces
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import face_points
-from palpate.core.forward.scene import GapScene
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 
 
-def pressure_fields(stage: SharedGeometry, scene: GapScene, theta: FloatArray) -> dict[str, FloatArray]:
+def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: FloatArray) -> dict[str, FloatArray]:
     """Wall name -> displacement (points, 3) mm at rest when that wall alone is pushed by a pressure; 1 mm rms on the wall."""
     problem = stage.problem
     space = Space.of(problem.mesh, "p1p1")
@@ -42,7 +42,7 @@ def pressure_fields(stage: SharedGeometry, scene: GapScene, theta: FloatArray) -
     return out
 
 
-def _held(scene: GapScene, space: Space) -> IntArray:
+def _held(scene: CompositionScene, space: Space) -> IntArray:
     names = ("bone", "outer") if scene.problem.facts.outer_fixed else ("bone",)
     boundary = scene.stage.problem.boundary
     return np.vstack([space.face_nodes(boundary[n]) for n in names if n in boundary])

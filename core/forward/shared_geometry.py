@@ -10,15 +10,12 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.forward.composition import Composition
 from palpate.core.forward.cut_interface import OpenedProblem, open_problem
-from palpate.core.forward.scene import GapScene
-from palpate.core.forward.scene_parts import moved_observation
+from palpate.core.forward.scene_parts import DistanceFields, distance_fields, driving_walls, moved_observation
 from palpate.core.observe.surface_observation import SurfaceObservation, sample_surface
 from palpate.core.observe.wall_motion import POINTS, WallMotion
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.closest_point import closest_points
-from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
 # A point of a wall's surface belongs to the model when the mesh has its wall this close, mm.
@@ -37,7 +34,7 @@ class SharedGeometry:
     problem: IdentificationProblem
     element: str
     observation: SurfaceObservation
-    fields: dict[str, tuple[SignedDistanceField, SignedDistanceField]]
+    fields: dict[str, DistanceFields]
     motions: dict[str, WallMotion] = field(default_factory=dict)
     assemblers: dict[bool, Assembler] = field(default_factory=dict)
     _opened: OpenedProblem | None = None
@@ -48,14 +45,7 @@ class SharedGeometry:
         space = Space.of(problem.mesh, element)
         if like is not None:
             return cls(problem, element, moved_observation(like.observation, space, problem), like.fields, like.motions)
-        fields = {
-            name: (
-                SignedDistanceField.from_surface(pair.rest.points, pair.rest.faces),
-                SignedDistanceField.from_surface(pair.deformed.points, pair.deformed.faces),
-            )
-            for name, pair in problem.walls.items()
-            if name in problem.boundary and len(pair.rest.faces) and len(pair.deformed.faces)
-        }
+        fields = {name: distance_fields(pair) for name, pair in driving_walls(problem).items()}
         stage = cls(problem, element, SurfaceObservation.of(problem, space), fields)
         for name in fields:
             seen = _seen(problem, name, fields[name])
@@ -69,14 +59,8 @@ class SharedGeometry:
             self._opened = open_problem(self.problem)
         return self._opened
 
-    def scene(self, composition: Composition) -> GapScene:
-        """The composition, ready to be solved."""
-        return GapScene(self, composition)
 
-
-def _seen(
-    problem: IdentificationProblem, name: str, fields: tuple[SignedDistanceField, SignedDistanceField]
-) -> SlidingWall:
+def _seen(problem: IdentificationProblem, name: str, fields: DistanceFields) -> SlidingWall:
     """The wall as the scans show it where the model has it: the same points whatever the mesh, so that its motion is the same."""
     surface, faces = problem.walls[name].rest, problem.boundary[name]
     X = problem.mesh.points[faces]

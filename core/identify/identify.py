@@ -12,8 +12,9 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
-from palpate.core.forward.coupled_scene import prolonged
 from palpate.core.forward.make_scene import Scene, make_scene
+from palpate.core.forward.parameters import middle
+from palpate.core.forward.scene_parts import prolonged
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.plain_fit import (
@@ -22,7 +23,6 @@ from palpate.core.identify.plain_fit import (
     Optimum,
     StateProblem,
     find_optimum,
-    middle,
     noise_of,
     settle_first,
 )

@@ -75,11 +75,6 @@ class Optimum:
         return bool((np.abs(self.others - centre)[:, self.stiffness] < SAME_OPTIMUM).all())
 
 
-def middle(bounds: FloatArray) -> FloatArray:
-    """A start (t,) in the lower middle of the bounds, where sensitivities are largest."""
-    return bounds[:, 0] + 0.4 * (bounds[:, 1] - bounds[:, 0])
-
-
 def settle_first(
     scene: Scene, theta: FloatArray, count: Counter, start: FloatArray | None = None, uneven: bool = False
 ) -> tuple[Equilibrium, Misfit]:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.core.arrays import BoolArray, FloatArray
-from palpate.core.forward.composition import Motion, rigid_motion
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.distance_field import SignedDistanceField
+from palpate.core.surfaces.rigid_motion import Motion, rigid_motion
 
 _SPACING_MM = 6.0
 # Distances beyond this are where a scan ends, not where a bone went, mm.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.forward.scene import GapScene
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.bone_registration import BoneSight
 from palpate.core.observe.contour_noise import smooth_covariance
 from palpate.core.observe.surface_observation import SurfaceObservation
@@ -58,7 +58,7 @@ class DataVector:
         """Where the landmarks are in the data vector."""
         return slice(self.n_modes, self.n_modes + 3 * self.n_marks)
 
-    def residual(self, scene: GapScene, u: FloatArray) -> FloatArray:
+    def residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
         """(n,) predicted minus seen, for displacements u (nodes, 3) of the scene."""
         seen = scene.seen(u)
         surface = self.modes.T @ self.surface_residual(scene, u)
@@ -67,11 +67,11 @@ class DataVector:
             parts.append(self.bone.residual(scene.composition.bone_motion))
         return np.concatenate(parts)
 
-    def surface_residual(self, scene: GapScene, u: FloatArray) -> FloatArray:
+    def surface_residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
         """(q,) mm, predicted minus seen distance along the normal, point by point."""
         return scene.observation.residual(scene.seen(u)) + scene.composition.observation
 
-    def response(self, scene: GapScene, u: FloatArray, moves: FloatArray) -> FloatArray:
+    def response(self, scene: CompositionScene, u: FloatArray, moves: FloatArray) -> FloatArray:
         """(n, r) change of the residual for changes of displacement (r, nodes, 3) at u."""
         seen = scene.seen(u)
         rows = [self.modes.T @ scene.observation.jacobian(seen, moves)]

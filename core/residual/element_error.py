@@ -11,6 +11,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel, carried
@@ -74,7 +75,7 @@ def better_residual(
 
     None where it finds no equilibrium within what options allow.
     """
-    scene = better.stage.scene(trial.composition(better.plain, point.phi))
+    scene = CompositionScene(better.stage, trial.composition(better.plain, point.phi))
     state = State(carried(point, scene), point.equilibrium.p)
     for _ in range(_ROUNDS):
         scene.linearise(state.u)

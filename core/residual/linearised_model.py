@@ -12,9 +12,9 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.coupled_scene import prolonged
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.effect import Effect, Variant
-from palpate.core.forward.scene import GapScene
+from palpate.core.forward.scene_parts import prolonged
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
 
@@ -56,7 +56,7 @@ class Linearisation:
 
     theta: FloatArray
     phi: FloatArray
-    scene: GapScene
+    scene: CompositionScene
     equilibrium: Equilibrium
     residual: FloatArray
     in_theta: FloatArray
@@ -81,7 +81,7 @@ class StateModel:
         """The model at (theta, phi), from a neighbour's equilibrium; None when it has none."""
         composition = trial.composition(self.plain, phi)
         try:
-            scene = self.stage.scene(composition)
+            scene = CompositionScene(self.stage, composition)
         except InputError:
             return None  # a stress-free mesh that is turned inside out
         u = None if near is None else carried(near, scene)
@@ -120,7 +120,7 @@ class StateModel:
         """Change of the residual (n,) from phi to phi + step, to first order."""
         if trial.composition(self.plain, at.phi + step) is at.scene.composition:
             return np.zeros(self.sight.n)
-        scene = self.stage.scene(trial.composition(self.plain, at.phi + step))
+        scene = CompositionScene(self.stage, trial.composition(self.plain, at.phi + step))
         u = carried(at, scene)
         scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
         moved = newton_step(at, scene, u)
@@ -128,17 +128,17 @@ class StateModel:
         if scene.space.n_nodes == at.scene.space.n_nodes:
             return after - at.residual
         # Cutting the mesh open moves it a little by itself: count from the cut mesh held together.
-        scene = self.stage.scene(trial.composition(self.plain, at.phi + _TIED * step))
+        scene = CompositionScene(self.stage, trial.composition(self.plain, at.phi + _TIED * step))
         scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
         return after - self.sight.residual(scene, u + newton_step(at, scene, u)) - self.correction
 
 
-def carried(at: Linearisation, scene: GapScene) -> FloatArray:
+def carried(at: Linearisation, scene: CompositionScene) -> FloatArray:
     """Displacements (nodes, 3) of another scene that put its nodes where the point's are."""
     return carried_nodes(at, scene, at.equilibrium.u)
 
 
-def carried_nodes(at: Linearisation, scene: GapScene, u: FloatArray) -> FloatArray:
+def carried_nodes(at: Linearisation, scene: CompositionScene, u: FloatArray) -> FloatArray:
     """The same for any displacement u of the point's scene; mid-edge nodes of a better element take the mean of their ends."""
     place = u + at.scene.shift
     if scene.space.element.degree != at.scene.space.element.degree:
@@ -153,7 +153,7 @@ def carried_nodes(at: Linearisation, scene: GapScene, u: FloatArray) -> FloatArr
     return out
 
 
-def newton_step(at: Linearisation, scene: GapScene, u: FloatArray) -> FloatArray:
+def newton_step(at: Linearisation, scene: CompositionScene, u: FloatArray) -> FloatArray:
     """(nodes, 3) first-order change of the equilibrium when the point's model becomes the scene's.
 
     Where unknowns are the same, the point's factor serves; a model with other unknowns is factorised once.

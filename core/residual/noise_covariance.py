@@ -17,7 +17,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.forward.scene import GapScene
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_noise import covariance_between, noise_modes, smooth_covariance
 from palpate.core.observe.wall_motion import DRAG
 from palpate.core.residual.data_vector import DataVector
@@ -102,7 +102,7 @@ class _Contour:
     response: FloatArray
 
 
-def _read(scene: GapScene, sight: DataVector, u: FloatArray) -> dict[str, _Contour]:
+def _read(scene: CompositionScene, sight: DataVector, u: FloatArray) -> dict[str, _Contour]:
     """The contours of organ, walls and bones at the equilibrium u, whose tangent must be factorised."""
     organ = np.zeros((sight.n, len(sight.modes)))
     organ[: sight.n_modes] = sight.modes.T
@@ -169,13 +169,13 @@ def organ_contours(sight: DataVector, points: FloatArray, sd_mm: float, length: 
     return np.asarray(2.0 * sight.modes.T @ smooth_covariance(points, sd_mm, length) @ sight.modes)
 
 
-def _on_nodes(scene: GapScene, nodes: IntArray, force: FloatArray) -> FloatArray:
+def _on_nodes(scene: CompositionScene, nodes: IntArray, force: FloatArray) -> FloatArray:
     full = np.zeros((scene.space.n_nodes, 3))
     np.add.at(full, nodes, force)
     return full
 
 
-def _along(scene: GapScene, sight: DataVector, u: FloatArray) -> FloatArray:
+def _along(scene: CompositionScene, sight: DataVector, u: FloatArray) -> FloatArray:
     """Covariance of the residual for what is not known of the walls' motion along themselves."""
     total = np.zeros((sight.n, sight.n))
     for wall, motion in zip(scene.walls, scene.stage.motions.values(), strict=True):
@@ -186,7 +186,7 @@ def _along(scene: GapScene, sight: DataVector, u: FloatArray) -> FloatArray:
 
 
 def slide_responses(
-    scene: GapScene, sight: DataVector, u: FloatArray, wall: SlidingWall, moved: FloatArray
+    scene: CompositionScene, sight: DataVector, u: FloatArray, wall: SlidingWall, moved: FloatArray
 ) -> FloatArray:
     """(n, r) change of the residual when a wall's points move by moved (r, w, 3) mm more, of which only what is along the wall counts.
 

@@ -9,16 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.case_data import Pair
 from palpate.core.errors import ConvergenceError
 from palpate.core.forward.composition import Composition
-from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.forward.parameters import StiffnessParameters, middle
 from palpate.core.forward.shared_geometry import SharedGeometry
-from palpate.core.identify.plain_fit import middle
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.observe.bone_registration import BoneSight
 from palpate.core.observe.contour_noise import Weighting
-from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.problem import IdentificationProblem, StateData, SurfacePair
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.element_error import QUICK, UNKNOWN_MM, better_differences, scatter_mm
 from palpate.core.residual.joint_states import JointLinearisation, States, apart
@@ -66,7 +64,7 @@ class PlainFit:
 
 
 def fit_plain(
-    pairs: Sequence[Pair],
+    pairs: Sequence[StateData],
     remeshed: Sequence[Remeshed] = (),
     progress: Progress = silent,
 ) -> PlainFit:

@@ -22,6 +22,7 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.sensitivity import factorise_at
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.noise_covariance import slide_responses
@@ -66,7 +67,7 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
         mesh.run(case)
         problem = data_of(case).problem
     stage = SharedGeometry.of(problem, "p1p1")
-    scene, theta = stage.scene(Composition(problem)), np.log(recipe.G)
+    scene, theta = CompositionScene(stage, Composition(problem)), np.log(recipe.G)
     found = scene.settle(theta).equilibrium
     if not found.converged:
         raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")

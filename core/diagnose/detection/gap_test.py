@@ -11,10 +11,11 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.verdict.verdict import PRIOR_UNKNOWN
 from palpate.core.inference.evidence import log_share, means_of_exponentials, projected
 from palpate.core.residual.noise_estimation import FLAT, GAPS, NoiseGrid
 
+# Prior probability, once there is a gap, that no effect of the library causes it: as likely as any three of its twelve.
+PRIOR_UNKNOWN = 0.2
 LEVEL = 0.05
 _DRAWS = 1000
 # Sizes of the noise that are looked at: the most probable ones.

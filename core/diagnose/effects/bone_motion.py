@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.forward.composition import Composition, rigid_motion
+from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
+from palpate.core.surfaces.rigid_motion import rigid_motion
 
 # How far from bone the tissue at the region's edge goes along with it, mm: not at all, near bone, or, where the scans are not aligned,
 # everywhere.

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.core.diagnose.detection.gap_test import PRIOR_UNKNOWN
 from palpate.core.inference.heldout import Gain
 
 NONE, AMBIGUOUS, UNKNOWN = "none", "ambiguous", "unknown"
 
-# Prior probability, once there is a gap, that no effect of the library causes it: as likely as any three of its twelve.
-PRIOR_UNKNOWN = 0.2
 # Effects whose probability is within this factor of the best one's cannot be told from it: less is "positive evidence" at best
 # (Kass & Raftery 1995). Twins, which could imitate all but a tenth of what the best does to the data, need more: there the odds
 # hang on the small errors of model and noise.

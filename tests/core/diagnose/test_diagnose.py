@@ -29,6 +29,7 @@ from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretel
 from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.diagnose.verdict.shrinkage import contours_mm2
 from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.problem import Surface, SurfacePair
 from palpate.core.residual import element_error
@@ -50,7 +51,7 @@ def posed():  # type: ignore[no-untyped-def]
     """What the scans would show if the plain model, with the better element and the walls' likeliest motion, were right."""
     found = problem(depth=5.0)
     found = replace(found, facts=replace(found.facts, noise_sd_mm=0.08))
-    scene = SharedGeometry.of(found, GOOD).scene(Composition(found))
+    scene = CompositionScene(SharedGeometry.of(found, GOOD), Composition(found))
     settled = scene.settle(np.log([30.0, 70.0])).equilibrium
     assert settled.converged
     rest = found.organ.rest
@@ -280,8 +281,9 @@ def test_a_stress_free_mesh_is_weighed_by_no_more_than_its_first_look(wide: Diag
 
 def test_leading_effects_have_the_quick_element_s_error_of_their_own(posed) -> None:  # type: ignore[no-untyped-def]
     """An organ that gives up much volume is another body: what the better element says of it there, not of the plain model."""
-    scene = SharedGeometry.of(posed, GOOD).scene(
-        EFFECTS["compressible_organ"].variants(Surroundings(posed))[0].applied(Composition(posed), np.array([3.0]))
+    scene = CompositionScene(
+        SharedGeometry.of(posed, GOOD),
+        EFFECTS["compressible_organ"].variants(Surroundings(posed))[0].applied(Composition(posed), np.array([3.0])),
     )
     settled = scene.settle(np.log([30.0, 70.0])).equilibrium
     assert settled.converged

@@ -16,6 +16,7 @@ from palpate.core.diagnose.effects.tissue_stiffening import exponent
 from palpate.core.diagnose.refit.pairs import joined, together
 from palpate.core.errors import InputError
 from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.cut_interface import open_problem
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -103,7 +104,7 @@ def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: StateMod
 
 
 def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(bench: StateModel, plain: Linearisation) -> None:
-    held = bench.stage.scene(bench.plain.with_interface(1e-9))
+    held = CompositionScene(bench.stage, bench.plain.with_interface(1e-9))
     found = held.settle(THETA).equilibrium
     assert found.converged
     n = len(bench.stage.problem.mesh.points)
@@ -245,7 +246,7 @@ def test_bones_take_the_held_edge_along_near_them_or_all_of_it_or_not_at_all() -
         variants, (np.zeros(len(edge)), np.exp(-0.5 * (away / 20.0) ** 2), np.ones(len(edge))), strict=True
     ):
         composition = variant.applied(Composition(posed), np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
-        moved = stage.scene(composition).prescribed.reshape(-1, 3)
+        moved = CompositionScene(stage, composition).prescribed.reshape(-1, 3)
         np.testing.assert_allclose(moved[bone], [[0.0, 0.0, 2.0]] * len(bone))
         np.testing.assert_allclose(moved[edge], share[:, None] * [0.0, 0.0, 2.0], atol=1e-12)
     free = replace(posed, facts=replace(posed.facts, outer_fixed=False))

@@ -16,6 +16,7 @@ from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
 from palpate.core.residual.element_error import GOOD
@@ -29,7 +30,7 @@ def posed(depth: float, wider_mm: float = 0.0) -> IdentificationProblem:
     """What the scans would show if the plain model, with the better element and the wall's likeliest motion, were right."""
     found = problem(depth=depth)
     found = replace(found, facts=replace(found.facts, noise_sd_mm=0.08))
-    scene = SharedGeometry.of(found, GOOD).scene(Composition(found))
+    scene = CompositionScene(SharedGeometry.of(found, GOOD), Composition(found))
     settled = scene.settle(np.log([30.0, 70.0])).equilibrium
     assert settled.converged
     rest = found.organ.rest

@@ -14,9 +14,10 @@ import synthetic_case
 
 from palpate.core.errors import InputError
 from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
+from palpate.core.forward.parameters import middle
 from palpate.core.identify.job import run
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.plain_fit import Counter, StateProblem, find_optimum, middle, settle_first
+from palpate.core.identify.plain_fit import Counter, StateProblem, find_optimum, settle_first
 from palpate.core.identify.reidentify import identify_again
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.inference.posterior import laplace, verdict

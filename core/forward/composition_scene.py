@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -21,12 +20,9 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.coupled_scene import CoupledScene
 from palpate.core.forward.cut_interface import sliding_springs
 from palpate.core.forward.parameters import StiffnessParameters
-from palpate.core.forward.scene_parts import at_nodes, dead_load, moved_observation, on_other_shape, wall_of
+from palpate.core.forward.scene_parts import dead_load, moved_observation, on_other_shape, prolonged, wall_of
+from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.mesh import TetMesh
-
-if TYPE_CHECKING:
-    from palpate.core.forward.shared_geometry import SharedGeometry
-
 
 # Stiffness across an opened interface over the tissue's shear modulus, 1/mm: the two sides stay within 0.03 mm.
 ACROSS = 200.0
@@ -34,7 +30,7 @@ ACROSS = 200.0
 _STEP = 1e-4
 
 
-class GapScene(CoupledScene):
+class CompositionScene(CoupledScene):
     """`CoupledScene` of a composition. Nodal displacements are counted from the stress-free mesh; `seen` from the scanned one."""
 
     def __init__(self, stage: SharedGeometry, composition: Composition) -> None:
@@ -47,7 +43,7 @@ class GapScene(CoupledScene):
         shift = shift if opened is None else shift[opened.original]
         mesh = scanned if not shift.any() else TetMesh(scanned.points + shift, scanned.cells, scanned.regions)
         self.space = Space.of(mesh, stage.element)
-        self.shift = at_nodes(shift, self.space)
+        self.shift = prolonged(shift, self.space)
         scanned_nodes = self.space.nodes - self.shift
         self.walls = [
             wall_of(fields, self.problem, name, self.space, scanned_nodes) for name, fields in stage.fields.items()

@@ -1,0 +1,19 @@
+"""Rigid motion of points about a pivot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from palpate.core.arrays import FloatArray
+
+# Rest positions (n, 3) mm -> displacements (n, 3) mm.
+Motion = Callable[[FloatArray], FloatArray]
+
+
+def rigid_motion(X: FloatArray, pivot: FloatArray, phi: FloatArray) -> FloatArray:
+    """Displacements (n, 3) mm at X (n, 3) mm: translation phi[:3] mm and rotation vector phi[3:] degrees about the pivot (3,) mm."""
+    rotated = Rotation.from_rotvec(phi[3:], degrees=True).apply(X - pivot)
+    return np.asarray(rotated + pivot - X + phi[:3])
