@@ -1,5 +1,6 @@
 """The bench itself: its quick mode end to end, and contenders that fail in every way a program can."""
 
+import importlib.util
 import json
 import sys
 import textwrap
@@ -7,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from run_script import run_script
 
+from palpate.core.errors import InputError
 from palpate.ui.cli.commands.bench import text_of
 from palpate.validate.bench.contender import PEERS, Contender, ContenderSpec, solve_with_fewest_steps
 from palpate.validate.bench.environment import ours, peer_python
@@ -88,7 +91,7 @@ def test_scene_file_says_the_same_scene_to_everyone(tmp_path, element):
 def peer(tmp_path: Path, body: str) -> ContenderSpec:
     """A contender whose `solve(steps, rtol)` has this body; `scene` holds the file's arrays."""
     script = tmp_path / "peer.py"
-    text = "import sys, time\nimport numpy as np\n" + f"sys.path.insert(0, {str(PEERS)!r})\n"
+    text = "import sys, time\nimport numpy as np\n"
     text += "from protocol import serve\ndef load(scene):\n    def solve(steps, rtol):\n"
     text += textwrap.indent(textwrap.dedent(body), " " * 8) + "\n    return solve\nserve(load, '1.0')\n"
     script.write_text(text)
@@ -136,8 +139,10 @@ def test_a_peer_that_hangs_is_stopped_and_one_that_dies_is_noticed(tmp_path, sce
     answer, contender = first_answer(peer(tmp_path, "time.sleep(60)"), scene, tmp_path, limit=1.5)
     assert answer["reason"] == "no answer within 1.5 s"
     assert contender.process.poll() is not None
-    answer, _ = first_answer(peer(tmp_path, "import os; os._exit(3)"), scene, tmp_path)
-    assert "has ended" in answer["reason"]
+    answer, _ = first_answer(peer(tmp_path, "print('disk full'); import os; os._exit(3)"), scene, tmp_path)
+    assert answer["reason"] == "the child process has ended with status 3: disk full"
+    answer, _ = first_answer(peer(tmp_path, "import os; os.kill(os.getpid(), 9)"), scene, tmp_path)
+    assert answer["reason"] == "the child process has ended, killed by signal 9 (out of memory?): it wrote no message"
 
 
 def test_table_keeps_a_wrong_and_a_failing_peer_apart_from_a_right_one(tmp_path, scene):
@@ -147,6 +152,74 @@ def test_table_keeps_a_wrong_and_a_failing_peer_apart_from_a_right_one(tmp_path,
     assert row["peers"]["peer"]["largest_difference_relative"] > 0.1
     assert row["fastest_peer"] is None, "who is wrong is not compared"
     assert row["palpate"]["seconds"] > 0.0
+
+
+def test_a_peer_that_dies_on_its_first_scene_is_an_error_and_later_a_reason(tmp_path):
+    table = EquilibriumTable(
+        [peer(tmp_path, "if len(scene['nodes']) > 200: import nowhere\nreturn scene['prescribed'], 1")],
+        BenchOptions(quick=True, repeats=1).effective(),
+        tmp_path,
+    )
+    with pytest.raises(
+        InputError, match=r"peer did not run: .* with status 1: ModuleNotFoundError: No module named 'nowhere'"
+    ):
+        table.row(BenchScene(1500, "p1"))
+    assert table.row(BenchScene(200, "p1"))["peers"]["peer"]["reason"] == ""
+    assert "nowhere" in table.row(BenchScene(1500, "p1"))["peers"]["peer"]["reason"]
+
+
+def test_a_peer_asked_for_by_name_has_to_take_part(tmp_path):
+    with pytest.raises(InputError, match="felupe was asked for and is not here: its environment is not in "):
+        run_bench(BenchOptions(quick=True, parts=("equilibrium",), peers=("felupe",), peers_dir=tmp_path))
+    with pytest.raises(InputError, match="felupe: peers are compared in the part equilibrium alone"):
+        run_bench(BenchOptions(quick=True, parts=("scaling",), peers=("felupe",)))
+
+
+def test_a_peer_without_the_element_asked_for_has_to_be_told(tmp_path):
+    peers_environment(tmp_path)
+    options = BenchOptions(parts=("equilibrium",), elements=("p2p1",), peers=("felupe",), peers_dir=tmp_path)
+    with pytest.raises(InputError, match="felupe was asked for and has no element p2p1; choose --element p1"):
+        run_bench(options)
+
+
+def peers_environment(folder: Path) -> None:
+    """This very environment in the form of the peers' own: it has scikit-fem, and not FElupe."""
+    (folder / "bin").mkdir()
+    (folder / "bin" / "python").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+    (folder / "bin" / "python").chmod(0o755)
+    (folder / "complete").touch()
+
+
+def bench_through_run(folder: Path, name: str):
+    peers_environment(folder)
+    return run_script("palpate", "bench", "--quick", "--json", "--part", "equilibrium", "--repeats", "1",
+                      "--peer", name, "--peers-dir", str(folder))  # fmt: skip
+
+
+def test_peers_are_compared_through_run(tmp_path):
+    pytest.importorskip("pypardiso", reason="scikit-fem with pardiso needs an x86 processor")
+    done = bench_through_run(tmp_path, "scikit-fem")
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(done.stdout)["equilibrium"]
+    assert {name: peer["reason"] for name, peer in row["peers"].items()} == {
+        "scikit-fem": "", "scikit-fem with pardiso": "",
+    }  # fmt: skip
+
+
+def test_a_peer_that_cannot_start_ends_the_bench_through_run_with_its_own_last_line(tmp_path):
+    if importlib.util.find_spec("felupe"):
+        pytest.skip("FElupe is installed here; the test needs a peer that is not")
+    done = bench_through_run(tmp_path, "felupe")
+    assert done.returncode == 3
+    told = json.loads(done.stdout)["error"]
+    assert told.startswith("felupe did not run: ") and "ModuleNotFoundError: No module named 'felupe'" in told
+
+
+def test_a_peer_knows_nothing_of_palpate():
+    """It runs in an environment that has no Palpate, and may be of another licence."""
+    for script in PEERS.glob("*_peer.py"):
+        assert "palpate." not in script.read_text().replace("palpate-ccx", ""), script
+    assert "import palpate" not in (PEERS / "protocol.py").read_text()
 
 
 def test_ours_fails_with_a_reason_too(tmp_path, scene):

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout
-from typing import Any, TextIO
+from typing import NoReturn, TextIO
 
 from tqdm import tqdm
 
@@ -59,14 +59,14 @@ class Console:
             yield lines
             lines.end()
 
-    def result(self, data: Mapping[str, Any], text: str) -> None:
+    def result(self, data: Mapping[str, object], text: str) -> None:
         """The outcome of a command: ``data`` as JSON, or ``text`` for a person. Call it after the ``with`` block."""
         if self.as_json:
             print(encode(data))
         elif not self.quiet:
             print(text)
 
-    def error(self, message: str, exit_code: int, usage: str = "", facts: Mapping[str, Any] | None = None) -> None:
+    def error(self, message: str, exit_code: int, usage: str = "", facts: Mapping[str, object] | None = None) -> None:
         """One line on standard error; with --json the same, and what was found before, as an object on standard output."""
         if self.as_json:
             print(encode({**(facts or {}), "error": message, "exit_code": exit_code}))
@@ -74,7 +74,7 @@ class Console:
 
 
 class _Bar:
-    def __init__(self, bar: tqdm[Any]) -> None:
+    def __init__(self, bar: tqdm[NoReturn]) -> None:
         self._bar = bar
 
     def __call__(self, fraction: float, message: str) -> None:

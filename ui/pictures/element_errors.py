@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypedDict
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+if TYPE_CHECKING:
+    from palpate.validate.forward.study import ForwardTable, Row
+
 COLOURS = {"p1": "#b2182b", "p1p1": "#ef8a62", "p2": "#998ec3", "p2p0": "#67a9cf", "p2p1": "#2166ac"}
 _GOAL = 1.0  # per cent
 
 
-def element_errors(study: Mapping[str, Any]) -> Figure:
+class _Style(TypedDict):
+    color: str
+    label: str
+    linewidth: float
+    markersize: float
+
+
+def element_errors(study: ForwardTable) -> Figure:
     """Error of every element by bulk modulus, one panel a way of loading; then error against seconds as the mesh is refined."""
     rows, sizes = study["rows"], study["sizes"]
     drives = list(dict.fromkeys(r["drive"] for r in rows))
@@ -30,7 +40,7 @@ def element_errors(study: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _by_bulk_modulus(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
+def _by_bulk_modulus(axes: Axes, rows: Sequence[Row]) -> None:
     for element in dict.fromkeys(r["element"] for r in rows):
         chosen = [r for r in rows if r["element"] == element]
         axes.plot([r["ratio"] for r in chosen], [100.0 * r["rms"] for r in chosen], "o-", **_style(element))
@@ -40,7 +50,7 @@ def _by_bulk_modulus(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
     _finish(axes)
 
 
-def _by_seconds(axes: Axes, sizes: Sequence[Mapping[str, Any]]) -> None:
+def _by_seconds(axes: Axes, sizes: Sequence[Row]) -> None:
     for element in dict.fromkeys(r["element"] for r in sizes):
         chosen = [r for r in sizes if r["element"] == element]
         axes.plot([r["cpu_seconds"] for r in chosen], [100.0 * r["rms"] for r in chosen], "o-", **_style(element))
@@ -51,7 +61,7 @@ def _by_seconds(axes: Axes, sizes: Sequence[Mapping[str, Any]]) -> None:
     _finish(axes)
 
 
-def _style(element: str) -> dict[str, Any]:
+def _style(element: str) -> _Style:
     return {"color": COLOURS.get(element, "black"), "label": element, "linewidth": 1.2, "markersize": 3.5}
 
 

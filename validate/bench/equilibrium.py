@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
-from palpate.validate.bench.contender import Contender, ContenderSpec, solve_with_fewest_steps
+from palpate.core.errors import InputError
+from palpate.validate.bench.contender import Answer, Contender, ContenderSpec, solve_with_fewest_steps
 from palpate.validate.bench.environment import ours
 from palpate.validate.bench.options import BenchOptions
 from palpate.validate.bench.scene_file import BenchScene, write_scene
@@ -22,6 +23,27 @@ AGREEMENT = 1e-4
 GROWTH = 1.5
 Round = dict[str, tuple[float, float]]  # wall-clock and processor seconds of each contender
 SLOW_S = 10.0  # contenders slower than this are timed twice, not `repeats` times
+
+
+class Summary(TypedDict):
+    """Every contender's figures on one scene; the fastest peer that agrees, and how many times faster than it Palpate is."""
+
+    palpate: Answer
+    palpate_certified: Answer
+    peers: dict[str, Answer]
+    fastest_peer: str | None
+    times_faster_than_fastest_peer: float | None
+    by_processor_time: float | None
+
+
+class Row(Summary):
+    """The same with the scene: tetrahedra, unknowns, element, v1 / mu of the sphere, and how it is driven."""
+
+    cells: int
+    unknowns: int
+    element: str
+    v1_over_mu: float
+    drive: str
 
 
 def scenes(options: BenchOptions) -> list[BenchScene]:
@@ -42,13 +64,14 @@ class EquilibriumTable:
         self._specs = [ours(), ours(certify=True), *peers]
         self._options, self._folder = options, folder
         self._slowest: dict[tuple[str, str], tuple[int, float]] = {}
+        self._answered: set[str] = set()
 
-    def row(self, scene: BenchScene) -> dict[str, Any]:
-        """Measure one scene."""
+    def row(self, scene: BenchScene) -> Row:
+        """Measure one scene. InputError where a child dies before it has answered on any."""
         path = self._folder / "scene.npz"
         size = write_scene(scene, path)
         running: dict[str, Contender] = {}
-        results: dict[str, dict[str, Any]] = {}
+        results: dict[str, Answer] = {}
         try:
             for name, spec in zip(_names(self._specs), self._specs, strict=True):
                 if scene.element in spec.elements:
@@ -57,13 +80,18 @@ class EquilibriumTable:
         finally:
             for contender in running.values():
                 contender.stop()
-        described = {"cells": size.cells, "unknowns": size.unknowns, "element": scene.element}
-        described.update({"v1_over_mu": scene.ratio, "drive": scene.drive})
-        return {**described, **_summary(results, times, self._folder)}
+        return {
+            "cells": size.cells,
+            "unknowns": size.unknowns,
+            "element": scene.element,
+            "v1_over_mu": scene.ratio,
+            "drive": scene.drive,
+            **_summary(results, times, self._folder),
+        }
 
     def _first(
         self, name: str, spec: ContenderSpec, scene: BenchScene, path: Path, running: dict[str, Contender]
-    ) -> dict[str, Any]:
+    ) -> Answer:
         """Start and solve once: also the warm-up. Whoever fails is stopped and stays in the table with the reason."""
         cells, seconds = self._slowest.get((name, scene.element), (scene.cells, 0.0))
         expected = seconds * (scene.cells / cells) ** GROWTH
@@ -71,8 +99,11 @@ class EquilibriumTable:
             return {"reason": f"not tried: took {seconds:.0f} s at {cells} cells", "failures": []}
         contender = Contender.start(spec, path, self._options.limit_s)
         if contender.reason:
+            self._refuse_a_dead_one(name, contender)
             return {"reason": contender.reason, "failures": []}
         answer = solve_with_fewest_steps(contender, self._options.rtol, self._folder / f"{_file(name)}.npy", LOAD_STEPS)
+        self._refuse_a_dead_one(name, contender)
+        self._answered.add(name)
         answer["version"] = contender.hello.get("version", "")
         self._slowest[name, scene.element] = (scene.cells, answer.get("seconds", 2.0 * self._options.limit_s))
         if answer["reason"]:
@@ -81,7 +112,15 @@ class EquilibriumTable:
             running[name] = contender
         return answer
 
-    def _rounds(self, running: dict[str, Contender], results: dict[str, dict[str, Any]]) -> list[Round]:
+    def _refuse_a_dead_one(self, name: str, contender: Contender) -> None:
+        """A program that dies on the first scene that it gets has not been compared; one that dies later has met its limit."""
+        if contender.died and name not in self._answered:
+            raise InputError(
+                f"{name} did not run: {contender.reason}; mend it (it is started by {contender.spec.command[0]}), "
+                "or name the other solvers with --peer"
+            )
+
+    def _rounds(self, running: dict[str, Contender], results: dict[str, Answer]) -> list[Round]:
         """Everyone in turn, round after round, so that what else the machine does meets all alike."""
         rounds: list[Round] = []
         for k in range(self._options.repeats):
@@ -104,12 +143,12 @@ def _file(name: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in name)
 
 
-def _summary(results: dict[str, dict[str, Any]], rounds: list[Round], folder: Path) -> dict[str, Any]:
+def _summary(results: dict[str, Answer], rounds: list[Round], folder: Path) -> Summary:
     """Least seconds of each, ratios to ours, and the largest difference of the solutions."""
     reference = folder / f"{_file(OURS)}.npy"
     u = np.load(reference) if results[OURS]["reason"] == "" else None
     for name, result in results.items():
-        result.update(_timing(name, rounds))
+        _add_timing(result, name, rounds)
         if u is not None and name != OURS and result["reason"] == "":
             other = np.load(folder / f"{_file(name)}.npy")
             result["largest_difference_relative"] = float(np.abs(other - u).max() / np.abs(u).max())
@@ -130,21 +169,18 @@ def _summary(results: dict[str, dict[str, Any]], rounds: list[Round], folder: Pa
     }
 
 
-def _timing(name: str, rounds: list[Round]) -> dict[str, Any]:
+def _add_timing(result: Answer, name: str, rounds: list[Round]) -> None:
     """The least of all rounds is what the work takes; whatever else the machine does only adds to it."""
     own = [r[name] for r in rounds if name in r]
     ours_too = [r[OURS] for r in rounds if OURS in r]
     if not own:
-        return {}
+        return
     wall, cpu = np.min(own, axis=0)
-    found: dict[str, Any] = {"seconds": float(wall), "cpu_seconds": float(cpu)}
+    result["seconds"], result["cpu_seconds"] = float(wall), float(cpu)
     if name == OURS or not ours_too:
-        return found
+        return
     our_wall, our_cpu = np.min(ours_too, axis=0)
+    result["times_our_seconds"] = float(wall / our_wall)
+    result["times_our_cpu_seconds"] = float(cpu / our_cpu)
     pairs = [r[name][0] / r[OURS][0] for r in rounds if name in r and OURS in r]
-    return {
-        **found,
-        "times_our_seconds": float(wall / our_wall),
-        "times_our_cpu_seconds": float(cpu / our_cpu),
-        "times_our_seconds_median_of_pairs": median(pairs),
-    }
+    result["times_our_seconds_median_of_pairs"] = median(pairs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -17,6 +17,22 @@ from palpate.validate.bench.halved_sphere import BOUNDS, HalvedSphere
 from palpate.validate.bench.options import BenchOptions
 
 
+class ReducedFigures(TypedDict):
+    """Cost of the model and of one evaluation, its largest error (of the largest displacement), and its estimate over that error."""
+
+    cells: int
+    parameters: int
+    setup_solves: int
+    setup_seconds: float
+    setup_cpu_seconds: float
+    full_solve_ms: float
+    evaluation_ms: float
+    unseen: int
+    largest_error_percent: float
+    estimate_over_error_smallest: float
+    estimate_over_error_median: float
+
+
 def snapshots(scene: HalvedSphere, thetas: FloatArray) -> list[Snapshot | None]:
     """Full solves with sensitivities, each from rest."""
     out: list[Snapshot | None] = []
@@ -27,7 +43,7 @@ def snapshots(scene: HalvedSphere, thetas: FloatArray) -> list[Snapshot | None]:
     return out
 
 
-def reduced_study(options: BenchOptions, tell: Progress) -> dict[str, Any]:
+def reduced_study(options: BenchOptions, tell: Progress) -> ReducedFigures:
     """Set-up, milliseconds an evaluation, error on unseen particles (corners of the box among them) and honesty of the estimate."""
     scene = HalvedSphere(options.reduced_divisions, "p1p1")
     start, cpu = time.perf_counter(), time.process_time()

@@ -5,27 +5,78 @@ from __future__ import annotations
 import os
 import platform
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
+from palpate.core.errors import InputError
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
+from palpate.validate.bench.contender import ContenderSpec
 from palpate.validate.bench.environment import default_folder, find_peers
-from palpate.validate.bench.equilibrium import EquilibriumTable, scenes
+from palpate.validate.bench.equilibrium import EquilibriumTable, Row, scenes
 from palpate.validate.bench.options import BenchOptions
-from palpate.validate.bench.reduced_study import reduced_study
-from palpate.validate.bench.scaling import scaling
-from palpate.validate.bench.workers import worker_scaling
+from palpate.validate.bench.reduced_study import ReducedFigures, reduced_study
+from palpate.validate.bench.scaling import Scaling, scaling
+from palpate.validate.bench.scene_file import BenchScene
+from palpate.validate.bench.workers import WorkerFigures, worker_scaling
+
+_Load = tuple[float, float, float]  # averages over 1, 5 and 15 minutes
 
 
-def run_bench(options: BenchOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+class Processor(TypedDict):
+    """What the figures were measured on."""
+
+    cpu: str
+    processors: int | None
+    system: str
+    python: str
+
+
+class Machine(Processor):
+    """The same, with what else it was doing before and after."""
+
+    load_before: _Load
+    load_after: _Load
+
+
+class Equilibria(TypedDict):
+    """One equilibrium a row; peers that were not looked for by name and are not here, with the reason."""
+
+    equilibrium: list[Row]
+    skipped_peers: dict[str, str]
+
+
+class BenchTable(TypedDict):
+    """The parts that were asked for."""
+
+    machine: Machine
+    quick: bool
+    rtol: float
+    equilibrium: NotRequired[list[Row]]
+    skipped_peers: NotRequired[dict[str, str]]
+    scaling: NotRequired[Scaling]
+    reduced_model: NotRequired[ReducedFigures]
+    workers: NotRequired[WorkerFigures]
+
+
+def run_bench(options: BenchOptions | None = None, progress: Progress = silent) -> BenchTable:
     """Measure speed against peers, growth with size, workers and the reduced model; keys as in the README's table.
 
-    Nothing ends the run: a peer that is missing is in "skipped" with the reason, one that fails is in its row with its own.
+    A peer that has no answer on a scene is in its row with the reason; one that is not here, and was not asked for by name,
+    is in "skipped_peers". InputError : a peer that was asked for by name is not here, or one that is here does not run.
     """
     options = (options or BenchOptions()).effective()
-    table: dict[str, Any] = {"quick": options.quick, "rtol": options.rtol}
+    if options.peers and "equilibrium" not in options.parts:
+        raise InputError(
+            f"{', '.join(options.peers)}: peers are compared in the part equilibrium alone; ask for that part"
+        )
     load = os.getloadavg()
+    table: BenchTable = {
+        "machine": {**machine(), "load_before": load, "load_after": load},
+        "quick": options.quick,
+        "rtol": options.rtol,
+    }
     with tempfile.TemporaryDirectory(prefix="palpate-bench-") as name, one_thread():
         folder = Path(name)
         if "equilibrium" in options.parts:
@@ -36,24 +87,41 @@ def run_bench(options: BenchOptions | None = None, progress: Progress = silent) 
             table["reduced_model"] = reduced_study(options, _share(progress, 0.8, 0.9))
     if "workers" in options.parts:
         table["workers"] = worker_scaling(options, _share(progress, 0.9, 1.0))
-    return {"machine": {**machine(), "load_before": load, "load_after": os.getloadavg()}, **table}
+    table["machine"]["load_after"] = os.getloadavg()
+    return table
 
 
-def _equilibria(options: BenchOptions, folder: Path, tell: Progress) -> dict[str, Any]:
+def _equilibria(options: BenchOptions, folder: Path, tell: Progress) -> Equilibria:
     tell(0.0, "looking for other solvers")
     peers, skipped = find_peers(options.peers_dir, options.peers, may_install=not options.quick)
-    table, rows, chosen = EquilibriumTable(peers, options, folder), [], scenes(options)
+    chosen = scenes(options)
+    _refuse_absent_peers(options.peers or (), peers, skipped, chosen)
+    table, rows = EquilibriumTable(peers, options, folder), []
     for k, scene in enumerate(chosen):
         tell(k / len(chosen), f"{scene.element}, {scene.cells} cells, v1/mu {scene.ratio:g}, {scene.drive}")
         rows.append(table.row(scene))
     return {"equilibrium": rows, "skipped_peers": skipped}
 
 
+def _refuse_absent_peers(
+    wanted: Sequence[str], peers: Sequence[ContenderSpec], skipped: Mapping[str, str], chosen: Sequence[BenchScene]
+) -> None:
+    """A peer that was asked for by name, and that no row would hold, ends the run before it begins."""
+    elements = {scene.element for scene in chosen}
+    for name in wanted:
+        if name in skipped:
+            raise InputError(f"{name} was asked for and is not here: {skipped[name]}")
+        if not any(spec.name == name and elements & set(spec.elements) for spec in peers):
+            raise InputError(
+                f"{name} was asked for and has no element {' or '.join(sorted(elements))}; choose --element p1"
+            )
+
+
 def _share(progress: Progress, start: float, end: float) -> Progress:
     return lambda fraction, message: progress(start + (end - start) * fraction, message)
 
 
-def machine() -> dict[str, Any]:
+def machine() -> Processor:
     """What the figures were measured on."""
     model = platform.processor()
     try:

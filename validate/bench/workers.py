@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from contextlib import ExitStack
 from functools import partial
 from statistics import median
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -24,12 +24,28 @@ from palpate.validate.bench.options import BenchOptions
 _OPTIONS = NewtonOptions(stability=False)
 
 
+class WorkerFigures(TypedDict):
+    """By number of workers: least seconds, and ratios to the first number as medians over the rounds.
+
+    Where others use the machine, processor seconds a particle still tell what more workers cost: `efficiency`.
+    """
+
+    particles: int
+    cells: int
+    processors: int | None
+    seconds: dict[str, float]
+    speed_up: dict[str, float]
+    processor_seconds: dict[str, float]
+    efficiency: dict[str, float]
+    same_bits: bool
+
+
 def observed(scene: HalvedSphere, theta: FloatArray, found: Equilibrium) -> FloatArray:
     """Who solved it, the processor seconds it has used so far, and then the displacements that the particle shows."""
     return np.concatenate([[float(os.getpid()), time.process_time()], found.u[scene.observed].ravel()])
 
 
-def worker_scaling(options: BenchOptions, tell: Callable[[float, str], None]) -> dict[str, Any]:
+def worker_scaling(options: BenchOptions, tell: Callable[[float, str], None]) -> WorkerFigures:
     """Seconds for the same particles with each number of workers, in turn; speed-up and efficiency as medians over the rounds."""
     factory = partial(HalvedSphere, options.reduced_divisions, "p1p1")
     thetas = np.random.default_rng(1).uniform(BOUNDS[:, 0], BOUNDS[:, 1], (options.particles, 2))
@@ -61,8 +77,7 @@ def _summary(
     seconds: dict[int, list[float]],
     processor: dict[int, list[float]],
     digests: dict[int, str],
-) -> dict[str, Any]:
-    """Where others use the machine, processor seconds a particle still tell what more workers cost: `efficiency`."""
+) -> WorkerFigures:
     first = options.workers[0]
     return {
         "particles": options.particles,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from typing import TypedDict
 
 import numpy as np
 
@@ -16,10 +17,49 @@ from palpate.core.mesh import TetMesh
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.bench.options import BenchOptions
-from palpate.validate.bench.reduced_study import reduced_study
+from palpate.validate.bench.reduced_study import ReducedFigures, reduced_study
 
-Row = dict[str, str | float | int | bool]
 REFERENCE_ELEMENT = "p2p1"
+
+
+class Errors(TypedDict):
+    """Of a solution at the mesh's vertices, over the largest displacement; that displacement in mm."""
+
+    rms: float
+    largest: float
+    organ_rms: float
+    largest_mm: float
+
+
+class Row(Errors):
+    """One element on one mesh in one scene."""
+
+    ratio: float
+    drive: str
+    element: str
+    cells: int
+    unknowns: int
+    seconds: float
+    cpu_seconds: float
+    converged: bool
+    factorisations: int
+    reference_converged: bool
+
+
+class ForwardTable(TypedDict):
+    """Rows at one size, and over sizes; processor seconds at 1 % error; the reference's own error; the reduced model ({}: left out)."""
+
+    study: str
+    default_element: str
+    rows: list[Row]
+    sizes: list[Row]
+    seconds_to_1_percent: dict[str, float | None]
+    reference_rms: float
+    reduced_model: ReducedFigures | NoFigures
+
+
+class NoFigures(TypedDict):
+    """A part that was left out."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +79,14 @@ class ForwardOptions:
     reduced: BenchOptions | None = field(default_factory=BenchOptions)
 
 
-def forward(options: ForwardOptions | None = None, progress: Progress = silent) -> dict[str, object]:
+def forward(options: ForwardOptions | None = None, progress: Progress = silent) -> ForwardTable:
     """Rows of every element, ratio and drive at one size, and of the sizes that lead to the time to 1 %."""
     options = options or ForwardOptions()
     with one_thread():
         return _forward(options, progress)
 
 
-def _forward(options: ForwardOptions, progress: Progress) -> dict[str, object]:
+def _forward(options: ForwardOptions, progress: Progress) -> ForwardTable:
     mesh = standard_sphere_mesh(options.cells)
     cases = [(ratio, drive) for drive in options.drives for ratio in options.ratios]
     rows: list[Row] = []
@@ -60,7 +100,7 @@ def _forward(options: ForwardOptions, progress: Progress) -> dict[str, object]:
         for _ in range(options.levels):
             meshes.append(refined(meshes[-1]))
         sizes = element_errors(meshes[:-1], meshes[-1], 200.0, "traction", options.elements, options.repeats)
-    reduced = {}
+    reduced: ReducedFigures | NoFigures = {}
     if options.reduced is not None:
         reduced = reduced_study(options.reduced, lambda f, m: progress(0.85 + 0.15 * f, f"reduced model: {m}"))
     progress(1.0, "done")
@@ -72,7 +112,7 @@ def _forward(options: ForwardOptions, progress: Progress) -> dict[str, object]:
         "seconds_to_1_percent": {
             e: seconds_to(0.01, [r for r in sizes if r["element"] == e]) for e in options.elements
         },
-        "reference_rms": reference_rms([float(r["rms"]) for r in sizes if r["element"] == REFERENCE_ELEMENT]),
+        "reference_rms": reference_rms([r["rms"] for r in sizes if r["element"] == REFERENCE_ELEMENT]),
         "reduced_model": reduced,
     }
 
@@ -88,16 +128,26 @@ def element_errors(
     """Rows of every element on each of nested meshes, against `REFERENCE_ELEMENT` on `fine`, which refines them all."""
     reference_scene = sphere_scene(fine, REFERENCE_ELEMENT, ratio, drive)
     reference = reference_scene.solve(NewtonOptions(stability=False))
-    rows = []
+    rows: list[Row] = []
     for mesh in meshes:
         for element in elements:
             scene = sphere_scene(mesh, element, ratio, drive)
             found, seconds, cpu_seconds = timed(scene, repeats)
-            row: Row = {"ratio": ratio, "drive": drive, "element": element, "cells": len(mesh.cells)}
-            row |= {"unknowns": scene.assembler.pattern.n, "seconds": seconds, "cpu_seconds": cpu_seconds}
-            row |= {"converged": found.converged}
-            row |= {"factorisations": found.factorisations, "reference_converged": reference.converged}
-            rows.append(row | errors(mesh, found.u, reference.u))
+            rows.append(
+                {
+                    "ratio": ratio,
+                    "drive": drive,
+                    "element": element,
+                    "cells": len(mesh.cells),
+                    "unknowns": scene.assembler.pattern.n,
+                    "seconds": seconds,
+                    "cpu_seconds": cpu_seconds,
+                    "converged": found.converged,
+                    "factorisations": found.factorisations,
+                    "reference_converged": reference.converged,
+                    **errors(mesh, found.u, reference.u),
+                }
+            )
     return rows
 
 
@@ -111,7 +161,7 @@ def timed(scene: Scene, repeats: int) -> tuple[Equilibrium, float, float]:
     return found, float(best[0]), float(best[1])
 
 
-def errors(mesh: TetMesh, u: FloatArray, reference: FloatArray) -> Row:
+def errors(mesh: TetMesh, u: FloatArray, reference: FloatArray) -> Errors:
     """rms and largest error at the mesh's vertices, which lead the reference's nodes too, over the largest displacement.
 
     rms : over all vertices. organ_rms : over the organ's, relative to the organ's largest displacement.
@@ -146,8 +196,8 @@ def seconds_to(error: float, rows: list[Row]) -> float | None:
 
     None without two sizes, and where the line would have to be followed to less than a fifth of the smallest error.
     """
-    if len(rows) < 2 or error < 0.2 * min(float(r["rms"]) for r in rows[-2:]):
+    if len(rows) < 2 or error < 0.2 * min(r["rms"] for r in rows[-2:]):
         return None
-    rms, seconds = (np.log([float(r[key]) for r in rows[-2:]]) for key in ("rms", "cpu_seconds"))
+    rms, seconds = np.log([[r["rms"], r["cpu_seconds"]] for r in rows[-2:]]).T
     slope = (seconds[1] - seconds[0]) / (rms[1] - rms[0])
     return float(np.exp(seconds[1] + slope * (np.log(error) - rms[1])))

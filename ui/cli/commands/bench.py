@@ -7,12 +7,19 @@ had is listed with the reason.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate.ui.cli.arguments import no_points, whole_number
 from palpate.ui.cli.console import Console
+
+if TYPE_CHECKING:
+    from palpate.validate.bench.contender import Answer
+    from palpate.validate.bench.options import BenchOptions
+    from palpate.validate.bench.run import BenchTable
+    from palpate.validate.bench.scaling import Cost
 
 NAME, HELP = "bench", "speed against other solvers"
 PEERS = ("felupe", "scikit-fem", "calculix", "dolfinx")
@@ -32,23 +39,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--peers-dir", type=Path, metavar="DIR", help="where the peers' environment is or shall be")
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Measures; see `run_bench`."""
-    from palpate.validate.bench.run import BenchOptions, run_bench
+    from palpate.validate.bench.run import run_bench
 
     no_points(args)
-    chosen: dict[str, Any] = {"peers": args.peer, "parts": args.part, "sizes": args.cells, "scaling_sizes": args.cells,
-              "elements": args.element, "scaling_elements": args.element}  # fmt: skip
-    given: dict[str, Any] = {name: tuple(values) for name, values in chosen.items() if values}
-    options = replace(BenchOptions(quick=args.quick, peers_dir=args.peers_dir), **given)
-    if args.repeats:
-        options = replace(options, repeats=args.repeats)
     with console.progress(NAME) as progress:
-        table = run_bench(options, progress)
+        table = run_bench(_options(args), progress)
     return table, "\n".join(text_of(table))
 
 
-def text_of(table: dict[str, Any]) -> list[str]:
+def _options(args: argparse.Namespace) -> BenchOptions:
+    """The usual ones with what was chosen put in; one choice of sizes and elements serves both parts that have them."""
+    from palpate.validate.bench.options import BenchOptions
+
+    options = BenchOptions(quick=args.quick, peers_dir=args.peers_dir)
+    if args.peer:
+        options = replace(options, peers=tuple(args.peer))
+    if args.part:
+        options = replace(options, parts=tuple(args.part))
+    if args.cells:
+        options = replace(options, sizes=tuple(args.cells), scaling_sizes=tuple(args.cells))
+    if args.element:
+        options = replace(options, elements=tuple(args.element), scaling_elements=tuple(args.element))
+    return replace(options, repeats=args.repeats) if args.repeats else options
+
+
+def text_of(table: BenchTable) -> list[str]:
     """Every solver's least seconds on each scene, beside ours how many times slower and how far apart the solutions are; the rest."""
     machine = table["machine"]
     load = max(machine["load_before"][0], machine["load_after"][0])
@@ -58,27 +75,28 @@ def text_of(table: dict[str, Any]) -> list[str]:
         solvers = {"palpate": row["palpate"], "palpate, stability certified": row["palpate_certified"], **row["peers"]}
         lines += [f"  {name:30} {_seconds(found)}" for name, found in solvers.items()]
     lines += [f"skipped {name}: {why}" for name, why in table.get("skipped_peers", {}).items()]
-    for element, grown in table.get("scaling", {}).get("elements", {}).items():
-        lines += [f"{element}, {r['cells']} cells: {_cost(r)}" for r in grown["rows"]]
-        lines.append(f"{element}: exponents {_exponent(grown, 'seconds')} in seconds, "
-                     f"{_exponent(grown, 'cpu_seconds')} in processor seconds, {_exponent(grown, 'memory')} in memory")  # fmt: skip
-    for part in ("reduced_model", "workers"):
-        lines += [f"{part.replace('_', ' ')}, {key}: {value}" for key, value in table.get(part, {}).items()]
+    grown = table["scaling"]["elements"] if "scaling" in table else {}
+    for element, growth in grown.items():
+        lines += [f"{element}, {r['cells']} cells: {_cost(r)}" for r in growth["rows"]]
+        lines.append(f"{element}: exponents {_exponent(growth['seconds_exponent'])} in seconds, "
+                     f"{_exponent(growth['cpu_seconds_exponent'])} in processor seconds, "
+                     f"{_exponent(growth['memory_exponent'])} in memory")  # fmt: skip
+    lines += [f"reduced model, {key}: {value}" for key, value in table.get("reduced_model", {}).items()]
+    lines += [f"workers, {key}: {value}" for key, value in table.get("workers", {}).items()]
     return lines
 
 
-def _cost(row: dict[str, Any]) -> str:
+def _cost(row: Cost) -> str:
     if row.get("reason"):
         return f"failed: {row['reason']}"
     return f"{row['seconds']:.3f} s, {row['cpu_seconds']:.3f} s of processor, {row['memory_mb']:.0f} MB"
 
 
-def _exponent(grown: dict[str, Any], what: str) -> str:
-    value = grown[f"{what}_exponent"]
+def _exponent(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.2f}"
 
 
-def _seconds(found: dict[str, Any]) -> str:
+def _seconds(found: Answer) -> str:
     if found["reason"]:
         return f"failed: {found['reason']}"
     text = f"{found['seconds']:9.4f} s, {found.get('cpu_seconds', 0.0):9.4f} s of processor"

@@ -14,11 +14,11 @@ touch: quick answers to a probe beside the full solve, and a press on a ball bes
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import Progress
@@ -29,23 +29,26 @@ from palpate.ui.cli.studies import paper, touch
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from palpate.validate.forward.study import ForwardTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
+
+Found = TypeVar("Found", bound=Mapping[str, object])
 
 NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
 _DPI = 160
 
 
-def _plain_text(found: dict[str, Any]) -> str:
+def _plain_text(found: Mapping[str, object]) -> str:
     return "\n".join(f"{key}: {value}" for key, value in found.items() if not isinstance(value, list))
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Generic[Found]):
     """run : makes the figures. text : says them to a person. picture : draws them, where there is something to draw."""
 
-    run: Callable[[argparse.Namespace, Progress], dict[str, Any]]
-    text: Callable[[dict[str, Any]], str] = _plain_text
-    picture: Callable[[dict[str, Any]], Figure] | None = None
+    run: Callable[[argparse.Namespace, Progress], Found]
+    text: Callable[[Found], str] = _plain_text
+    picture: Callable[[Found], Figure] | None = None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -81,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Runs one study."""
     from palpate.core.worker.messages import encode
 
@@ -107,13 +110,13 @@ def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return robustness(options, progress)
 
 
-def _forward(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def _forward(args: argparse.Namespace, progress: Progress) -> ForwardTable:
     from palpate.validate.forward.study import ForwardOptions, forward
 
     return forward(ForwardOptions(cells=args.cells), progress)
 
 
-def _forward_text(found: dict[str, Any]) -> str:
+def _forward_text(found: ForwardTable) -> str:
     lines = [
         f"{'drive':13}{'v1/mu':>6}  {'element':8}{'unknowns':>9}{'rms %':>8}{'largest %':>11}{'seconds':>9}{'cpu s':>9}"
     ]
@@ -132,7 +135,7 @@ def _forward_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _forward_picture(found: dict[str, Any]) -> Figure:
+def _forward_picture(found: ForwardTable) -> Figure:
     from palpate.ui.pictures.element_errors import element_errors
 
     return element_errors(found)
@@ -152,10 +155,10 @@ def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return gap_study(args.folder, options, progress)
 
 
-def _drawn_by(name: str) -> Callable[[dict[str, Any]], Figure]:
+def _drawn_by(name: str) -> Callable[[Mapping[str, object]], Figure]:
     """The picture of `ui.pictures.studies.NAME`."""
 
-    def draw(found: dict[str, Any]) -> Figure:
+    def draw(found: Mapping[str, object]) -> Figure:
         module = import_module(f"palpate.ui.pictures.studies.{name}")
         figure: Figure = getattr(module, f"study_{name}")(found)
         return figure
@@ -195,7 +198,7 @@ def _segmentation_text(found: dict[str, Any]) -> str:
     return study_text(found)
 
 
-STUDIES: dict[str, Study] = {
+STUDIES: dict[str, Study[Any]] = {
     "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
     "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
     "swarm": Study(paper.swarm, paper.swarm_text, _drawn_by("swarm")),
