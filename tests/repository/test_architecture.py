@@ -1,0 +1,73 @@
+"""The map of the repository is that of the repository: its picture shows the imports, its pages name files that are there."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+TOP = Path(__file__).parents[2]
+ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
+PAGES = [
+    *("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md", "KNOWN_ISSUES.md"),
+    *sorted(f"docs/{page.name}" for page in (TOP / "docs").glob("*.md")),
+]
+# A path of the repository in backticks: at least one slash, begins with a folder at its top.
+_PATH = re.compile(r"`((?:" + "|".join([*ROOMS, "docs", "tests", "plugin", "palpate", r"\.ci"]) + r")/[\w./-]*)`")
+
+
+def drawing() -> ModuleType:
+    """The script that draws the picture."""
+    spec = importlib.util.spec_from_file_location("draw_architecture", TOP / "docs" / "draw_architecture.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_picture_shows_which_room_imports_which() -> None:
+    """Pairs of rooms, not their counts, which change with every file. What runs up is the import contract's business."""
+    module = drawing()
+    shown = module.drawn(module.PICTURE.read_text(encoding="utf-8"))
+    below = {pair for pair in module.imports() if module.runs_down(*pair)}
+    assert {pair for pair in shown if module.runs_down(*pair)} == below, (
+        "run .venv/bin/python docs/draw_architecture.py"
+    )
+
+
+def test_the_picture_reads_every_form_of_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = drawing()
+    lines = {
+        "a": "import palpate.core.mesh",
+        "b": "def f():\n    from palpate.imaging import volume",
+        "c": "from palpate import meshing",
+        "d": "import core, numpy",
+    }
+    (tmp_path / "ui").mkdir()
+    for name, text in lines.items():
+        (tmp_path / "ui" / f"{name}.py").write_text(text)
+    monkeypatch.setattr(module, "TOP", tmp_path)
+    assert module.imports() == {("ui", "core"): 1, ("ui", "imaging"): 1, ("ui", "meshing"): 1}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_names_files_that_are_there(page: str) -> None:
+    text = (TOP / page).read_text(encoding="utf-8")
+    gone = [name for name in _PATH.findall(text) if not (TOP / name).exists()]
+    assert not gone
+
+
+def test_references_name_files_that_cite_them() -> None:
+    text = (TOP / "docs" / "references.bib").read_text(encoding="utf-8")
+    named = [name for line in re.findall(r"keywords\s*= \{(.*)\}", text) for name in line.split(", ")]
+    assert named and [name for name in named if not (TOP / name).is_file()] == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_the_map_names_every_folder_of_a_room(room: str) -> None:
+    page = (TOP / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    folders = sorted(init.parent.name for init in (TOP / room).glob("*/__init__.py"))
+    assert [name for name in folders if f"`{name}`" not in page] == []
