@@ -18,7 +18,6 @@ from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.diagnose.verdict.judge import Diagnosis, judge
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.inference.evidence import mean_of_exponentials
-from palpate.core.residual.joint_states import factorised
 from palpate.core.residual.noise_estimation import GAPS
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
@@ -31,7 +30,6 @@ _HOPELESS = 12.0
 def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress = silent, seed: int = 1) -> Diagnosis:
     """Diagnose a case. Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved."""
     fit = fit_plain(data.pairs, data.remeshed, part(progress, 0.0, 0.45))
-    factorised(fit.point)
     forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights)
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     progress(0.46, "score test of every effect")

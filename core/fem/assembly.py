@@ -32,8 +32,9 @@ class Assembler:
     """Assembles one space with its terms and constrained unknowns; materials may change at no symbolic cost.
 
     free : (3 n,) True for displacement unknowns that are solved for; they lead the kept unknowns. n_free : their number.
-    total_volume : mm3. kappa : (m,) kPa of every cell. Raises InputError for materials that do not fit the mesh and
-    for loads that have no energy under these constraints.
+    total_volume : mm3. kappa : (m,) kPa of every cell. materials : the last ones given.
+
+    Raises InputError for materials that do not fit the mesh and for loads that have no energy under these constraints.
     """
 
     def __init__(self, space: Space, free: BoolArray, terms: Sequence[Term] = (), solver: str = "auto") -> None:
@@ -57,10 +58,12 @@ class Assembler:
         self.solver: SymmetricSolver = make_solver(self.pattern, solver)
         self.weight = np.ascontiguousarray(space.mesh.volumes[:, None] * e.weights)
         self.pressures = PressureBlock(space, self.weight, solver)
+        self.materials: Mapping[int, Material] = {}
         self.groups: list[MaterialGroup] = []
 
     def set_materials(self, materials: Mapping[int, Material]) -> None:
         """Take new laws and values, region id -> Material."""
+        self.materials = materials
         self.groups = group_by_law(self.space.mesh.regions, materials)
         m = len(self.space.mesh.cells)
         self.kappa, shear = np.empty(m), np.empty(m)

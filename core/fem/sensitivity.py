@@ -1,4 +1,4 @@
-"""Direct and adjoint derivatives of an equilibrium with respect to parameters, from the factor the solve left behind."""
+"""Direct and adjoint derivatives of an equilibrium with respect to parameters and forces, from the factor of its tangent."""
 
 from __future__ import annotations
 
@@ -7,50 +7,42 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.state import State
+from palpate.core.fem.tangent import Tangent
 
 # Region id -> rate of change of that region's law parameters, (k,) or (cells, k), per unit of the parameter theta.
 Direction = Mapping[int, FloatArray]
 
 
-def factorise_at(assembler: Assembler, state: State, load: float = 1.0) -> None:
-    """Factorise the tangent at an equilibrium; `solve_equilibrium` with its stability check has already done so."""
-    assembler.solver.factorise(assembler.tangent(state, load)[0])
+def direct(tangent: Tangent, directions: Sequence[Direction]) -> FloatArray:
+    """du/dtheta (t, n, 3) mm per unit of each theta, at the equilibrium of a tangent: one back-substitution each."""
+    tangent.set_materials()
+    return tangent.displacements(np.stack([-_parameter_force(tangent, d) for d in directions], axis=1))
 
 
-def direct(assembler: Assembler, state: State, directions: Sequence[Direction]) -> FloatArray:
-    """du/dtheta (t, n, 3) mm per unit of each theta: one back-substitution each. The tangent at `state` must be factorised."""
-    rhs = np.stack([-_parameter_force(assembler, state, d) for d in directions], axis=1)
-    n = assembler.space.n_displacements
-    full = np.zeros((n + assembler.space.n_pressures, len(directions)))
-    full[assembler.kept] = assembler.solver.solve(rhs)
-    return full[:n].T.reshape(len(directions), -1, 3)
-
-
-def adjoint(assembler: Assembler, state: State, directions: Sequence[Direction], gradient: FloatArray) -> FloatArray:
+def adjoint(tangent: Tangent, directions: Sequence[Direction], gradient: FloatArray) -> FloatArray:
     """dPhi/dtheta (t,) of a scalar whose derivative in nodal displacements is `gradient` (n, 3): one back-substitution in all."""
+    tangent.set_materials()
+    assembler = tangent.assembler
     rhs = np.zeros(assembler.space.n_displacements + assembler.space.n_pressures)
     rhs[: gradient.size] = gradient.reshape(-1)
-    multiplier = assembler.solver.solve(rhs[assembler.kept])
-    return np.array([-float(multiplier @ _parameter_force(assembler, state, d)) for d in directions])
+    multiplier = tangent.solve(rhs[assembler.kept])
+    return np.array([-float(multiplier @ _parameter_force(tangent, d)) for d in directions])
 
 
-def response_to_forces(assembler: Assembler, forces: FloatArray) -> FloatArray:
-    """du/ds (r, n, 3) mm when dead nodal forces (r, n, 3) mN per unit of s act in addition. The tangent must be factorised."""
-    n = assembler.space.n_displacements
-    rhs = np.zeros((n + assembler.space.n_pressures, len(forces)))
-    rhs[:n] = np.asarray(forces, dtype=float).reshape(len(forces), -1).T
-    full = np.zeros_like(rhs)
-    full[assembler.kept] = assembler.solver.solve(rhs[assembler.kept])
-    return full[:n].T.reshape(len(forces), -1, 3)
+def response_to_forces(tangent: Tangent, forces: FloatArray) -> FloatArray:
+    """du/ds (r, n, 3) mm when dead nodal forces (r, n, 3) mN per unit of s act in addition: one back-substitution each."""
+    space = tangent.assembler.space
+    rhs = np.zeros((space.n_displacements + space.n_pressures, len(forces)))
+    rhs[: space.n_displacements] = np.asarray(forces, dtype=float).reshape(len(forces), -1).T
+    return tangent.displacements(rhs[tangent.assembler.kept])
 
 
-def _parameter_force(assembler: Assembler, state: State, direction: Direction) -> FloatArray:
+def _parameter_force(tangent: Tangent, direction: Direction) -> FloatArray:
     """dR/dtheta (kept,) for a parameter theta along which region r's law parameters change by direction[r] (k,) or (cells, k).
 
     Uses that every law is linear in its parameters, so the derivative of the residual is the residual of the direction.
     """
+    assembler, state = tangent.assembler, tangent.state
     F = assembler.deformation_gradients(state.u)
     r_u, scale = np.zeros_like(state.u), np.zeros_like(state.u)
     r_p = np.zeros(assembler.space.n_pressures)

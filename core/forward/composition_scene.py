@@ -108,8 +108,7 @@ class CompositionScene(CoupledScene):
 
     def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
         """See `CoupledScene.displacement_sensitivities`."""
-        self.assembler.set_materials(self.materials(theta))
-        return direct(self.assembler, State(found.u, found.p), self.directions(theta))
+        return direct(found.tangent, self.directions(theta))
 
     def seen(self, u: FloatArray) -> FloatArray:
         """Nodal displacements (n, 3) mm from the scanned rest state, for u from the stress-free one."""

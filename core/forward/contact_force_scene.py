@@ -75,8 +75,8 @@ class ContactForceScene:
         self.linearised_at = u
 
     def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
-        """du/dtheta (t, n, 3) mm; the factor must be that of `found`."""
-        return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
+        """See `CoupledScene.displacement_sensitivities`."""
+        return direct(found.tangent, self.parameters.directions(theta))
 
     def _reaction(self, motion: InterfaceMotion, options: SceneOptions) -> FloatArray:
         """Force on the organ's surface nodes from the tissue alone, its walls where both scans show them."""

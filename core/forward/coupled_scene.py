@@ -79,7 +79,7 @@ class CoupledScene:
         """Let the walls find their place on the deformed surfaces for parameters theta: solve, linearise again, repeat.
 
         Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at most,
-        which moves them off the surface by a thousandth. The factor left behind is that of the equilibrium returned.
+        which moves them off the surface by a thousandth.
         """
         found = self._approach(theta) if start is None else None
         if found is not None and not found.converged:
@@ -122,8 +122,8 @@ class CoupledScene:
         return float(np.sqrt((np.vstack(parts) ** 2).sum(axis=1).mean()))
 
     def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
-        """du/dtheta (t, n, 3) mm; the factor must be that of `found` (a solve with its stability check leaves it)."""
-        return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
+        """du/dtheta (t, n, 3) mm at the equilibrium `found` of theta (t,), solved with its stability check."""
+        return direct(found.tangent, self.parameters.directions(theta))
 
     def held_nodes(self) -> IntArray:
         """Nodes that do not move: bone, and the outer surface where the case says so."""

@@ -6,9 +6,10 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.sensitivity import factorise_at, response_to_forces
+from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
+from palpate.core.fem.tangent import Tangent
 from palpate.core.fem.terms.base import face_points
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -22,8 +23,7 @@ def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: Float
     free[np.unique(_held(scene, space))] = False
     assembler = Assembler(space, free.ravel())
     assembler.set_materials(scene.parameters.materials(theta))
-    rest = State(np.zeros((space.n_nodes, 3)), np.zeros(space.n_pressures))
-    factorise_at(assembler, rest)
+    tangent = Tangent(assembler, State(np.zeros((space.n_nodes, 3)), np.zeros(space.n_pressures)))
     out = {}
     for name in stage.fields:
         faces = problem.boundary[name]
@@ -36,7 +36,7 @@ def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: Float
         force = np.zeros((space.n_nodes, 3))
         pushed = points.spread(points.measure[:, None] * np.repeat(normal, 3, axis=0))
         np.add.at(force.reshape(-1), points.unknowns, pushed)
-        u = response_to_forces(assembler, force[None])[0]
+        u = response_to_forces(tangent, force[None])[0]
         wall = np.unique(faces)
         out[name] = u / np.sqrt((u[wall] ** 2).sum(axis=1).mean())
     return out

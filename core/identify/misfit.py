@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.forward.make_scene import Scene
 from palpate.core.observe.contour_noise import Weighting, contour_covariance, noise_modes, weighting_covariance
 
@@ -76,22 +77,19 @@ class Misfit:
         return float((self.residual(u) ** 2).sum())
 
 
-def wall_response(scene: Scene, u: FloatArray) -> FloatArray:
+def wall_response(scene: Scene, found: Equilibrium) -> FloatArray:
     """(q, m) mm: how contour noise on the walls moves the predicted organ surface along its normal.
 
-    One back-substitution for each smooth mode of wall noise; the tangent at u must be factorised.
+    One back-substitution for each smooth mode of wall noise. found : the equilibrium, solved with its stability check.
     """
     facts = scene.problem.facts
     columns = []
-    n = scene.space.n_displacements
     for wall in scene.walls:
         modes = noise_modes(wall.rest, np.sqrt(2.0) * facts.noise_sd_mm, facts.noise_correlation_mm)
         weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
-        rhs = np.zeros((n + scene.space.n_pressures, modes.shape[1]))
+        rhs = np.zeros((scene.space.n_displacements + scene.space.n_pressures, modes.shape[1]))
         for j in range(modes.shape[1]):
             np.add.at(rhs[:, j], wall.unknowns, wall.points.spread(weight * modes[:, j : j + 1]))
-        moved = np.zeros_like(rhs)
-        moved[scene.assembler.kept] = scene.assembler.solver.solve(rhs[scene.assembler.kept])
-        fields = moved[:n].T.reshape(-1, scene.space.n_nodes, 3)
-        columns.append(scene.observation.jacobian(u, fields))
+        fields = found.tangent.displacements(rhs[scene.assembler.kept])
+        columns.append(scene.observation.jacobian(found.u, fields))
     return np.hstack(columns) if columns else np.zeros((len(scene.observation.points), 0))

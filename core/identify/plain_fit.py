@@ -93,7 +93,7 @@ def settle_first(
             "look at the contours of bladder and rectum, or mesh more finely"
         )
     found = settled.equilibrium
-    errors = [wall_response(scene, found.u)]
+    errors = [wall_response(scene, found)]
     if uneven:
         seen = lambda field: scene.observation.jacobian(found.u, field[None])[:, 0]  # noqa: E731
         responses = uneven_responses(scene.assembler, scene.parameters, theta, found, seen)
@@ -152,7 +152,6 @@ class Continuation:
                 return None
             self.last[k] = found
             residuals.append(state.misfit.residual(found.u))
-            # At once: the factor is that of this state's last solve.
             jacobians.append(state.misfit.jacobian(found.u, state.scene.displacement_sensitivities(theta, found)))
         residual = np.concatenate(residuals)
         if residual @ residual < self._lowest:

@@ -48,7 +48,7 @@ def predict(
     if not found.converged:
         return Prediction(None, found, np.full(len(theta), np.nan), np.nan, str(found.reason))
     scene.observation = SurfaceObservation.of(_as_predicted(scene, found), scene.space)
-    misfit = Misfit.of(scene, wall_response(scene, found.u))
+    misfit = Misfit.of(scene, wall_response(scene, found))
     sensitivities = scene.displacement_sensitivities(theta, found)
     jacobian = misfit.jacobian(found.u, sensitivities)
     noise = NoiseFacts(misfit.score_covariance(jacobian), misfit.expected)

@@ -18,7 +18,6 @@ from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import direct
-from palpate.core.fem.state import State
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.map.patches import Patches, cut
 from palpate.core.identify.map.smoothness_prior import SmoothPrior
@@ -43,7 +42,7 @@ def uneven_responses(
 ) -> list[FloatArray]:
     """(q, m) mm for each region: columns whose outer products add up to the covariance of that error in q data at unit amplitude.
 
-    theta : as in `StiffnessParameters`, found : the equilibrium there, its tangent factorised. observe : change of the data (q,)
+    theta : as in `StiffnessParameters`, found : the equilibrium there, solved with its stability check. observe : change of the data (q,)
     for a change of nodal displacements (n, 3).
     """
     columns = []
@@ -51,7 +50,7 @@ def uneven_responses(
         patches = cut(assembler.space.mesh, (region,), PATCHES)
         unit = mooney_rivlin_parameters(1.0, bulk_modulus(1.0, parameters.facts.organ_poisson_ratio), 0.5)
         directions = [{region: np.where(patches.patch == j, G, 0.0)[:, None] * unit} for j in range(patches.n)]
-        moved = direct(assembler, State(found.u, found.p), directions)
+        moved = direct(found.tangent, directions)
         seen = np.stack([observe(field) for field in moved], axis=1)
         about = np.eye(patches.n) - _shares(assembler, found, patches)
         covariance = about @ FIELD.local_covariance(patches.centres, patches.centres) @ about.T

@@ -11,8 +11,6 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.fem.sensitivity import factorise_at
-from palpate.core.fem.state import State
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import Hypothesis, Linearisation, StateModel
 
@@ -132,11 +130,3 @@ def rows_of(sights: Sequence[DataVector]) -> list[slice]:
 def apart(parts: Sequence[FloatArray]) -> FloatArray:
     """(n, k) of what happens in each state by itself, from each state's columns."""
     return np.asarray(block_diag(*parts), dtype=np.float64)
-
-
-def factorised(points: JointLinearisation) -> None:
-    """Factorise every state's tangent at its equilibrium."""
-    for point in points.each:
-        scene, found = point.scene, point.equilibrium
-        scene.assembler.set_materials(scene.materials(point.theta))
-        factorise_at(scene.assembler, State(found.u, found.p))

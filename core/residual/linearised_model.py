@@ -11,6 +11,7 @@ from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
+from palpate.core.fem.tangent import Tangent
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.effect import Effect, Variant
@@ -62,6 +63,11 @@ class Linearisation:
     in_theta: FloatArray
     out_of_balance: FloatArray
 
+    @property
+    def tangent(self) -> Tangent:
+        """The scene's tangent at the equilibrium, with its factor."""
+        return self.equilibrium.tangent
+
 
 @dataclass(eq=False)
 class StateModel:
@@ -100,10 +106,7 @@ class StateModel:
         return Linearisation(theta, phi, scene, found, residual, in_theta, left)
 
     def directions(self, trial: Hypothesis, at: Linearisation) -> FloatArray:
-        """(n, k) derivative of the residual in phi: one back-substitution each at the point's own tangent.
-
-        The point must be the last one solved on its structure.
-        """
+        """(n, k) derivative of the residual in phi: one back-substitution each at the point's own tangent."""
         assert trial.effect is not None
         columns = []
         here = np.array([p.state in (None, self.plain.state) for p in trial.effect.parameters])
@@ -168,7 +171,7 @@ def newton_step(at: Linearisation, scene: CompositionScene, u: FloatArray) -> Fl
     if there.space.n_nodes == at.scene.space.n_nodes:
         if held.any():
             force = force + there.tangent(state, 1.0, held)[1]
-        step = -at.scene.assembler.solver.solve(force - at.out_of_balance)
+        step = -at.tangent.solve(force - at.out_of_balance)
     else:
         values, product = there.tangent(state, 1.0, held)
         there.solver.factorise(values)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
@@ -69,14 +70,12 @@ class NoiseParts:
 
     @classmethod
     def of(cls, points: Sequence[Linearisation], sights: Sequence[DataVector]) -> NoiseParts:
-        """At points, one for each state, whose tangents must be factorised."""
+        """At points, one for each state."""
         rows, sd = rows_of(sights), points[0].scene.problem.facts.noise_sd_mm
-        read = [_read(point.scene, sight, point.equilibrium.u) for point, sight in zip(points, sights, strict=True)]
+        read = [_read(point.scene, sight, point.equilibrium) for point, sight in zip(points, sights, strict=True)]
         return cls(
             tuple(_contours(read, rows, sd, length) for length in LENGTHS_MM),
-            apart(
-                [_along(point.scene, sight, point.equilibrium.u) for point, sight in zip(points, sights, strict=True)]
-            ),
+            apart([_along(point.scene, sight, point.equilibrium) for point, sight in zip(points, sights, strict=True)]),
             _read_twice([np.eye(s.n)[:, : s.n_modes] for s in sights]),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in points], sights)),
             apart([_floor(s) for s in sights]),
@@ -102,8 +101,8 @@ class _Contour:
     response: FloatArray
 
 
-def _read(scene: CompositionScene, sight: DataVector, u: FloatArray) -> dict[str, _Contour]:
-    """The contours of organ, walls and bones at the equilibrium u, whose tangent must be factorised."""
+def _read(scene: CompositionScene, sight: DataVector, found: Equilibrium) -> dict[str, _Contour]:
+    """The contours of organ, walls and bones at an equilibrium."""
     organ = np.zeros((sight.n, len(sight.modes)))
     organ[: sight.n_modes] = sight.modes.T
     out = {"organ": _Contour(scene.observation.points, organ)}
@@ -112,7 +111,7 @@ def _read(scene: CompositionScene, sight: DataVector, u: FloatArray) -> dict[str
         modes = modes / np.linalg.norm(modes, axis=0)
         weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
         forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], weight * m[:, None]) for m in modes.T])
-        response = sight.response(scene, u, response_to_forces(scene.assembler, forces))
+        response = sight.response(scene, found.u, response_to_forces(found.tangent, forces))
         out[name] = _Contour(wall.rest, response @ modes.T)
     if sight.bone is not None:
         bone = np.zeros((sight.n, len(sight.bone.points)))
@@ -175,24 +174,24 @@ def _on_nodes(scene: CompositionScene, nodes: IntArray, force: FloatArray) -> Fl
     return full
 
 
-def _along(scene: CompositionScene, sight: DataVector, u: FloatArray) -> FloatArray:
+def _along(scene: CompositionScene, sight: DataVector, found: Equilibrium) -> FloatArray:
     """Covariance of the residual for what is not known of the walls' motion along themselves."""
     total = np.zeros((sight.n, sight.n))
     for wall, motion in zip(scene.walls, scene.stage.motions.values(), strict=True):
         unknown = motion.unknown_at(wall.rest - wall.points.displacements(scene.shift))
-        R = slide_responses(scene, sight, u, wall, unknown)
+        R = slide_responses(scene, sight, found, wall, unknown)
         total += R @ R.T
     return total
 
 
 def slide_responses(
-    scene: CompositionScene, sight: DataVector, u: FloatArray, wall: SlidingWall, moved: FloatArray
+    scene: CompositionScene, sight: DataVector, found: Equilibrium, wall: SlidingWall, moved: FloatArray
 ) -> FloatArray:
     """(n, r) change of the residual when a wall's points move by moved (r, w, 3) mm more, of which only what is along the wall counts.
 
-    u : the equilibrium, whose tangent must be factorised.
+    found : the equilibrium, solved with its stability check.
     """
     along = moved - np.einsum("rqi,qi->rq", moved, wall.normal)[..., None] * wall.normal
     pulls = DRAG * scene.problem.facts.tissue_shear_modulus_kpa * wall.points.measure[:, None] * along
     forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], pull) for pull in pulls])
-    return sight.response(scene, u, response_to_forces(scene.assembler, forces))
+    return sight.response(scene, found.u, response_to_forces(found.tangent, forces))

@@ -38,7 +38,7 @@ _OFFSET_MM, _BONES = 1.0, 5.0
 class PlainFit:
     """The plain model where it fits best.
 
-    bench : of all deformed states. point : at the quick element, residuals corrected; its tangents are those factorised. mesh : (n,) what
+    bench : of all deformed states. point : at the quick element, residuals corrected. mesh : (n,) what
     the better element changed, the mean over all `meshes` on which it was solved (the fewest of any state), 0 for none; on_own_mesh (n,)
     the same on the case's own mesh alone, None where that is not known. noise_slope (t,) : see the function. scatter_mm : rms along the
     surface of what one mesh differs from that mean in the first state, NaN for one mesh. noise : all that it may be; sizes : of this
@@ -105,7 +105,7 @@ def fit_plain(
     point = _best(bench, weighting, [point.theta], point)
     progress(0.95, "plain model: what walls read wrongly do to the stiffness")
     slope = noise_slope(bench, weighting, fitted.sizes, point)
-    point = _solved(bench, point.theta, point)  # its factor must be the one left behind
+    point = _solved(bench, point.theta, point)  # lets the walls settle further
     scatter = scatter_mm(differences[0], bench.first.sight)
     meshes = min(map(len, differences))
     return PlainFit(bench, point, mesh, on_own_mesh, meshes, slope, scatter, grid, fitted.sizes, weighting)
@@ -170,5 +170,5 @@ def _best(
         gauss_newton(linearise, start, bounds)
     if best is None:
         raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
-    # The factor left behind must be that of the best point.
+    # Lets the walls settle further.
     return _solved(bench, best[1].theta, best[1])

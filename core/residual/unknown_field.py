@@ -39,7 +39,7 @@ class ForceFields:
 
     @classmethod
     def around(cls, point: Linearisation, sight: DataVector) -> ForceFields:
-        """At a point whose tangent is factorised."""
+        """At a point."""
         scene = point.scene
         mesh, nodes = scene.space.mesh, scene.space.nodes
         share = np.zeros(len(nodes))
@@ -52,7 +52,7 @@ class ForceFields:
         for j, mode in enumerate(modes.T):
             for axis in range(3):
                 fields[3 * j + axis, near, axis] = mode * share[near]
-        response = sight.response(scene, point.equilibrium.u, response_to_forces(scene.assembler, fields))
+        response = sight.response(scene, point.equilibrium.u, response_to_forces(point.tangent, fields))
         q = len(organ)
         size = float(np.sqrt((response[: sight.n_modes] ** 2).sum() / q))
         scale = TYPICAL_MM / max(size, 1e-30)
@@ -72,7 +72,7 @@ class UnknownDiscrepancy:
 
     @classmethod
     def around(cls, points: JointLinearisation, sights: Sequence[DataVector]) -> UnknownDiscrepancy:
-        """At points whose tangents are factorised."""
+        """At points, one for each state."""
         return cls(tuple(ForceFields.around(p, s) for p, s in zip(points.each, sights, strict=True)))
 
     @cached_property

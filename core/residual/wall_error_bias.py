@@ -25,10 +25,7 @@ _LEAST = 1.0
 
 
 def noise_slope(bench: States, weighting: Weighting, sizes: NoiseSizes, at: JointLinearisation) -> FloatArray:
-    """(t,) derivative in ln G of tr(W S), at a plain model's points; 0 where a neighbour has no equilibrium.
-
-    The points' tangents are no longer those factorised afterwards.
-    """
+    """(t,) derivative in ln G of tr(W S), at a plain model's points; 0 where a neighbour has no equilibrium."""
 
     def noise(theta: FloatArray) -> float:
         point = bench.solve(PLAIN, theta, NOTHING, at)

@@ -126,10 +126,10 @@ class Figure:
         return -np.asarray(gradient.reshape(-1, 3).sum(axis=0))
 
     def sensitivities(self, theta: FloatArray, found: Equilibrium, basis: FloatArray) -> FloatArray:
-        """(q, 2, P - 1 + r) mm: how the rim's points move per unit of every parameter; the factor must be that of `found`."""
-        moves = [self.rim @ s for s in response_to_forces(self.assembler, basis)]
+        """(q, 2, P - 1 + r) mm: how the rim's points move per unit of every parameter, at the equilibrium `found`."""
+        moves = [self.rim @ s for s in response_to_forces(found.tangent, basis)]
         if len(theta):
-            own = direct(self.assembler, State(found.u, found.p), self._directions(theta))
+            own = direct(found.tangent, self._directions(theta))
             moves = [self.rim @ s for s in own] + moves
         return np.stack(moves, axis=2)[:, :2]
 

@@ -22,7 +22,6 @@ from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
 from palpate.core.arrays import FloatArray
 from palpate.core.observe import wall_motion
-from palpate.core.residual.joint_states import factorised
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
@@ -61,9 +60,7 @@ def plain_of(path: Path) -> PlainFit:
         if not case.has("mesh.json"):
             mesh.run(case)
         data = data_of(case)
-    fit = fit_plain(data.pairs)
-    factorised(fit.point)
-    return fit
+    return fit_plain(data.pairs)
 
 
 def likelihoods(fit: PlainFit) -> dict[str, FloatArray]:

@@ -19,8 +19,6 @@ from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
-from palpate.core.fem.sensitivity import factorise_at
-from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -71,14 +69,12 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
     found = scene.settle(theta).equilibrium
     if not found.converged:
         raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")
-    scene.assembler.set_materials(scene.materials(theta))
-    factorise_at(scene.assembler, State(found.u, found.p))
     sight = DataVector.of(stage.observation, None)
     out = {}
     for (name, motion), wall in zip(stage.motions.items(), scene.walls, strict=True):
         missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))
         # The last field is what truly happened; both go through the same model.
-        response = slide_responses(scene, sight, found.u, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
+        response = slide_responses(scene, sight, found, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
         size = np.sqrt((response[: sight.n_modes] ** 2).sum(axis=0) / len(sight.modes))
         out[name] = (float(size[-1]), float(np.linalg.norm(size[:-1])))
     return out

@@ -119,8 +119,8 @@ class DrivenScene:
         return solve_equilibrium(self.assembler, materials, self.prescribed, start)
 
     def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
-        """du/dtheta (2, n, 3) mm from the factor that `solve` left."""
-        return direct(self.assembler, State(found.u, found.p), self.parameters.directions(theta))
+        """du/dtheta (2, n, 3) mm at the equilibrium `found` of theta (2,)."""
+        return direct(found.tangent, self.parameters.directions(theta))
 
 
 def organ_material(G: float, facts: Facts = FACTS) -> Material:

@@ -47,7 +47,7 @@ class BodyStage:
         return cls(problem, space, Assembler(space, free.ravel(), (dead_load(space, []),)), held)
 
     def solve(self, composition: Composition, theta: FloatArray, state: BodyState) -> Equilibrium:
-        """Equilibrium (not converged: none) of a composition at ln G = theta (1,) in one state; its factor is left behind."""
+        """Equilibrium (not converged: none) of a composition at ln G = theta (1,) in one state."""
         prescribed = self._pose(composition, theta, state)
         found = solve_equilibrium(self.assembler, None, prescribed.ravel(), self.last.get(state.name))
         if found.converged:
@@ -59,7 +59,7 @@ class BodyStage:
     ) -> FloatArray:
         """(n, 3) mm by which the equilibrium moves when the model becomes this one: one back-substitution.
 
-        at : the equilibrium whose factor is the last one; balance : `out_of_balance` there.
+        at : the equilibrium; balance : `out_of_balance` there.
         """
         prescribed = self._pose(composition, theta, state)
         held = (prescribed - at.u).ravel() * ~self.assembler.free
@@ -68,7 +68,7 @@ class BodyStage:
         if held.any():
             force = force + self.assembler.tangent(here, 1.0, held)[1]
         full = np.zeros(self.space.n_displacements + self.space.n_pressures)
-        full[self.assembler.kept] = -self.assembler.solver.solve(force)
+        full[self.assembler.kept] = -at.tangent.solve(force)
         return np.asarray((full[: self.space.n_displacements] + held).reshape(-1, 3))
 
     def _pose(self, composition: Composition, theta: FloatArray, state: BodyState) -> FloatArray:

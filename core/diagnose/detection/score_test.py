@@ -35,7 +35,7 @@ class Screened:
 
 
 def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -> list[Screened]:
-    """Every effect that the case does not exclude. The plain point's tangents must be the last ones factorised."""
+    """Every effect that the case does not exclude."""
     r = fit.weighting.whiten(fit.point.residual)
     J = fit.weighting.whiten(fit.point.in_theta)
     out = []

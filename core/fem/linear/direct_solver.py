@@ -17,9 +17,13 @@ class FactorisationError(ArithmeticError):
 
 
 class SymmetricSolver(Protocol):
-    """A direct solver bound to one sparsity pattern."""
+    """A direct solver bound to one sparsity pattern; it holds the factor of one matrix at a time.
+
+    factorisations : number of matrices factorised so far. It tells whether the factor is still that of a given matrix.
+    """
 
     name: str
+    factorisations: int
 
     def factorise(self, values: FloatArray) -> None:
         """Factorise the matrix with these upper-triangle values (nnz,), which must not change later. Raises FactorisationError."""

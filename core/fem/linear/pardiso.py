@@ -86,6 +86,7 @@ class Pardiso:
 
     def __init__(self, pattern: Pattern) -> None:
         self._pattern = pattern
+        self.factorisations = 0
         self._single = _Handle(pattern, np.float32)
         self._double: _Handle | None = None
         self._current: _Handle | None = None
@@ -94,6 +95,7 @@ class Pardiso:
     def factorise(self, values: FloatArray) -> None:
         """See `SymmetricSolver.factorise`."""
         check_finite(values)
+        self.factorisations += 1
         self._values = values
         self._current = None
         self._single.factorise(values)

@@ -18,11 +18,13 @@ class SuperLU:
 
     def __init__(self, pattern: Pattern) -> None:
         self._pattern = pattern
+        self.factorisations = 0
         self._lu: spla.SuperLU | None = None
 
     def factorise(self, values: FloatArray) -> None:
         """See `SymmetricSolver.factorise`."""
         check_finite(values)
+        self.factorisations += 1
         upper = self._pattern.matrix(values)
         full = (upper + sp.triu(upper, 1).T).tocsc()
         options = {"SymmetricMode": True}

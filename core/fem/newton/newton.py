@@ -7,7 +7,7 @@ ends in a minimum. The load is cut when neither arrives. Failure is a value with
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from palpate.core.fem.newton.energy import leave_saddle, minimise
 from palpate.core.fem.newton.mixed import Outcome, iterate_mixed
 from palpate.core.fem.newton.work import NewtonOptions, Work, relative
 from palpate.core.fem.state import State
+from palpate.core.fem.tangent import Tangent
 
 __all__ = ["Equilibrium", "NewtonOptions", "quicker", "solve_equilibrium"]
 
@@ -34,6 +35,7 @@ class Equilibrium:
     converged : a stable equilibrium was found. reason : "" or why not. u (n, 3) mm, p (n_p,) kPa: the last good state.
     load : fraction reached. stable : inertia says minimum (None when not checked). residual : relative. min_jacobian : of guarded cells.
     buckled : the path to it went through a loss of stability, so that another branch may exist as well.
+    certified : tangent at (u, p), None where the solve failed or was made without its stability check.
     """
 
     converged: bool
@@ -48,6 +50,14 @@ class Equilibrium:
     backsolves: int
     load_steps: int
     buckled: bool = False
+    certified: Tangent | None = field(default=None, repr=False)
+
+    @property
+    def tangent(self) -> Tangent:
+        """Tangent at (u, p). Raises ValueError where there is none."""
+        if self.certified is None:
+            raise ValueError("no tangent at this state: solve with NewtonOptions(stability=True) until it converges")
+        return self.certified
 
 
 def solve_equilibrium(
@@ -85,6 +95,7 @@ def solve_equilibrium(
         backsolves=work.backsolves,
         load_steps=work.load_steps,
         buckled=work.buckled,
+        certified=work.tangent if ok else None,
     )
 
 

@@ -11,6 +11,7 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.linear.choice import FactorisationError
 from palpate.core.fem.newton.point_pressures import pressure_step
 from palpate.core.fem.state import Residual, State
+from palpate.core.fem.tangent import Tangent
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Work:
     load_steps: int = 0
     reason: str = ""
     buckled: bool = False
+    tangent: Tangent | None = None  # at the last state whose stability was asked for
     slopes: FloatArray | None = None  # of the points' pressures at the state that was factorised
 
     @property
@@ -96,7 +98,10 @@ def certify(assembler: Assembler, state: State, load: float, work: Work, last_se
     if not work.options.stability:
         return last_seen
     values, _ = assembler.tangent(state, load)
-    return work.factorise(assembler, values) and is_minimum(assembler)
+    if not work.factorise(assembler, values):
+        return False
+    work.tangent = Tangent.factorised(assembler, state, load)
+    return is_minimum(assembler)
 
 
 def moved(

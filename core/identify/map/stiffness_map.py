@@ -189,13 +189,13 @@ class _Body:
         return _Solved(found, self.misfit.residual(found.u) / self.scale) if found.converged else None
 
     def jacobian(self, m: FloatArray, found: Equilibrium) -> FloatArray:
-        """Whitened derivative (q + 3 k, n) at the equilibrium that was solved last."""
+        """Whitened derivative (q + 3 k, n) at the equilibrium `found` of ln G = m (n,)."""
         G = np.exp(self.patches.of_cells(m))
         directions: list[Direction] = []
         for j in range(self.patches.n):
             rate = np.where(self.patches.patch == j, G, 0.0)
             directions.append({r: rate[rows, None] * self._unit for r, rows in self._rows.items() if rate[rows].any()})
-        moved = direct(self.scene.assembler, State(found.u, found.p), directions)
+        moved = direct(found.tangent, directions)
         return self.misfit.jacobian(found.u, moved) / self.scale
 
     def score_covariance(self, jacobian: FloatArray) -> FloatArray:
@@ -216,9 +216,7 @@ class _Body:
             solved = self.at(m + step, before.equilibrium)
             if solved is not None and objective(m + step, solved) < least:
                 return m + step, solved, step
-        again = self.at(m, before.equilibrium)  # the factor must be that of the state returned
-        assert again is not None
-        return m, again, np.zeros_like(m)
+        return m, before, np.zeros_like(m)
 
 
 def _regional(scene: CoupledScene, patches: Patches, theta: FloatArray) -> FloatArray:

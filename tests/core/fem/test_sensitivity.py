@@ -9,14 +9,10 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.meshes import box, with_regions
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
-from palpate.core.fem.sensitivity import (
-    adjoint,
-    direct,
-    factorise_at,
-    response_to_forces,
-)
+from palpate.core.fem.sensitivity import adjoint, direct, response_to_forces
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
+from palpate.core.fem.tangent import Tangent
 from palpate.core.fem.terms.loads import nodal_force, traction
 from palpate.core.laws import LAWS
 
@@ -70,9 +66,9 @@ def test_sensitivities_to_every_parameter(element: str, law: str) -> None:
     p = BASE.get(law, np.linspace(10.0, 200.0, len(LAWS[law].parameters)))
     found = solve(assembler, goal, law, p)
     directions = [{1: np.eye(len(p))[k]} for k in range(len(p))]
-    du = direct(assembler, State(found.u, found.p), directions)
+    du = direct(found.tangent, directions)
     gradient = np.random.default_rng(0).normal(size=found.u.shape)
-    slopes = adjoint(assembler, State(found.u, found.p), directions, gradient)
+    slopes = adjoint(found.tangent, directions, gradient)
     np.testing.assert_allclose(slopes, np.einsum("tni,ni->t", du, gradient), rtol=1e-8)
     for k in range(len(p)):
         numeric = difference(lambda s, k=k: solve(assembler, goal, law, p + s * np.eye(len(p))[k]).u, 2e-3 * p[k])
@@ -87,21 +83,53 @@ def test_sensitivity_to_a_field_of_parameters() -> None:
     rate = np.zeros_like(p)
     rate[4, 0] = 1.0
     found = solve(assembler, goal, "mooney-rivlin", p)
-    du = direct(assembler, State(found.u, found.p), [{1: rate}])[0]
+    du = direct(found.tangent, [{1: rate}])[0]
     numeric = difference(lambda s: solve(assembler, goal, "mooney-rivlin", p + s * rate).u, 0.02)
     assert np.abs(du - numeric).max() < 1e-6 * np.abs(numeric).max()
 
 
-def test_the_factor_may_be_made_afresh_anywhere() -> None:
-    """Without the stability check the factor left behind is that of the last iteration; `factorise_at` makes it exact."""
+def test_a_stale_factor_is_never_used() -> None:
+    """Whatever is factorised, set or solved in between, a tangent answers as at first: it makes its factor again."""
     assembler, goal = scene("p2p1")
     found = solve(assembler, goal, "mooney-rivlin", BASE["mooney-rivlin"])
     state, directions = State(found.u, found.p), [{1: np.array([1.0, 0.0, 0.0])}]
-    expected = direct(assembler, state, directions)
-    assembler.solver.factorise(assembler.tangent(State(0.0 * found.u, 0.0 * found.p), 1.0)[0])
-    assert np.abs(direct(assembler, state, directions) - expected).max() > 1e-3 * np.abs(expected).max()
-    factorise_at(assembler, state)
-    np.testing.assert_allclose(direct(assembler, state, directions), expected, rtol=1e-9, atol=1e-12)
+    gradient = np.random.default_rng(0).normal(size=found.u.shape)
+    expected, slopes = direct(found.tangent, directions), adjoint(found.tangent, directions, gradient)
+    rest = State(0.0 * found.u, 0.0 * found.p)
+    assembler.solver.factorise(assembler.tangent(rest, 1.0)[0])  # another state's, behind the tangent's back
+    with_the_stale_one = Tangent.factorised(assembler, state, 1.0)
+    assert np.abs(direct(with_the_stale_one, directions) - expected).max() > 1e-3 * np.abs(expected).max()
+    np.testing.assert_array_equal(direct(found.tangent, directions), expected)
+    softer = solve(assembler, goal, "mooney-rivlin", 0.5 * BASE["mooney-rivlin"])  # another model on the same solver
+    terms, assembler.terms = assembler.terms, ()
+    np.testing.assert_array_equal(adjoint(found.tangent, directions, gradient), slopes)
+    np.testing.assert_array_equal(direct(found.tangent, directions), expected)
+    assert np.abs(direct(softer.tangent, directions) - expected).max() > 1e-3 * np.abs(expected).max()
+    assert assembler.terms == terms
+    found.tangent.set_materials()
+    afresh = Tangent(assembler, state)
+    np.testing.assert_allclose(direct(afresh, directions), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_a_tangent_whose_factor_is_present_factorises_nothing() -> None:
+    assembler, goal = scene("p1p1")
+    found = solve(assembler, goal, "mooney-rivlin", BASE["mooney-rivlin"])
+    made = assembler.solver.factorisations
+    direct(found.tangent, [{1: np.array([1.0, 0.0, 0.0])}])
+    assert assembler.solver.factorisations == made
+    solve(assembler, goal, "mooney-rivlin", 0.5 * BASE["mooney-rivlin"])
+    made = assembler.solver.factorisations
+    direct(found.tangent, [{1: np.array([1.0, 0.0, 0.0])}])
+    assert assembler.solver.factorisations == made + 1
+
+
+def test_an_equilibrium_without_a_check_of_its_stability_has_no_tangent() -> None:
+    assembler, goal = scene("p1p1")
+    materials = {1: Material(LAWS["linear"], BASE["linear"]), 3: Material(LAWS["linear"], BASE["linear"])}
+    found = solve_equilibrium(assembler, materials, goal, options=NewtonOptions(stability=False))
+    assert found.converged
+    with pytest.raises(ValueError, match="stability=True"):
+        _ = found.tangent
 
 
 @pytest.mark.parametrize("element", ["p1", "p2p1"])
@@ -112,8 +140,7 @@ def test_response_to_more_force(element: str) -> None:
     force = np.array([[30.0, -20.0, 10.0]])
     nodal = np.zeros((1, space.n_nodes, 3))
     nodal[0, node] = force
-    solve(assembler, goal, "mooney-rivlin", p)
-    du = response_to_forces(assembler, nodal)[0]
+    du = response_to_forces(solve(assembler, goal, "mooney-rivlin", p).tangent, nodal)[0]
 
     def with_force(s: float) -> np.ndarray:
         loaded = Assembler(space, assembler.free, [*assembler.terms, nodal_force(np.array([node]), s * force)])

@@ -53,7 +53,7 @@ def test_the_predicted_spread_is_that_of_a_hundred_noisy_scans(problem: Identifi
     assert told.posterior is not None
     scene = CoupledScene(problem, SceneOptions(element=ELEMENT))
     found = scene.settle(TRUTH).equilibrium
-    misfit = Misfit.of(scene, wall_response(scene, found.u))
+    misfit = Misfit.of(scene, wall_response(scene, found))
     jacobian = misfit.jacobian(found.u, scene.displacement_sensitivities(TRUTH, found))
     facts, rng = problem.facts, np.random.default_rng(7)
     sd, length = np.sqrt(2.0) * facts.noise_sd_mm, facts.noise_correlation_mm

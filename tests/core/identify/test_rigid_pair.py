@@ -104,7 +104,7 @@ def test_a_deformation_far_below_the_contours_error_tells_nothing_either(problem
     weak = replace(problem, facts=facts, walls={n: _partly(p, 0.05) for n, p in problem.walls.items()})
     scene, theta = CoupledScene(weak, SceneOptions(element="p1p1")), np.log([30.0, 70.0])
     found = scene.settle(theta).equilibrium
-    misfit = Misfit.of(scene, wall_response(scene, found.u))
+    misfit = Misfit.of(scene, wall_response(scene, found))
     J = misfit.jacobian(found.u, scene.displacement_sensitivities(theta, found))
     posterior = laplace(theta, np.zeros(len(J)), J, scene.parameters.bounds)
     assert verdict(("prostate_left", "prostate_right"), posterior).startswith("nothing can be identified")

@@ -32,7 +32,7 @@ def posed(noise_sd_mm: float) -> Posed:
     problem = replace(problem, facts=replace(problem.facts, noise_sd_mm=noise_sd_mm))
     scene = CoupledScene(problem, SceneOptions(element="p1p1"))
     found = scene.settle(TRUTH).equilibrium
-    return scene, Misfit.of(scene, wall_response(scene, found.u)), found
+    return scene, Misfit.of(scene, wall_response(scene, found)), found
 
 
 @pytest.fixture(scope="module")
