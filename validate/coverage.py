@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.identify.reduced_fit import ReducedFit
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.inference.posterior import unknown
@@ -15,6 +16,32 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, tumour_data
 from palpate.validate.paper.tumour_fit import TumourFit
 from palpate.validate.paper.tumour_scene import Divisions
+
+
+class CoverageRow(TypedDict):
+    """One noise level: share of intervals that hold the truth, of both halves (2,) apart too; rms of (found - truth) / sd of ln G."""
+
+    noise_sd_mm: float
+    covered: float
+    covered_by_half: FloatArray
+    standard_error: float
+    score_rms: float
+    median_width_ln_G: float
+    called_not_identifiable: int
+    of_these_spanning_what_was_allowed: int
+
+
+class CoverageTable(TypedDict):
+    """Rows of noise levels, `replicates` noisy pairs in each."""
+
+    study: str
+    replicates: int
+    truths_mu_kpa: tuple[tuple[float, float], ...]
+    cells: int
+    element: str
+    data_cells: int
+    data_element: str
+    rows: list[CoverageRow]
 
 
 @dataclass(frozen=True)
@@ -35,7 +62,7 @@ class CoverageOptions:
         return cls(100, (0.2, 0.8), ((30.0, 70.0),), Divisions(2, 1, 1), Divisions(4, 1, 1), seed=seed)
 
 
-def coverage(options: CoverageOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def coverage(options: CoverageOptions | None = None, progress: Progress = silent) -> CoverageTable:
     """Rows of noise levels; `covered` is the share of intervals that hold the truth, both halves together."""
     o = options or CoverageOptions()
     with one_thread():
@@ -65,7 +92,7 @@ def coverage(options: CoverageOptions | None = None, progress: Progress = silent
     }
 
 
-def _level(fit: TumourFit, fits: list[ReducedFit], o: CoverageOptions) -> dict[str, Any]:
+def _level(fit: TumourFit, fits: list[ReducedFit], o: CoverageOptions) -> CoverageRow:
     """One noise level."""
     rng = np.random.default_rng(o.seed)
     errors = fit.draw(rng, o.replicates)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 from scipy import ndimage
@@ -37,12 +37,60 @@ FINE_MM = 0.5
 _INNER = np.vstack([np.full((1, 3), 1.0 / 3.0), 0.2 + 0.4 * np.eye(3)])
 
 
+class LabelsAndMesh(TypedDict):
+    """One figure of both."""
+
+    labels: float
+    mesh: float
+
+
+class Checks(TypedDict):
+    """What is as wanted."""
+
+    angle: bool
+    volume: bool
+    surface: bool
+    seconds: bool
+
+
+class MeshRow(TypedDict):
+    """One mesh: its cells, its volumes against the labels', distances of its organ surface from the outline of the voxels."""
+
+    scan: str
+    cells: int
+    min_dihedral_deg: float
+    slivers: int
+    worst_volume_error: float
+    volume_error: dict[str, float]
+    surface_p95_mm: float
+    surface_p95_voxels: float
+    surface_share_within_half_smallest_edge: float
+    smooth_outline_p95_mm: float
+    smooth_outline_share_within_half_smallest_edge: float
+    half_voxel_mm: float
+    smooth_surface_p95_mm: dict[str, float]
+    organ_on_rectum_mm2: LabelsAndMesh
+    attempts: int
+    seconds: float
+    cpu_seconds: NotRequired[float]
+    checks: Checks
+    reached: bool
+
+
+class MeshingTable(TypedDict):
+    """A row a scan, and how many reach all that is wanted."""
+
+    rows: list[MeshRow]
+    target_tets: int
+    reached: int
+
+
 def meshing_study(
     scans: Sequence[ContouredScan], options: MeshOptions | None = None, progress: Progress = silent
-) -> dict[str, Any]:
+) -> MeshingTable:
     """One row a scan, beside what is wanted; JSON-able. Raises InputError when a scan cannot be meshed."""
     options = options or MeshOptions()
-    rows = []
+    rows: list[MeshRow] = []
     for number, scan in enumerate(scans):
         progress(number / len(scans), f"{scan.name}: labels")
         labels = labels_of_scan(scan)
@@ -50,7 +98,7 @@ def meshing_study(
         start, worked = time.perf_counter(), _cpu_seconds()
         meshed = mesh_labels(labels, options)
         row = row_of(scan.name, labels, meshed, time.perf_counter() - start)
-        rows.append(row | {"cpu_seconds": _cpu_seconds() - worked})
+        rows.append({**row, "cpu_seconds": _cpu_seconds() - worked})
     return {"rows": rows, "target_tets": options.target_tets, "reached": sum(row["reached"] for row in rows)}
 
 
@@ -70,7 +118,7 @@ def labels_of_scan(scan: ContouredScan) -> Volume:
     return labels_of(part, split_plane(part.prostate, normal, source, None), box)
 
 
-def row_of(name: str, labels: Volume, meshed: MeshedCase, seconds: float) -> dict[str, Any]:
+def row_of(name: str, labels: Volume, meshed: MeshedCase, seconds: float) -> MeshRow:
     """The figures of one mesh, and whether each is as wanted."""
     quality = meshed.quality
     voxel_mm = float(labels.spacing.mean())
@@ -81,7 +129,7 @@ def row_of(name: str, labels: Volume, meshed: MeshedCase, seconds: float) -> dic
     smooth = np.abs(distance_from_outline(labels, organ_surfaces(labels).points))
     p95 = float(np.percentile(away, 95))
     touching = contact_of_labels(labels), contact_of_mesh(meshed)
-    checks = {
+    checks: Checks = {
         "angle": quality["min_dihedral_deg"] >= WANTED_ANGLE_DEG,
         "volume": worst <= WANTED_VOLUME,
         "surface": p95 <= WANTED_VOXELS * voxel_mm and in_voxels <= WANTED_VOXELS,
@@ -159,7 +207,7 @@ def contact_of_labels(labels: Volume) -> float:
     return total
 
 
-def study_text(found: dict[str, Any]) -> str:
+def study_text(found: MeshingTable) -> str:
     """The table for a person."""
     lines = [f"{'scan':10}{'cells':>7}{'angle':>8}{'slivers':>9}{'volume %':>10}{'p95 mm':>8}{'(smooth)':>10}{'voxels':>8}"
              f"{'on rectum mm2 (labels)':>25}{'s':>6}{'cpu s':>7}"]  # fmt: skip

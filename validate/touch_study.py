@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -29,6 +29,59 @@ _ROUNDS = 3
 _DEPTHS = (0.2, 0.3, 0.4, 0.6)
 
 
+class PokeRow(TypedDict):
+    """One poke: cost of the quick answer, size of the full solve's force (mN), and how far the quick one is from it, of that size."""
+
+    seconds: float
+    cpu_seconds: float
+    iterations: int
+    good: bool
+    force_mn: float
+    converged: bool
+    error: float
+    estimate: float
+
+
+class HertzRow(TypedDict):
+    """Force on the ball at one depth, Hertz's, and the relative difference."""
+
+    depth_mm: float
+    force_mn: float
+    hertz_mn: float
+    error: float
+
+
+class _Pokes(TypedDict):
+    pokes: int
+    corrected_by_full: int
+    full_without_equilibrium: int
+    largest_error: float
+    median_error: float
+    error_above_estimate: int
+    answers_per_second: float
+    answers_per_cpu_second: float
+    slowest_ms: float
+
+
+class _Path(TypedDict):
+    path_answers_per_second: float
+    path_answers_per_cpu_second: float
+    path_corrected_by_full: int
+
+
+class TouchTable(_Pokes, _Path):
+    """What was touched; figures over all pokes and along a path; Hertz; a row a poke."""
+
+    cells: int
+    surface_nodes: int
+    edge_mm: float
+    probe_radius_mm: float
+    deepest_mm: float
+    setup_seconds: float
+    hertz: list[HertzRow]
+    rows: list[PokeRow]
+
+
 @dataclass(frozen=True)
 class TouchOptions:
     """pokes : random ones. deepest : mm. fine : cells along a quarter turn of Hertz's ball. seed : of the places."""
@@ -46,7 +99,7 @@ class TouchOptions:
 
 def touch_study(
     options: TouchOptions | None = None, body: Body | None = None, progress: Progress = silent
-) -> dict[str, Any]:
+) -> TouchTable:
     """body : what is touched; a halved ellipsoid of 3,888 cells with 20 and 60 kPa when None."""
     options = options or TouchOptions()
     body = body or halved_ellipsoid()
@@ -86,8 +139,8 @@ def random_pokes(session: Session, options: TouchOptions) -> list[Contact]:
     return [session.contact(s.nearest(x), float(d)) for x, d in zip(places, depths, strict=True)]
 
 
-def _compared(body: Body, quick: QuickTouch, pokes: list[Contact], progress: Progress) -> list[dict[str, Any]]:
-    full, rows = FullTouch(body), []
+def _compared(body: Body, quick: QuickTouch, pokes: list[Contact], progress: Progress) -> list[PokeRow]:
+    full, rows = FullTouch(body), list[PokeRow]()
     for k, contact in enumerate(pokes):
         progress(k / len(pokes), f"poke {k + 1} of {len(pokes)}")
         found, wall, cpu = _timed(quick, contact)
@@ -115,7 +168,7 @@ def _timed(quick: QuickTouch, contact: Contact) -> tuple[QuickAnswer, float, flo
     return found, min(walls), min(cpus)
 
 
-def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _summary(rows: list[PokeRow]) -> _Pokes:
     good = [r for r in rows if r["good"] and r["converged"]]
     errors, estimates = np.array([r["error"] for r in good]), np.array([r["estimate"] for r in good])
     return {
@@ -129,7 +182,7 @@ def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _path(session: Session, options: TouchOptions, steps: int = 100) -> dict[str, Any]:
+def _path(session: Session, options: TouchOptions, steps: int = 100) -> _Path:
     """Answers a second while the probe presses in, slides across the border between the regions and comes out."""
     deepest = min(options.deepest, session.deepest)
     session.touch(np.array([30.0, -60.0, 10.0]))
@@ -145,12 +198,12 @@ def _path(session: Session, options: TouchOptions, steps: int = 100) -> dict[str
     }  # fmt: skip
 
 
-def hertz(fine: int = 8) -> list[dict[str, float]]:
+def hertz(fine: int = 8) -> list[HertzRow]:
     """Force on a rigid ball pressed into an equal elastic one, beside Hertz's."""
     mesh = ball_towards(fine, 3, _BALL, 0.7)
     held = np.flatnonzero(mesh.points[:, 2] < 0.0)
     body = Body(mesh, {1: _BALL_G}, {1: "ball"}, support="none", fixed=held)
-    full, top, out = FullTouch(body), np.array([0.0, 0.0, _BALL]), []
+    full, top, out = FullTouch(body), np.array([0.0, 0.0, _BALL]), list[HertzRow]()
     nu = body.poisson_ratio
     stiffness = 4.0 / 3.0 * 2.0 * _BALL_G * (1.0 + nu) / (1.0 - nu**2) * np.sqrt(0.5 * _BALL)
     state = None

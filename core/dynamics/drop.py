@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.dynamics.contact import Contact, Layer
-from palpate.core.dynamics.drop_watch import Watch, energies_of, fall_figures
+from palpate.core.dynamics.drop_watch import FallFigures, Watch, energies_of, fall_figures
 from palpate.core.dynamics.march import MarchOptions, march, open_ledger
 from palpate.core.dynamics.mass import KG_MM3, STANDARD_GRAVITY
 from palpate.core.dynamics.rigid import RigidSurface, dish
@@ -49,6 +48,14 @@ class DropOptions:
     element: str = "p1p1"
 
 
+class DropFigures(FallFigures):
+    """The same with the seconds that it took, the number of tetrahedra, and the options it was made with."""
+
+    seconds: float
+    cells: int
+    options: dict[str, object]
+
+
 @dataclass(frozen=True, eq=False)
 class Drop:
     """What came of it: points (frames, n, 3) mm of the organ's surface at times (frames,) s, +z up, the dish's lowest point at 0.
@@ -61,7 +68,7 @@ class Drop:
     points: FloatArray
     faces: IntArray
     regions: IntArray
-    figures: dict[str, Any]
+    figures: DropFigures
     energies: dict[str, FloatArray]
 
 
@@ -102,8 +109,12 @@ def drop(
         motion = march(body, motion, float(until), MarchOptions(options.dt), ledger, watch.see)
         frames.append(space.nodes + motion.u)
         progress(k / count, f"{1e3 * until:.0f} of {1e3 * options.seconds:.0f} ms")
-    figures = fall_figures(watch, ledger, options.layer[0]) | {"seconds": time.perf_counter() - began}
-    figures |= {"cells": len(mesh.cells), "options": asdict(options)}
+    figures: DropFigures = {
+        **fall_figures(watch, ledger, options.layer[0]),
+        "seconds": time.perf_counter() - began,
+        "cells": len(mesh.cells),
+        "options": asdict(options),
+    }
     return _drop(np.array(frames), times, space, figures, energies_of(ledger))
 
 
@@ -139,7 +150,7 @@ def _clearance(points: FloatArray, on: RigidSurface) -> float:
 
 
 def _drop(
-    frames: FloatArray, times: FloatArray, space: Space, figures: dict[str, Any], energies: dict[str, FloatArray]
+    frames: FloatArray, times: FloatArray, space: Space, figures: DropFigures, energies: dict[str, FloatArray]
 ) -> Drop:
     """Keeps the surface's nodes alone; faces of quadratic cells become four triangles each."""
     faces, owner = space.mesh.boundary

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -11,6 +11,33 @@ from palpate.core.dynamics.march import Ledger
 from palpate.core.dynamics.mass import STANDARD_GRAVITY
 from palpate.core.dynamics.motion import Motion
 from palpate.core.dynamics.rigid import RigidSurface, depth
+
+
+class Reached(TypedDict):
+    """When and how fast the dish's layer is reached; None where it is not."""
+
+    fall_mm: float | None
+    fall_time_s: float | None
+    fall_time_error: float | None
+    impact_speed_mm_s: float | None
+
+
+class FallFigures(Reached):
+    """What came of one fall, see `drop`; energies relative to that of the fall."""
+
+    landed: bool
+    rebound_mm: float | None
+    flattest: float
+    deepest_penetration_mm: float
+    nearest_mm: float
+    energy_scale_mj: float
+    energy_growth: float
+    lost_in_tissue: float
+    lost_to_friction: float
+    unaccounted: float
+    steps: int
+    steps_taken_again: int
+    newton_iterations: int
 
 
 class Watch:
@@ -31,7 +58,7 @@ class Watch:
         self.fallen.append(-float(motion.u[:, 2].mean()))
 
 
-def fall_figures(watch: Watch, ledger: Ledger, layer: float) -> dict[str, Any]:
+def fall_figures(watch: Watch, ledger: Ledger, layer: float) -> FallFigures:
     """Plain values, see `drop`. layer : mm of the layer in which the dish presses back."""
     gaps, times, fallen = -np.array(watch.depths), np.array(watch.times), np.array(watch.fallen)
     inside = np.flatnonzero(gaps < layer)
@@ -54,10 +81,10 @@ def fall_figures(watch: Watch, ledger: Ledger, layer: float) -> dict[str, Any]:
     }
 
 
-def _fall(gaps: FloatArray, times: FloatArray, fallen: FloatArray, first: int | None, layer: float) -> dict[str, Any]:
-    """When and how fast the dish's layer is reached: the last free step, continued."""
+def _fall(gaps: FloatArray, times: FloatArray, fallen: FloatArray, first: int | None, layer: float) -> Reached:
+    """The last free step, continued."""
     if first is None or first < 2:
-        return dict.fromkeys(("fall_mm", "fall_time_s", "fall_time_error", "impact_speed_mm_s"))
+        return {"fall_mm": None, "fall_time_s": None, "fall_time_error": None, "impact_speed_mm_s": None}
     k = first - 1
     dt = float(times[k] - times[k - 1])
     speed = float(fallen[k] - fallen[k - 1]) / dt + 0.5 * STANDARD_GRAVITY * dt

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -22,7 +24,34 @@ from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin
 _STIFF = 1e5  # kPa, shear modulus of a block that counts as rigid: its waves cross it in a hundredth of a contact
 
 
-def rebound(dt: float = 5e-5, fall: float = 20.0) -> dict[str, float]:
+class Rebound(TypedDict):
+    """Relative errors of the block against its closed forms; time in the layer, ms; growth of energy relative to the fall's."""
+
+    fall: float
+    impact_speed: float
+    rebound_height: float
+    return_time: float
+    contact_ms: float
+    energy_growth: float
+
+
+class BarImpact(TypedDict):
+    """Relative errors of the bar against its closed forms; growth of energy."""
+
+    contact_time: float
+    rebound_speed: float
+    energy_growth: float
+
+
+class Slope(TypedDict):
+    """Relative error of the block's way, and that way, mm; growth of energy."""
+
+    slide: float
+    way: float
+    energy_growth: float
+
+
+def rebound(dt: float = 5e-5, fall: float = 20.0) -> Rebound:
     """A stiff cube of 10 mm falls so far (mm) onto the layer of a floor and comes back.
 
     Closed forms: time and speed of the fall, return to the height it came from, and the time of the return: twice the fall and the
@@ -67,7 +96,7 @@ def _passage(layer: Layer, area: float, mass: float, fall: float) -> float:
     return 2.0 * half
 
 
-def bar_impact(cells: int = 60, speed: float = 200.0) -> dict[str, float]:
+def bar_impact(cells: int = 60, speed: float = 200.0) -> BarImpact:
     """A bar of 40 mm that cannot bulge strikes a wall end on, without gravity.
 
     Closed form: it leaves after twice a wave's way along it, 2 L / c, as fast as it came (Saint-Venant). Relative errors.
@@ -99,7 +128,7 @@ def bar_impact(cells: int = 60, speed: float = 200.0) -> dict[str, float]:
     }
 
 
-def slope(angle: float = 25.0, friction: float = 0.3, dt: float = 1e-3) -> dict[str, float]:
+def slope(angle: float = 25.0, friction: float = 0.3, dt: float = 1e-3) -> Slope:
     """A stiff block on a slope (degrees), let go at rest: it slides with g (sin - friction cos), or stays.
 
     slide : relative error of the way after 0.1 s, 0 for a block that should stay. way : mm.

@@ -6,14 +6,15 @@ On a virtual cohort, whose stage sets the size and the stiffness of a tumour, on
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict, final
 
 import numpy as np
 from scipy import stats
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.worker.cluster import study_executor
 from palpate.core.worker.executors import one_thread
@@ -22,7 +23,67 @@ from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, Tum
 from palpate.validate.paper.tumour_fit import Found, TumourFit
 from palpate.validate.paper.tumour_scene import Divisions
 
-PAPER = {"patients": 10, "pearson": 0.8233, "pearson_p": 0.0034, "spearman": 0.8304, "spearman_p": 0.0029}
+
+class Correlation(TypedDict):
+    """Pearson's and Spearman's coefficients of stiffness with stage, and their p-values (two-sided)."""
+
+    pearson: float
+    pearson_p: float
+    spearman: float
+    spearman_p: float
+
+
+class PaperCorrelation(Correlation):
+    """The same as the paper prints them, of so many patients."""
+
+    patients: int
+
+
+@final
+class VirtualPatient(TypedDict):
+    """Stage, tumour, mu (2,) kPa that both halves have and that are found, their 95 % intervals (2, 2), and means of both halves."""
+
+    stage: float
+    share: float
+    tumour_mu_kpa: float
+    effective_mu_kpa: FloatArray
+    effective_mean_mu_kpa: float
+    clean_mean_mu_kpa: float
+    noisy_mu_kpa: FloatArray
+    noisy_ci95_kpa: FloatArray
+    noisy_mean_mu_kpa: float
+
+
+@final
+class RealPatient(TypedDict):
+    """A row of a table."""
+
+    stage: float
+    mu_kpa: float
+
+
+class CohortTable(TypedDict):
+    """Patients, virtual or of a table, and the correlation of each kind of value; of virtual ones also how they were made."""
+
+    study: str
+    patients: str
+    noise_sd_mm: NotRequired[float]
+    cells: NotRequired[int]
+    element: NotRequired[str]
+    data_cells: NotRequired[int]
+    data_element: NotRequired[str]
+    rows: list[VirtualPatient] | list[RealPatient]
+    statistics: dict[str, Correlation]
+    paper: PaperCorrelation
+
+
+PAPER: PaperCorrelation = {
+    "patients": 10,
+    "pearson": 0.8233,
+    "pearson_p": 0.0034,
+    "spearman": 0.8304,
+    "spearman_p": 0.0029,
+}
 # Of the virtual cohort, by stage T1 to T4: the tumour's share of its half and its mu over the normal tissue's. Assumed: no
 # measurement says how stage and stiffness go together; both scatter from patient to patient by `SCATTER` of ln.
 SHARE_BY_STAGE = (0.10, 0.30, 0.55, 0.80)
@@ -54,7 +115,7 @@ class CohortOptions:
         return cls(10, 0.4, Divisions(2, 1, 1), Divisions(4, 1, 1), seed=seed)
 
 
-def cohort(options: CohortOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def cohort(options: CohortOptions | None = None, progress: Progress = silent) -> CohortTable:
     """The virtual cohort: stage, what each organ has and what is found of it, and their correlation with and without noise."""
     o = options or CohortOptions()
     rng = np.random.default_rng(o.seed)
@@ -75,7 +136,11 @@ def cohort(options: CohortOptions | None = None, progress: Progress = silent) ->
         for stage, data, error in zip(stages, people, errors, strict=True):
             rows.append(_row(stage, data, fit.identify(data), fit.identify(data, error)))
     progress(1.0, "done")
-    by = {"truth": "effective_mean_mu_kpa", "clean": "clean_mean_mu_kpa", "noisy": "noisy_mean_mu_kpa"}
+    values = {
+        "truth": [row["effective_mean_mu_kpa"] for row in rows],
+        "clean": [row["clean_mean_mu_kpa"] for row in rows],
+        "noisy": [row["noisy_mean_mu_kpa"] for row in rows],
+    }
     return {
         "study": "cohort",
         "patients": "virtual: stage sets the tumour's size and stiffness, one anatomy for all",
@@ -85,12 +150,12 @@ def cohort(options: CohortOptions | None = None, progress: Progress = silent) ->
         "data_cells": o.data.cells,
         "data_element": DATA_ELEMENT,
         "rows": rows,
-        "statistics": {key: correlation(stages, [row[name] for row in rows]) for key, name in by.items()},
+        "statistics": {key: correlation(stages, v) for key, v in values.items()},
         "paper": PAPER,
     }
 
 
-def cohort_of_table(path: Path) -> dict[str, Any]:
+def cohort_of_table(path: Path) -> CohortTable:
     """The statistics of real cases: a CSV with columns `stage` (T1 to T4, or a number) and `mu_kpa`, one row a case.
 
     Raises InputError when the file or a row of it cannot be read, or there are fewer than 3 cases or one stage only.
@@ -113,8 +178,8 @@ def cohort_of_table(path: Path) -> dict[str, Any]:
             "statistics": {"table": correlation(stages, values)}, "paper": PAPER}  # fmt: skip
 
 
-def correlation(stages: Sequence[float], values: Sequence[float]) -> dict[str, float]:
-    """Pearson's and Spearman's coefficients of stiffness with stage, and their p-values (two-sided)."""
+def correlation(stages: Sequence[float], values: Sequence[float]) -> Correlation:
+    """Of values with stage; see `Correlation`."""
     linear, ranks = stats.pearsonr(stages, values), stats.spearmanr(stages, values)
     return {
         "pearson": float(linear.statistic),
@@ -137,7 +202,7 @@ def _patient(recipe: tuple[float, float, float, Divisions]) -> TumourData:
     return tumour_data(share, tumour_mu, data, normal_mu)
 
 
-def _row(stage: int, data: TumourData, clean: Found, noisy: Found) -> dict[str, Any]:
+def _row(stage: int, data: TumourData, clean: Found, noisy: Found) -> VirtualPatient:
     return {
         "stage": stage,
         "share": data.share,
@@ -151,7 +216,7 @@ def _row(stage: int, data: TumourData, clean: Found, noisy: Found) -> dict[str, 
     }
 
 
-def _read(row: dict[str, Any], path: Path, line: int) -> dict[str, float]:
+def _read(row: Mapping[str, str | None], path: Path, line: int) -> RealPatient:
     text = str(row["stage"] or "").strip().upper().removeprefix("T")
     try:
         stage, mu = float(text), float(row["mu_kpa"] or "")

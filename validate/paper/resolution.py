@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, tumour_data
@@ -16,6 +17,32 @@ from palpate.validate.paper.tumour_tables import PAPER_1
 
 # The paper varies its meshes from 200 to 1,500 nodes.
 MESHES = (Divisions(2, 1, 1), Divisions(2, 1, 3), Divisions(4, 1, 2), Divisions(4, 2, 4))
+
+
+class ResolutionRow(TypedDict):
+    """One mesh and element: mu (k,) kPa found at each tumour size, without noise and with; % by which the normal half is off."""
+
+    element: str
+    cells: int
+    nodes: int
+    tumour_mu_kpa: FloatArray
+    normal_mu_kpa: FloatArray
+    noisy_tumour_mu_kpa: FloatArray
+    noisy_normal_mu_kpa: FloatArray
+    normal_error_percent: FloatArray
+
+
+class ResolutionTable(TypedDict):
+    """Rows over the tumour's `share` of its half; `effective_mu_kpa` is what that half has."""
+
+    study: str
+    data_cells: int
+    data_element: str
+    noise_sd_mm: float
+    share: list[float]
+    effective_mu_kpa: list[float]
+    rows: list[ResolutionRow]
+    paper: str
 
 
 @dataclass(frozen=True)
@@ -35,7 +62,7 @@ class ResolutionOptions:
         return cls((Divisions(2, 1, 1), Divisions(2, 1, 3)), Divisions(4, 1, 1), ("p1", "p1p1"), 3, seed=seed)
 
 
-def resolution(options: ResolutionOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def resolution(options: ResolutionOptions | None = None, progress: Progress = silent) -> ResolutionTable:
     """A row for each mesh and element: mu found of both halves at every tumour size, without noise and with."""
     o = options or ResolutionOptions()
     with one_thread():
@@ -67,7 +94,7 @@ def resolution(options: ResolutionOptions | None = None, progress: Progress = si
     }
 
 
-def _row(fit: TumourFit, element: str, mesh: Divisions, clean: np.ndarray, noisy: np.ndarray) -> dict[str, Any]:
+def _row(fit: TumourFit, element: str, mesh: Divisions, clean: FloatArray, noisy: FloatArray) -> ResolutionRow:
     return {
         "element": element,
         "cells": mesh.cells,

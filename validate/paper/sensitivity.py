@@ -7,10 +7,11 @@ The slope of each curve is what a change of stiffness can be seen by.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -27,6 +28,21 @@ LINEAR_G, POISSON = 20.0, 0.495
 MATERIALS = ("linear", "nonlinear")
 
 
+class SensitivityTable(TypedDict):
+    """Curves over the relative stiffness, by material (`MATERIALS`), and where the nonlinear one is the steeper or the higher."""
+
+    study: str
+    cells: int
+    element: str
+    tissue_G_kpa: dict[str, float]
+    relative: tuple[float, ...]
+    axis_ratio: dict[str, list[float]]
+    slope: dict[str, FloatArray]
+    nonlinear_steeper_at: list[float]
+    nonlinear_above_at: list[float]
+    paper: str
+
+
 @dataclass(frozen=True)
 class SensitivityOptions:
     """divisions : of `meshes.sphere_in_cube`, n even, so that its poles are nodes. relative : G of the sphere over the tissue's."""
@@ -41,7 +57,7 @@ class SensitivityOptions:
         return cls((2, 1, 1), "p2p1", (0.4, 0.7, 1.0, 2.0, 4.0))
 
 
-def sensitivity(options: SensitivityOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def sensitivity(options: SensitivityOptions | None = None, progress: Progress = silent) -> SensitivityTable:
     """Axis ratio and its slope over the relative stiffness, for both materials. Raises ConvergenceError where a body has no equilibrium."""
     o = options or SensitivityOptions()
     with one_thread():
@@ -73,7 +89,7 @@ def sensitivity(options: SensitivityOptions | None = None, progress: Progress = 
     }
 
 
-def verdict(found: dict[str, Any]) -> str:
+def verdict(found: SensitivityTable) -> str:
     """What came out of the paper's claim, in words."""
     steeper, of = found["nonlinear_steeper_at"], found["relative"]
     if len(steeper) == len(of):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
 from palpate.core.identify.reduced_fit import ReducedFit
-from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
+from palpate.core.inference.gauss_newton import GaussNewtonResult, Linearise, gauss_newton
 from palpate.core.inference.swarm import Swarm, SwarmOptions
 from palpate.core.reduced.greedy_design import Snapshot
 from palpate.core.reduced.reduced_model import ReducedModel
@@ -35,6 +35,85 @@ SCOUT = "p1p1"
 TRUTH_MU = (70.0, 30.0)
 # Iterations of which the positions are kept for the picture.
 SHOWN = (0, 4, 14, -1)
+
+
+class BySwarm(TypedDict):
+    """Optimum mu (2,) kPa of the swarm, and seconds of each part of the way to it; best : value of each iteration."""
+
+    particles: int
+    iterations: int
+    mu_kpa: FloatArray
+    seconds: dict[str, float]
+    full_solves: int
+    best: FloatArray
+
+
+class ByGaussNewton(TypedDict):
+    """Optimum mu (2,) kPa of the best start, and what all starts cost."""
+
+    starts: int
+    mu_kpa: FloatArray
+    seconds: float
+    cpu_seconds: float
+    full_solves: int
+
+
+class NewSurface(TypedDict):
+    """mu (2,) kPa of another deformed surface on the reduced model that is there."""
+
+    truth_mu_kpa: tuple[float, float]
+    mu_kpa: FloatArray
+    seconds: float
+    cpu_seconds: float
+
+
+class Workload(TypedDict):
+    """What the paper's run took."""
+
+    seconds: float
+    cores: int
+    cells: int
+
+
+class Landscape(TypedDict):
+    """The objective (rows: right half) over the box of both halves' mu."""
+
+    mu_left_kpa: FloatArray
+    mu_right_kpa: FloatArray
+    objective: list[list[float]]
+
+
+class Positions(TypedDict):
+    """Where the particles were in some iterations, mu (n, 2) kPa each, and the objective (n,) there."""
+
+    iterations: list[int]
+    mu_kpa: list[FloatArray]
+    values: list[FloatArray]
+
+
+class Shown(Positions):
+    """The same over the objective, for the picture."""
+
+    landscape: Landscape
+
+
+class SwarmTable(TypedDict):
+    """Three ways to one optimum."""
+
+    study: str
+    cells: int
+    element: str
+    data_cells: int
+    data_element: str
+    workers: int
+    truth_mu_kpa: tuple[float, float]
+    swarm: BySwarm
+    gauss_newton: ByGaussNewton
+    again: NewSurface
+    largest_ln_G_difference: float
+    posterior_sd_ln_G: FloatArray
+    paper: Workload
+    shown: Shown
 
 
 @dataclass(frozen=True)
@@ -56,7 +135,7 @@ class SwarmStudyOptions:
         return cls(Divisions(2, 1, 1), Divisions(4, 1, 1), iterations=30, workers=1, seed=seed)
 
 
-def swarm_study(options: SwarmStudyOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def swarm_study(options: SwarmStudyOptions | None = None, progress: Progress = silent) -> SwarmTable:
     """Seconds and optimum of each way; `largest_ln_G_difference` between them; the swarm's positions for the picture."""
     o = options or SwarmStudyOptions()
     with one_thread():
@@ -91,12 +170,11 @@ def swarm_study(options: SwarmStudyOptions | None = None, progress: Progress = s
         "largest_ln_G_difference": float(np.abs(ended - descent.theta).max()),
         "posterior_sd_ln_G": one.posterior(descent, bounds).sd,
         "paper": {"seconds": 24 * 3600.0, "cores": 1, "cells": 4000},
-        "shown": _positions(swarm) | {"landscape": _landscape(one, bounds)},
+        "shown": {**_positions(swarm), "landscape": _landscape(one, bounds)},
     }  # fmt: skip
 
 
-def _positions(swarm: Swarm) -> dict[str, Any]:
-    """Where the particles were in some iterations, and what they found there."""
+def _positions(swarm: Swarm) -> Positions:
     positions, values = swarm.track
     shown = [k for k in SHOWN if k < len(positions)]
     return {
@@ -137,7 +215,7 @@ def _snapshots(executor: Executor, thetas: FloatArray) -> list[Snapshot | None]:
     return list(executor.map(tumour_worker.snapshot, list(thetas)))
 
 
-def _full(fit: TumourFit, one: ReducedFit) -> Any:
+def _full(fit: TumourFit, one: ReducedFit) -> Linearise:
     """The linearisation of a fit by full solves, each started from the one before."""
     last: list[State | None] = [None]
 
@@ -179,8 +257,7 @@ def _again(fit: TumourFit, data: TumourData) -> tuple[FloatArray, tuple[float, f
     return found.mu, (time.perf_counter() - began, time.process_time() - cpu)
 
 
-def _landscape(one: ReducedFit, bounds: FloatArray, points: int = 31) -> dict[str, Any]:
-    """The objective over the box."""
+def _landscape(one: ReducedFit, bounds: FloatArray, points: int = 31) -> Landscape:
     axes = [np.linspace(low, high, points) for low, high in bounds]
     values = [[one.value(np.array([a, b])) for a in axes[0]] for b in axes[1]]
     return {"mu_left_kpa": np.exp(axes[0]) / 4.0, "mu_right_kpa": np.exp(axes[1]) / 4.0, "objective": values}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Literal, TypedDict
 
 import numpy as np
 from scipy import stats
@@ -20,6 +20,71 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, TumourData, tumour_data
 from palpate.validate.paper.tumour_fit import Found, TumourFit
 from palpate.validate.paper.tumour_scene import NORMAL_MU, TUMOUR_MU, Divisions
+
+
+class FoundHalves(TypedDict):
+    """mu (2,) kPa of both halves, 95 % intervals (2, 2), sd (2,) of ln G, and of ln G within each half that was allowed for."""
+
+    mu_kpa: FloatArray
+    ci95_kpa: FloatArray
+    sd_ln: FloatArray
+    uneven_sd_ln: FloatArray
+
+
+class PaperHalves(TypedDict):
+    """mu, kPa, as printed."""
+
+    tumour: float
+    normal: float
+
+
+class _OursRow(TypedDict):
+    share: float
+    tumour_mu_kpa: float
+    effective_mu_kpa: FloatArray
+    energy_in_place_mu_kpa: float
+    energy_of_its_surface_mu_kpa: float
+    clean: FoundHalves
+    noisy: FoundHalves
+    taken_as_uniform_mu_kpa: FloatArray
+    error_percent: FloatArray
+
+
+class TumourRow(_OursRow):
+    """A column of the paper's table: the tumour, what its half has by three answers, what is found, what the paper found."""
+
+    paper: PaperHalves
+
+
+class CleanNoisy(TypedDict):
+    """Pearson's correlation of what is found with what is varied."""
+
+    clean: float
+    noisy: float
+
+
+By = Literal["share", "tumour_mu_kpa"]
+
+
+class TumourTable(TypedDict):
+    """Rows by what is varied (`by`), and the uniform organ."""
+
+    study: str
+    by: By
+    noise_sd_mm: float
+    cells: int
+    element: str
+    data_cells: int
+    data_element: str
+    meshes_mm: float
+    normal_mu_kpa: float
+    uniform: FoundHalves
+    rows: list[TumourRow]
+    correlation: CleanNoisy
+    paper_correlation: float
+    rises: bool
+    largest_tumour_error_percent: float
+    largest_normal_error_percent: float
 
 
 # What the paper prints, kPa, mean of mu1 and mu2.
@@ -64,7 +129,7 @@ class TableOptions:
         return cls(Divisions(2, 1, 1), Divisions(4, 1, 1), "p2p1", 3, seed)
 
 
-def table1(options: TableOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def table1(options: TableOptions | None = None, progress: Progress = silent) -> TumourTable:
     """Rows of growing tumour; `correlation` is Pearson's of what is found with the tumour's share."""
     options = options or TableOptions()
     columns = zip(PAPER_1.by, PAPER_1.tumour, PAPER_1.normal, strict=True)
@@ -72,7 +137,7 @@ def table1(options: TableOptions | None = None, progress: Progress = silent) -> 
     return _table("table1", "share", cases[:: options.every], PAPER_1.correlation, options, progress)
 
 
-def table2(options: TableOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def table2(options: TableOptions | None = None, progress: Progress = silent) -> TumourTable:
     """Rows of growing tumour stiffness at `SHARE_2` of the half; `correlation` is Pearson's of what is found with that stiffness."""
     options = options or TableOptions()
     columns = zip(PAPER_2.by, PAPER_2.tumour, PAPER_2.normal, strict=True)
@@ -81,22 +146,24 @@ def table2(options: TableOptions | None = None, progress: Progress = silent) -> 
 
 
 def _table(
-    name: str, by: str, cases: list[tuple[float, float, float, float]], correlation: float, o: TableOptions, tell: Progress
-) -> dict[str, Any]:  # fmt: skip
+    name: str, by: By, cases: list[tuple[float, float, float, float]], correlation: float, o: TableOptions, tell: Progress
+) -> TumourTable:  # fmt: skip
     with one_thread():
         tell(0.0, "uniform organ")
         uniform = tumour_data(0.0, NORMAL_MU, o.data)
         fit = TumourFit(uniform.organ.rest, o.identify, o.element, o.data, progress=_part(tell, 0.02, 0.4))
         fit.learn_meshes(uniform)
         rng = np.random.default_rng(o.seed)
-        rows = []
+        rows: list[TumourRow] = []
         for k, (share, mu, paper, paper_normal) in enumerate(cases):
             tell(0.4 + 0.6 * k / len(cases), f"tumour of {100 * share:.0f} %, {mu:g} kPa")
             row = _row(tumour_data(share, mu, o.data, energies=True), fit, fit.draw(rng, extraction=False)[0])
-            rows.append(row | {"paper": {"tumour": paper, "normal": paper_normal}})
+            rows.append({**row, "paper": {"tumour": paper, "normal": paper_normal}})
         bare = fit.identify_uneven(uniform)
     tell(1.0, "done")
-    found = {key: [float(r[key]["mu_kpa"][0]) for r in rows] for key in ("clean", "noisy")}
+    varied = [r[by] for r in rows]
+    clean = [float(r["clean"]["mu_kpa"][0]) for r in rows]
+    noisy = [float(r["noisy"]["mu_kpa"][0]) for r in rows]
     return {
         "study": name,
         "by": by,
@@ -109,15 +176,15 @@ def _table(
         "normal_mu_kpa": NORMAL_MU,
         "uniform": _told(bare),
         "rows": rows,
-        "correlation": {key: _pearson([r[by] for r in rows], values) for key, values in found.items()},
+        "correlation": {"clean": _pearson(varied, clean), "noisy": _pearson(varied, noisy)},
         "paper_correlation": correlation,
-        "rises": bool((np.diff(found["clean"]) > 0.0).all()),
+        "rises": bool((np.diff(clean) > 0.0).all()),
         "largest_tumour_error_percent": max(abs(float(r["error_percent"][0])) for r in rows),
         "largest_normal_error_percent": max(abs(100.0 * (r["clean"]["mu_kpa"][1] / NORMAL_MU - 1.0)) for r in rows),
     }  # fmt: skip
 
 
-def _row(data: TumourData, fit: TumourFit, error: FloatArray) -> dict[str, Any]:
+def _row(data: TumourData, fit: TumourFit, error: FloatArray) -> _OursRow:
     clean, noisy = fit.identify_uneven(data), fit.identify_uneven(data, error)
     return {
         "share": data.share,
@@ -132,7 +199,7 @@ def _row(data: TumourData, fit: TumourFit, error: FloatArray) -> dict[str, Any]:
     }
 
 
-def _told(found: Found) -> dict[str, Any]:
+def _told(found: Found) -> FoundHalves:
     return {
         "mu_kpa": found.mu, "ci95_kpa": found.interval, "sd_ln": found.posterior.sd, "uneven_sd_ln": found.uneven_sd,
     }  # fmt: skip

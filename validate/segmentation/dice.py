@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -18,6 +18,20 @@ from palpate.segmentation.prompts import ORGANS, Prompts
 MODES = ("auto", "click", "extremes")
 # Extreme points as a person sets them: off by so many mm along each axis (standard deviation).
 JITTERED, JITTER_MM = "jittered", 1.5
+
+
+class DiceFigures(TypedDict):
+    """A `DiceRow` as JSON, figures rounded."""
+
+    organ: str
+    mode: str
+    dice: float
+    share_inside: float
+    volume_cc: float
+    reference_cc: float
+    shift_mm: float
+    confidence: float | None
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -37,9 +51,19 @@ class DiceRow:
     confidence: float | None
     seconds: float = 0.0
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> DiceFigures:
         """The JSON object of a row, figures rounded."""
-        return {k: round(v, 4) if isinstance(v, float) else v for k, v in vars(self).items()}
+        return {
+            "organ": self.organ,
+            "mode": self.mode,
+            "dice": round(self.dice, 4),
+            "share_inside": round(self.share_inside, 4),
+            "volume_cc": round(self.volume_cc, 4),
+            "reference_cc": round(self.reference_cc, 4),
+            "shift_mm": round(self.shift_mm, 4),
+            "confidence": None if self.confidence is None else round(self.confidence, 4),
+            "seconds": round(self.seconds, 4),
+        }
 
 
 def dice(a: BoolArray, b: BoolArray) -> float:

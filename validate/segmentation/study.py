@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TypedDict
 
 from scipy.stats import spearmanr
 
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.segmentation.contoured_scan import ContouredScan
-from palpate.validate.segmentation.dice import JITTERED, MODES, dice_table
+from palpate.validate.segmentation.dice import JITTERED, MODES, DiceFigures, dice_table
 
 # The least that is wanted: Dice, and for bone the share of the drawn femoral heads that is found.
 WANTED = {
@@ -21,11 +21,30 @@ WANTED_SECONDS = 60.0
 ALL_MODES = (*MODES, JITTERED)
 
 
+class JudgedRow(DiceFigures):
+    """One scan, organ and mode beside the least that is wanted (None: nothing is)."""
+
+    scan: str
+    wanted: float | None
+    reached: bool
+
+
+class SegmentationTable(TypedDict):
+    """Rows, how many of those with a wanted value reach it, and rank correlation of confidence and Dice by organ."""
+
+    rows: list[JudgedRow]
+    reached: int
+    wanted: int
+    slowest_seconds: float
+    wanted_seconds: float
+    confidence_rank_correlation: dict[str, float]
+
+
 def segmentation_study(
     scans: Sequence[ContouredScan], modes: Sequence[str] = ALL_MODES, seed: int = 1, progress: Progress = silent
-) -> dict[str, Any]:
+) -> SegmentationTable:
     """Rows of every scan, organ and mode beside what is wanted; JSON-able. Raises InputError for an unknown mode."""
-    rows: list[dict[str, Any]] = []
+    rows: list[JudgedRow] = []
     for number, scan in enumerate(scans):
         for step, mode in enumerate(modes):
             progress((number + step / len(modes)) / len(scans), f"{scan.name}: {mode}")
@@ -41,7 +60,7 @@ def segmentation_study(
     }
 
 
-def study_text(found: dict[str, Any]) -> str:
+def study_text(found: SegmentationTable) -> str:
     """The table for a person."""
     lines = [f"{'scan':10}{'organ':10}{'pointed at':12}{'Dice':>7}{'inside':>8}{'wanted':>8}{'cc':>8}{'drawn':>8}"
              f"{'off mm':>8}{'sure':>7}{'s':>6}"]  # fmt: skip
@@ -59,7 +78,7 @@ def study_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _rank_correlation(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+def _rank_correlation(rows: Sequence[JudgedRow]) -> dict[str, float]:
     """Spearman's correlation of confidence and Dice for each organ: 1 where the confidence puts all rows in their order."""
     found = {}
     for organ in sorted({row["organ"] for row in rows if row["confidence"] is not None}):
@@ -69,7 +88,7 @@ def _rank_correlation(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     return found
 
 
-def _judged(scan: str, row: dict[str, Any]) -> dict[str, Any]:
+def _judged(scan: str, row: DiceFigures) -> JudgedRow:
     wanted = WANTED.get((row["organ"], row["mode"]))
     value = row["share_inside"] if row["organ"] == "bone" else row["dice"]
     return {"scan": scan, **row, "wanted": wanted, "reached": wanted is None or value >= wanted}

@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from palpate.validate.forward.study import ForwardTable
+    from palpate.validate.meshing_study import MeshingTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
+    from palpate.validate.segmentation.study import SegmentationTable
 
 Found = TypeVar("Found", bound=Mapping[str, object])
 
@@ -101,7 +103,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return found, study.text(found)
 
 
-def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, object]:
     from palpate.validate.forward.robustness import RobustnessOptions, robustness
 
     options = RobustnessOptions(
@@ -173,26 +175,26 @@ def _scans(args: argparse.Namespace) -> list[ContouredScan]:
     return given or [phantom_scan()]
 
 
-def _meshing(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def _meshing(args: argparse.Namespace, progress: Progress) -> MeshingTable:
     from palpate.meshing.mesh_labels import MeshOptions
     from palpate.validate.meshing_study import meshing_study
 
     return meshing_study(_scans(args), MeshOptions(target_tets=args.tets), progress)
 
 
-def _meshing_text(found: dict[str, Any]) -> str:
+def _meshing_text(found: MeshingTable) -> str:
     from palpate.validate.meshing_study import study_text
 
     return study_text(found)
 
 
-def _segmentation(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def _segmentation(args: argparse.Namespace, progress: Progress) -> SegmentationTable:
     from palpate.validate.segmentation.study import segmentation_study
 
     return segmentation_study(_scans(args), seed=random_seed(args), progress=progress)
 
 
-def _segmentation_text(found: dict[str, Any]) -> str:
+def _segmentation_text(found: SegmentationTable) -> str:
     from palpate.validate.segmentation.study import study_text
 
     return study_text(found)

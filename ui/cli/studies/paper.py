@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from palpate.core.worker.progress import Progress
 from palpate.ui.cli.arguments import random_seed, workers
 
+if TYPE_CHECKING:
+    from palpate.core.arrays import FloatArray
+    from palpate.validate.coverage import CoverageTable
+    from palpate.validate.drop.study import DropTable
+    from palpate.validate.paper.cohort import CohortTable
+    from palpate.validate.paper.resolution import ResolutionTable
+    from palpate.validate.paper.sensitivity import SensitivityTable
+    from palpate.validate.paper.swarm import SwarmTable
+    from palpate.validate.paper.threads import ThreadsTable
+    from palpate.validate.paper.tumour_tables import TumourTable
 
-def tables(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+
+def tables(args: argparse.Namespace, progress: Progress) -> TumourTable:
     """Table 1 or 2, by the study's name."""
     from palpate.validate.paper import tumour_tables
 
@@ -18,7 +30,7 @@ def tables(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return {"table1": tumour_tables.table1, "table2": tumour_tables.table2}[args.study](options, progress)
 
 
-def tables_text(found: dict[str, Any]) -> str:
+def tables_text(found: TumourTable) -> str:
     """One line a column of the paper's table, and what stands in it."""
     lines = [
         "mu in kPa, of the tumour's half and the normal half",
@@ -56,11 +68,11 @@ _TABLES_SAY = (
 )
 
 
-def _pair(values: Any) -> str:
+def _pair(values: Sequence[float] | FloatArray) -> str:
     return f"{values[0]:6.4g} {values[1]:6.4g}"
 
 
-def sensitivity(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def sensitivity(args: argparse.Namespace, progress: Progress) -> SensitivityTable:
     """Fig 8."""
     from palpate.validate.paper import sensitivity as sensitivity_study
 
@@ -68,18 +80,18 @@ def sensitivity(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return sensitivity_study.sensitivity(o.quick() if args.quick else o(), progress)
 
 
-def sensitivity_text(found: dict[str, Any]) -> str:
+def sensitivity_text(found: SensitivityTable) -> str:
     """Both curves and what came out of the paper's claim."""
     from palpate.validate.paper.sensitivity import verdict
 
     lines = ["relative stiffness   axis ratio linear, nonlinear   slope linear, nonlinear"]
     for k, relative in enumerate(found["relative"]):
-        axis, slope = ([found[key][name][k] for name in ("linear", "nonlinear")] for key in ("axis_ratio", "slope"))
+        axis, slope = ([f[name][k] for name in ("linear", "nonlinear")] for f in (found["axis_ratio"], found["slope"]))
         lines.append(f"{relative:18.3g}   {axis[0]:.4f} {axis[1]:.4f}   {slope[0]:+.4f} {slope[1]:+.4f}")
     return "\n".join([*lines, verdict(found)])
 
 
-def resolution(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def resolution(args: argparse.Namespace, progress: Progress) -> ResolutionTable:
     """Figs 11 and 12."""
     from palpate.validate.paper import resolution as resolution_study
 
@@ -88,7 +100,7 @@ def resolution(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return resolution_study.resolution(options, progress)
 
 
-def resolution_text(found: dict[str, Any]) -> str:
+def resolution_text(found: ResolutionTable) -> str:
     """A line a mesh and element."""
     lines = ["element  points   normal half off by % (mean, most)   tumour's half, kPa, by its tumour's share"]
     for row in found["rows"]:
@@ -99,7 +111,7 @@ def resolution_text(found: dict[str, Any]) -> str:
     return "\n".join([*lines, f"the paper: {found['paper']}"])
 
 
-def swarm(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def swarm(args: argparse.Namespace, progress: Progress) -> SwarmTable:
     """Fig 10 and the paper's workload."""
     from dataclasses import replace
 
@@ -112,7 +124,7 @@ def swarm(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return swarm_study.swarm_study(options, progress)
 
 
-def swarm_text(found: dict[str, Any]) -> str:
+def swarm_text(found: SwarmTable) -> str:
     """Seconds and optimum of each way."""
     by_swarm, descent, again = found["swarm"], found["gauss_newton"], found["again"]
     parts = ", ".join(f"{key.replace('_', ' ')} {value:.2f}" for key, value in by_swarm["seconds"].items())
@@ -132,7 +144,7 @@ def swarm_text(found: dict[str, Any]) -> str:
     )
 
 
-def threads(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def threads(args: argparse.Namespace, progress: Progress) -> ThreadsTable:
     """Fig 14."""
     from palpate.validate.paper.threads import threads as study
 
@@ -140,7 +152,7 @@ def threads(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return study(numbers, args.quick, progress)
 
 
-def cohort(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def cohort(args: argparse.Namespace, progress: Progress) -> CohortTable:
     """Fig 13, of a virtual cohort or of a table."""
     from dataclasses import replace
 
@@ -155,7 +167,7 @@ def cohort(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     )
 
 
-def cohort_text(found: dict[str, Any]) -> str:
+def cohort_text(found: CohortTable) -> str:
     """The statistics, the paper's beside."""
     lines = [f"patients {found['patients']}, {len(found['rows'])} of them"]
     for key, s in [*found["statistics"].items(), ("the paper", found["paper"])]:
@@ -165,7 +177,7 @@ def cohort_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def coverage(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def coverage(args: argparse.Namespace, progress: Progress) -> CoverageTable:
     """Do the intervals hold the truth?"""
     from palpate.validate import coverage as study
 
@@ -173,7 +185,7 @@ def coverage(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return study.coverage(o.quick(random_seed(args)) if args.quick else o(seed=random_seed(args)), progress)
 
 
-def coverage_text(found: dict[str, Any]) -> str:
+def coverage_text(found: CoverageTable) -> str:
     """A line a level of noise."""
     lines = [f"{found['replicates']} pairs each; share of 95 % intervals that hold the truth"]
     for row in found["rows"]:
@@ -186,7 +198,7 @@ def coverage_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def drop(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def drop(args: argparse.Namespace, progress: Progress) -> DropTable:
     """Motion and contact against closed forms."""
     from palpate.validate.drop import study as drop_study
 
@@ -194,9 +206,10 @@ def drop(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return drop_study.drop_study(o.quick() if args.quick else o(), progress)
 
 
-def drop_text(found: dict[str, Any]) -> str:
+def drop_text(found: DropTable) -> str:
     """A line a body."""
-    block, bar, sliding, sticking, ball = (found[key] for key in ("block", "bar", "sliding", "sticking", "ball"))
+    block, bar, ball = found["block"], found["bar"], found["ball"]
+    sliding, sticking = found["sliding"], found["sticking"]
     return "\n".join(
         [
             f"stiff block: fall off by {block['fall']:.1e}, impact speed by {block['impact_speed']:.1e}, "

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate.core.worker.progress import Progress
 from palpate.ui.cli.arguments import random_seed
 
+if TYPE_CHECKING:
+    from palpate.validate.touch_study import TouchTable
 
-def touch(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+
+def touch(args: argparse.Namespace, progress: Progress) -> TouchTable:
     """Answers to a probe: how far from the full solve, how many a second."""
     from palpate.validate.touch_study import TouchOptions, touch_study
 
@@ -17,7 +20,7 @@ def touch(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return touch_study(TouchOptions.quick(seed) if args.quick else TouchOptions(seed=seed), progress=progress)
 
 
-def touch_text(found: dict[str, Any]) -> str:
+def touch_text(found: TouchTable) -> str:
     """What was compared, and Hertz."""
     lines = [
         f"{found['pokes']} random pokes and pulls, {found['cells']} tetrahedra, probe of {found['probe_radius_mm']:g} mm, to "

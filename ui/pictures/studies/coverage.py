@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
 from palpate.ui.pictures.studies.axes import OURS, finish, panels
 
+if TYPE_CHECKING:
+    from palpate.validate.coverage import CoverageTable
 
-def study_coverage(study: Mapping[str, Any]) -> Figure:
+
+def study_coverage(study: CoverageTable) -> Figure:
     """Left: coverage with its own standard error. Right: how wide the intervals are."""
     figure, (left, right) = panels(2)
     left.axhspan(90.0, 98.0, color="0.92", zorder=0)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.ui.pictures.studies.axes import finish, panels
 
+if TYPE_CHECKING:
+    from palpate.validate.drop.study import DropTable
+
 _LINES = (("kinetic", "-"), ("elastic", "-"), ("gravity", "-"), ("contact", "-"))
 
 
-def study_drop(study: Mapping[str, Any]) -> Figure:
+def study_drop(study: DropTable) -> Figure:
     """Left: the kinds of energy over time. Right: their sum, and how far it ever rose above its lowest value before."""
     figure, (left, right) = panels(2)
     energies = {name: np.array(values) for name, values in study["ball_energies"].items()}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,10 +11,13 @@ from matplotlib.ticker import FuncFormatter
 from palpate.ui.pictures.element_errors import COLOURS
 from palpate.ui.pictures.studies.axes import TRUTH, finish, panels
 
+if TYPE_CHECKING:
+    from palpate.validate.paper.resolution import ResolutionTable
+
 _LINES = ((0, (1, 1)), ":", "--", "-")
 
 
-def study_resolution(study: Mapping[str, Any]) -> Figure:
+def study_resolution(study: ResolutionTable) -> Figure:
     """Left: error of the normal half. Right: what is found of the tumour's half. A colour an element, a line a mesh."""
     figure, (left, right) = panels(2, 4.4, 3.6)
     share = 100.0 * np.array(study["share"])

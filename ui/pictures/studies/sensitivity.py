@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.ui.pictures.studies.axes import OTHER, OURS, finish, panels
 
+if TYPE_CHECKING:
+    from palpate.validate.paper.sensitivity import SensitivityTable
+
 _LOOKS = {"linear": (OTHER, "s"), "nonlinear": (OURS, "o")}
 
 
-def study_sensitivity(study: Mapping[str, Any]) -> Figure:
+def study_sensitivity(study: SensitivityTable) -> Figure:
     """Left: how far the sphere is drawn out. Right: by how much that changes with its stiffness."""
     figure, (left, right) = panels(2)
     for name, (colour, marker) in _LOOKS.items():

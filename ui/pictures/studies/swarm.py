@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,10 +10,13 @@ from matplotlib.ticker import NullFormatter
 
 from palpate.ui.pictures.studies.axes import OURS, PAPER, finish, panels
 
+if TYPE_CHECKING:
+    from palpate.validate.paper.swarm import SwarmTable
+
 _TICKS = [5, 20, 100, 500]
 
 
-def study_swarm(study: Mapping[str, Any]) -> Figure:
+def study_swarm(study: SwarmTable) -> Figure:
     """A panel for some iterations: contours of the objective, particles blue, truth red, as in the paper."""
     shown = study["shown"]
     land = shown["landscape"]

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+if TYPE_CHECKING:
+    from palpate.core.arrays import FloatArray
+    from palpate.validate.paper.tumour_tables import TumourRow, TumourTable
+
 OURS, TRUTH, PAPER, OTHER = "#2166ac", "black", "#b2182b", "#7f7f7f"
+Key = Literal["clean", "noisy"]
 _BY = {"share": "tumour's share of its half, %", "tumour_mu_kpa": "tumour's μ, kPa"}
 
 
-def study_table(study: Mapping[str, Any]) -> Figure:
+def study_table(study: TumourTable) -> Figure:
     """One panel without noise, one with; the normal half below the other."""
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     scale = 100.0 if study["by"] == "share" else 1.0
     x = np.array([row[study["by"]] for row in study["rows"]]) * scale
-    for axes, key in ((left, "clean"), (right, "noisy")):
+    keys: tuple[Key, Key] = ("clean", "noisy")
+    for axes, key in zip((left, right), keys, strict=True):
         _references(axes, x, study["rows"])
         _found(axes, x, study["rows"], key, study["correlation"][key])
         axes.set_xlabel(_BY[study["by"]], fontsize=8)
@@ -34,7 +39,7 @@ def study_table(study: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _references(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]]) -> None:
+def _references(axes: Axes, x: FloatArray, rows: list[TumourRow]) -> None:
     has = np.array([row["effective_mu_kpa"] for row in rows])
     place = [row["energy_in_place_mu_kpa"] for row in rows]
     axes.plot(x, has[:, 0], color=TRUTH, linewidth=1.2, label="it has: mean stress over mean strain")
@@ -47,7 +52,7 @@ def _references(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]]) -> Non
     axes.plot(x, [p["normal"] for p in paper], "+", color=PAPER, markersize=5, label="the paper, normal half")
 
 
-def _found(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]], key: str, correlation: float) -> None:
+def _found(axes: Axes, x: FloatArray, rows: list[TumourRow], key: Key, correlation: float) -> None:
     mu, ci = np.array([row[key]["mu_kpa"] for row in rows]), np.array([row[key]["ci95_kpa"] for row in rows])
     for k, (marker, label) in enumerate((("o", "found, tumour's half"), ("s", "found, normal half"))):
         if key == "clean":
@@ -59,7 +64,7 @@ def _found(axes: Axes, x: np.ndarray, rows: list[Mapping[str, Any]], key: str, c
     axes.annotate(f"correlation {correlation:.4f}", (0.03, 0.95), xycoords="axes fraction", fontsize=7, va="top")
 
 
-def _from_zero(axes: Axes, rows: list[Mapping[str, Any]], what: str, key: str) -> None:
+def _from_zero(axes: Axes, rows: list[TumourRow], what: Literal["mu_kpa", "ci95_kpa"], key: Key) -> None:
     """From 0 to a little above the highest of what is found, has been printed or is there."""
     top = max(float(np.max(row["effective_mu_kpa"])) for row in rows)
     found = max(float(np.max(row[key][what])) for row in rows)

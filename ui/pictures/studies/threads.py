@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
 from palpate.ui.pictures.studies.axes import OTHER, OURS, finish, panels
 
+if TYPE_CHECKING:
+    from palpate.validate.paper.threads import ThreadsTable
 
-def study_threads(study: Mapping[str, Any]) -> Figure:
+
+def study_threads(study: ThreadsTable) -> Figure:
     """Left: seconds for the same particles. Right: speed-up, with the share that other work on the machine cannot hide."""
     figure, (left, right) = panels(2)
     workers = [int(w) for w in study["seconds"]]
