@@ -10,19 +10,12 @@ import pyvista as pv
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import read_landmarks
-from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.arrays import IntArray
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
-from palpate.core.errors import ConvergenceError, InputError
-from palpate.core.fem.meshes import box
+from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
-from palpate.core.surfaces.distance_field import signed_distance
-from palpate.core.surfaces.triangle_tree import TriangleTree
-from palpate.meshing.tetwild import Soup, tetrahedralize
+from palpate.meshing.mesh_solid import mesh_solid
 
-# Cells a body is meshed with, about; they are quadratic.
-_CELLS = 700
-# Cells per unit of volume / edge^3; see meshing_soup.
-_PER_CUBE = 8.5
 MESH = "body_mesh.npz"
 # Standard deviation of a marker where the case does not say, mm per axis.
 _MARKER_MM = 0.5
@@ -112,31 +105,9 @@ def _mesh(case: CaseFolder) -> TetMesh:
     faces = np.asarray(surface.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
     if surface.n_open_edges or not surface.volume > 0.0:
         raise InputError(f"{path} is not a closed surface; mend it")
-    mesh = mesh_body(points, faces)
+    mesh = mesh_solid(points, faces, region=BODY)
     case.write_npz(MESH, points=mesh.points, cells=mesh.cells)
     return mesh
-
-
-def mesh_body(points: FloatArray, faces: IntArray, cells: int = _CELLS) -> TetMesh:
-    """About `cells` tetrahedra of region BODY inside a closed surface: points (n, 3) mm, faces (f, 3) outwards.
-
-    Raises ConvergenceError when the mesher fails or leaves nothing inside.
-    """
-    X = points[faces]
-    volume = float(np.einsum("fi,fi->f", X[:, 0], np.cross(X[:, 1], X[:, 2])).sum()) / 6.0
-    faces = faces if volume > 0.0 else faces[:, ::-1].copy()
-    edge = (_PER_CUBE * abs(volume) / cells) ** (1.0 / 3.0)
-    low, high = points.min(axis=0) - edge, points.max(axis=0) + edge
-    around = box(high - low, (1, 1, 1))
-    size = np.full(len(around.points), edge)
-    soup = Soup(points, faces, around.points + low, around.cells, size, edge, 0.02 * edge)
-    nodes, found = tetrahedralize(soup)
-    inside = signed_distance(TriangleTree.of(points, faces), nodes[found].mean(axis=1)) < 0.0
-    if not inside.any():
-        raise ConvergenceError("the mesher left nothing inside the body; look at its surface")
-    used, renamed = np.unique(found[inside], return_inverse=True)
-    kept = renamed.reshape(-1, 4)
-    return TetMesh(nodes[used], kept, np.full(len(kept), BODY))
 
 
 def _held(mesh: TetMesh, facts: Mapping[str, Any], source: str) -> IntArray:

@@ -8,14 +8,12 @@ import numpy as np
 import pyvista as pv
 from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 
-from palpate.case.bench_body import mesh_body
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.mesh import TetMesh
 from palpate.core.sketch.outline import Outline
+from palpate.meshing.mesh_solid import PER_CUBE, mesh_solid
 
-# Cells per unit of volume / edge^3; see meshing_soup.
-_PER_CUBE = 8.5
 # Steps of the outline that is given to the mesher, in edges.
 _STEP = 0.5
 
@@ -25,9 +23,9 @@ def mesh_figure(outline: Outline, part_at: Callable[[FloatArray], IntArray], cel
 
     Raises ConvergenceError when the outline cannot be filled or meshed.
     """
-    edge = float(np.sqrt(_PER_CUBE * outline.area / cells))
+    edge = float(np.sqrt(PER_CUBE * outline.area / cells))
     points, faces = _slab(outline.resampled(_STEP * edge), edge)
-    mesh = mesh_body(points, faces, cells)
+    mesh = mesh_solid(points, faces, cells)
     regions = 1 + part_at(mesh.points[mesh.cells].mean(axis=1)[:, :2])
     return TetMesh(mesh.points, mesh.cells, regions)
 

@@ -72,6 +72,11 @@ class Scene:
         return float(self.grid.spacing[0])
 
     @property
+    def soft_tissue(self) -> Volume:
+        """`filled` with its grid."""
+        return self.grid.with_array(self.filled)
+
+    @property
     def fat_edge(self) -> float:
         """HU half-way from fat to soft tissue: where a boundary against fat lies."""
         return 0.5 * (self.fat + 40.0)

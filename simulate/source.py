@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
 
-from palpate.case.case_folder import CaseFolder
 from palpate.core.arrays import Float32Array, FloatArray, LabelArray
 from palpate.core.errors import InputError
-from palpate.imaging.dicom.series import read_series
-from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE, SURROUNDING_TISSUE
+from palpate.imaging.labels import OUTSIDE
 from palpate.imaging.volume import Volume
 from palpate.meshing.partition import Partition, make_partition
 from palpate.simulate.phantom import phantom
@@ -144,21 +141,6 @@ class VolumeSource:
         return np.asarray(
             ndimage.map_coordinates(self._spline, index, order=3, prefilter=False, mode="nearest"), dtype=np.float64
         )
-
-
-def case_source(path: Path) -> VolumeSource:
-    """A case folder as a source. Raises InputError, naming the file, when it has no labels or they lack organ or tissue."""
-    case = CaseFolder(path)
-    file = case.file("rest.nii.gz")
-    if not case.has_labels("rest"):
-        raise InputError(f"{file} is not there; contour the case or run `palpate segment` first")
-    labels = case.labels("rest")
-    present = set(np.unique(labels.array).tolist())
-    for wanted, what in ((ORGAN_LABELS, "organ (1, 2)"), ((SURROUNDING_TISSUE,), "surrounding tissue (3)")):
-        if not present & set(wanted):
-            raise InputError(f"{file} holds no {what}; run `palpate segment` or draw it")
-    ct = read_series(case.file("rest_ct"))[0] if case.has("rest_ct") else None
-    return VolumeSource(case.facts.name, labels, ct)
 
 
 def labels_on(labels: Callable[[FloatArray], LabelArray], grid: Volume) -> Volume:

@@ -17,8 +17,8 @@ from palpate.core.fem.linear.choice import SymmetricSolver, make_solver
 from palpate.core.fem.linear.kept_matrix import KeptMatrix
 from palpate.core.fem.linear.pattern import Pattern
 from palpate.core.fem.materials import Material, MaterialGroup, group_by_law
-from palpate.core.fem.newton.projection import nearest_positive_semidefinite
 from palpate.core.fem.pressure_block import PressureBlock
+from palpate.core.fem.projection import nearest_positive_semidefinite
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import Residual, State
 from palpate.core.fem.terms.base import Particular, Term

@@ -14,10 +14,11 @@ from palpate.core.forward.coupled_scene import CoupledScene
 from palpate.core.identify.identify import Identification, identify
 from palpate.core.identify.map.stiffness_map import StiffnessMap, stiffness_map
 from palpate.core.identify.mu_split import separable
-from palpate.core.identify.not_identifiable import NoInformation, moved_as_a_whole, nothing_found
+from palpate.core.identify.not_identifiable import nothing_found
 from palpate.core.identify.notes import agreement, notes
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.pair.no_driving_wall import moved_by_its_surface, surface_is_all
+from palpate.core.identify.pair.no_information import NoInformation, moved_as_a_whole
 from palpate.core.identify.pair.rigid_pair import rigid_pair
 from palpate.core.identify.plain_fit import StateProblem
 from palpate.core.identify.result_misfit import misfit_figures

@@ -2,60 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.pair.rigid_pair import RigidPair
+from palpate.core.identify.pair.no_information import NoInformation
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.inference.posterior import Posterior, laplace
-from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem
-
-# Points on the organ's surface, about as far apart as this, mm.
-SURFACE_MM = 2.0
 
 
 def prior_of(problem: IdentificationProblem) -> Posterior:
     """What was allowed, as the posterior of data that say nothing."""
     bounds = StiffnessParameters(problem.regions, problem.facts).bounds  # of G alone: nothing says more of mu1 and mu2
     return laplace(bounds.mean(axis=1), np.zeros(1), np.zeros((1, len(bounds))), bounds)
-
-
-@dataclass(frozen=True, eq=False)
-class NoInformation:
-    """Why a pair tells no stiffness, and how the organ moves nevertheless.
-
-    in_words : the reason. mesh_displacement : (n, 3) mm of the problem's mesh. points (q, 3), region (q,), displacement (q, 3) :
-    of the organ's surface. expected_mm : rms distance that contours of this noise would leave. notes : further lines.
-    landmarks, surface_mm : distances by way of moving landmarks and surface, for result.json; None where there are none.
-    """
-
-    in_words: str
-    mesh_displacement: FloatArray
-    points: FloatArray
-    region: IntArray
-    displacement: FloatArray
-    expected_mm: float
-    notes: tuple[str, ...] = ()
-    landmarks: Mapping[str, Any] | None = None
-    surface_mm: Mapping[str, float] | None = None
-
-
-def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair) -> NoInformation:
-    """Of a pair that a rigid motion explains."""
-    points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
-    nodes = problem.mesh.points
-    return NoInformation(
-        pair.in_words, pair.moved(nodes) - nodes, points, region, pair.moved(points) - points, pair.expected_mm["organ"]
-    )
 
 
 def nothing_found(

@@ -46,7 +46,7 @@ def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
     shell, seen = _outer(scene, shell_of_mask(region, scene.grid, 1.5), urine.hu)
     mask = largest(np.asarray(ndimage.binary_fill_holes(shell.voxels(scene.grid))))
     # Noise that looks unlike urine at the wall leaves notches; the wall's outer edge closes them.
-    mask = largest(mask_to_edges(scene, mask, NOTCH_MM))
+    mask = largest(mask_to_edges(scene.soft_tissue, scene.fat_edge, mask, NOTCH_MM))
     depth = float(ndimage.distance_transform_edt(mask, sampling=scene.step).max())
     mask = largest(opened(mask, min(BALL_SHARE * depth, BALL_MM), scene.step))
     box = prompts.box("bladder")

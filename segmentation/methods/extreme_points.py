@@ -8,7 +8,6 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.segmentation.methods.star_surface import sphere
-from palpate.segmentation.search_region import Scene
 
 # How much of the tilt and taper that the points show is believed: a point may lie anywhere on a flat side.
 TILT_TRUST, MOST_TILT, MOST_TAPER = 0.7, 0.6, 0.6
@@ -31,9 +30,9 @@ class Ellipsoid:
     matrix: FloatArray
     taper: float = 0.0
 
-    def level(self, scene: Scene) -> FloatArray:
-        """0 at the centre, 1 on the surface, on the scene's grid."""
-        return self.level_of(np.stack(np.broadcast_arrays(*scene.axes()), axis=-1) - self.centre)
+    def level(self, axes: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+        """0 at the centre, 1 on the surface, on a grid whose coordinates x, y, z mm broadcast over it."""
+        return self.level_of(np.stack(np.broadcast_arrays(*axes), axis=-1) - self.centre)
 
     def level_of(self, away: FloatArray) -> FloatArray:
         """The same (...) at places (..., 3) mm from the centre."""

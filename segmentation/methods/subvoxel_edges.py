@@ -8,7 +8,6 @@ from palpate.core.arrays import FloatArray
 from palpate.imaging.volume import Volume
 from palpate.segmentation.methods.optimal_surface import crossing
 from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_mask
-from palpate.segmentation.search_region import Scene
 from palpate.segmentation.working_grid import Mask, blurred
 
 STEP_MM = 0.25
@@ -18,27 +17,29 @@ BLUR_MM = 0.7
 ROUNDS = 8
 
 
-def moved_to_edges(scene: Scene, shell: Shell, reach_mm: float, rounds: int = ROUNDS) -> tuple[Shell, float]:
+def moved_to_edges(
+    ct: Volume, edge_hu: float, shell: Shell, reach_mm: float, rounds: int = ROUNDS
+) -> tuple[Shell, float]:
     """The surface with every point moved along its normal onto the edge between soft tissue and fat, where there is one.
 
-    reach_mm : how far an edge may be. Points without an edge follow their neighbours. Returned with the share of points
-    that have one.
+    ct : HU on an even grid, gas replaced by soft tissue. edge_hu : half-way from fat to soft tissue. reach_mm : largest distance
+    of an edge. Points without an edge follow their neighbours. Returned with the share of points that have one.
     """
-    sharp = Volume(blurred(scene.filled, BLUR_MM, scene.step), scene.grid.affine)
+    sharp = ct.with_array(blurred(ct.array, BLUR_MM, float(ct.spacing[0])))
     seen = np.zeros(len(shell.points), dtype=bool)
     for number in range(rounds):
         reach = reach_mm if number == 0 else min(reach_mm, 1.5)
-        found = _edge_offset(sharp, shell, reach, scene.fat_edge)
+        found = _edge_offset(sharp, shell, reach, edge_hu)
         seen = np.isfinite(found)
         move = _followed(shell, found)
         shell = Shell(shell.points + move[:, None] * shell.normals, shell.faces)
     return shell, float(seen.mean())
 
 
-def mask_to_edges(scene: Scene, mask: Mask, reach_mm: float) -> Mask:
-    """A mask with its outline moved onto the edges within reach."""
-    shell, _ = moved_to_edges(scene, shell_of_mask(mask, scene.grid, 1.0), reach_mm)
-    return shell.voxels(scene.grid)
+def mask_to_edges(ct: Volume, edge_hu: float, mask: Mask, reach_mm: float) -> Mask:
+    """A mask on the grid of `ct` with its outline moved onto the edges within reach; see `moved_to_edges`."""
+    shell, _ = moved_to_edges(ct, edge_hu, shell_of_mask(mask, ct, 1.0), reach_mm)
+    return shell.voxels(ct)
 
 
 def _edge_offset(image: Volume, shell: Shell, reach_mm: float, level: float) -> FloatArray:

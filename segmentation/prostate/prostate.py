@@ -47,7 +47,7 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
     ellipsoid = None if points is None else ellipsoid_of(points)
     if ellipsoid is not None:
         # Who gives its outermost points says that what they surround is prostate, whatever was found there.
-        others &= (ellipsoid.level(scene) > SURE_LEVEL) | deep_in(others, scene.step)
+        others &= (ellipsoid.level(scene.axes()) > SURE_LEVEL) | deep_in(others, scene.step)
     blocked = block(scene, others)
     smooth = blurred(scene.filled, 1.0, scene.step)
     guess = first_guess(scene, prompts, likeness_of(scene, smooth, blocked, USUAL_HU), ellipsoid)
@@ -58,7 +58,8 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
         likeness = likeness_of(scene, smooth, blocked, typical_hu(scene, smooth, guess, blocked))
         shell, seen = _drawn(scene, guess, likeness, valleys, prompts)
         guess = _again(guess, shell, prompts, number == ROUNDS - 2)
-    shell, _ = moved_to_edges(scene, shell_of_mask(shell.voxels(scene.grid) & ~blocked, scene.grid, 1.0), SNAP_MM)
+    shell = shell_of_mask(shell.voxels(scene.grid) & ~blocked, scene.grid, 1.0)
+    shell, _ = moved_to_edges(scene.soft_tissue, scene.fat_edge, shell, SNAP_MM)
     mask = largest(shell.voxels(scene.grid) & ~blocked)
     box = prompts.box("prostate")
     if ellipsoid is not None and points is not None:

@@ -37,7 +37,7 @@ def walked(
     box = np.array([points.min(axis=0), points.max(axis=0)])
     near = _within(scene, box)
     fine = blurred(scene.filled[near], 1.0, scene.step)
-    level = ellipsoid.level(scene)[near]
+    level = ellipsoid.level(scene.axes())[near]
     beyond = np.linalg.norm(_away(scene, ellipsoid.centre)[near], axis=-1) * (1.0 - 1.0 / np.maximum(level, 1e-3))
     prior = expit(-beyond / SHAPE_MM) * expit((fine - typical_hu + DARKER_HU) / SOFTNESS_HU)
     free = ~blocked[near]

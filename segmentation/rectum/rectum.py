@@ -37,7 +37,7 @@ def find_rectum(scene: Scene, prompts: Prompts, bladder: Mask | None) -> Found |
     path, inside = _together(scene, avoid, path)
     box = prompts.box("rectum")
     if box is None:
-        mask = mask_to_edges(scene, _tube(path).voxels(scene.grid), SNAP_MM) & ~avoid
+        mask = mask_to_edges(scene.soft_tissue, scene.fat_edge, _tube(path).voxels(scene.grid), SNAP_MM) & ~avoid
     else:
         mask = _tube(_tapered(path, float(box[0, 2]))).voxels(scene.grid) & ~avoid & scene.box_mask(box, BOX_MM)
     return Found(mask, prompts.mode("rectum"), _confidence(path, inside, ends_given=box is not None))

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder, check_new_case
 from palpate.case.steps.simulate.answers import surface_truth, truth_of, write_answers
+from palpate.case.steps.simulate.case_source import case_source
 from palpate.case.steps.simulate.from_ct import CtSource, ct_source
 from palpate.case.steps.simulate.spec import ScanSpec, SimulationSpec, parse_spec
 from palpate.case.steps.simulate.write import SimulatedPair, write_label_case, write_scans
@@ -23,7 +24,7 @@ from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.scanner import Scanner
 from palpate.simulate.solve import solve_deformed
-from palpate.simulate.source import PhantomSource, Source, case_source, labels_on
+from palpate.simulate.source import PhantomSource, Source, labels_on
 from palpate.simulate.walls import moved_walls
 
 GRAVITY_SUPINE = (0.0, 9.81, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.space import Space
-from palpate.core.identify.not_identifiable import SURFACE_MM, NoInformation
+from palpate.core.identify.pair.no_information import SURFACE_MM, NoInformation
 from palpate.core.identify.pair.surface_only import WAYS, SurfaceAlone, explain_surface
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface

@@ -1,0 +1,44 @@
+"""The answer for a pair of scans that tells no stiffness: the reason, and the motion of the organ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.identify.pair.rigid_pair import RigidPair
+from palpate.core.observe.surface_observation import sample_surface
+from palpate.core.problem import IdentificationProblem
+
+# Spacing of the sampled points on the organ's surface, mm.
+SURFACE_MM = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class NoInformation:
+    """Why a pair tells no stiffness, and how the organ moves nevertheless.
+
+    in_words : the reason. mesh_displacement : (n, 3) mm of the problem's mesh. points (q, 3), region (q,), displacement (q, 3) :
+    of the organ's surface. expected_mm : rms distance that contours of this noise would leave. notes : further lines.
+    landmarks, surface_mm : distances by way of moving landmarks and surface, for result.json; None where there are none.
+    """
+
+    in_words: str
+    mesh_displacement: FloatArray
+    points: FloatArray
+    region: IntArray
+    displacement: FloatArray
+    expected_mm: float
+    notes: tuple[str, ...] = ()
+    landmarks: Mapping[str, Any] | None = None
+    surface_mm: Mapping[str, float] | None = None
+
+
+def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair) -> NoInformation:
+    """Of a pair that a rigid motion explains."""
+    points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
+    nodes = problem.mesh.points
+    return NoInformation(
+        pair.in_words, pair.moved(nodes) - nodes, points, region, pair.moved(points) - points, pair.expected_mm["organ"]
+    )
