@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.rigid_offset import RigidOffset
-from palpate.meshing.label_surfaces import TriSurface
+from palpate.core.surfaces.surface import Surface
 from palpate.meshing.mesh_file import load_mesh
 from palpate.meshing.mesh_labels import MeshedCase
 
@@ -24,8 +24,8 @@ def elsewhere_of(case: CaseFolder) -> RigidOffset | None:
     return None if found is None else RigidOffset.from_dict(found)
 
 
-def load_surfaces(case: CaseFolder, state: str) -> dict[str, TriSurface]:
+def load_surfaces(case: CaseFolder, state: str) -> dict[str, Surface]:
     """The surfaces of one state ("rest" or "deformed") by name: "organ", and the walls that the case has."""
     arrays = case.read_npz("surfaces.npz")
     names = [key[len(state) + 1 : -len("_faces")] for key in arrays if key.startswith(state) and key.endswith("_faces")]
-    return {n: TriSurface(*(arrays[f"{state}_{n}_{part}"] for part in ("points", "faces", "region"))) for n in names}
+    return {n: Surface(*(arrays[f"{state}_{n}_{part}"] for part in ("points", "faces", "region"))) for n in names}

@@ -12,9 +12,9 @@ from palpate.case.measured_noise import FILE as NOISE_FILE
 from palpate.case.measured_noise import measured_noise
 from palpate.case.meshed import ORGAN_NAME, elsewhere_of, load_meshed, load_surfaces
 from palpate.core.errors import InputError
-from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
 from palpate.imaging.labels import LABELS
-from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
+from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
 
 # Standard deviation, mm, of a contour when nobody says: about what two observers of one CT differ by (DESIGN.md).
@@ -30,7 +30,7 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
     for state, surfaces in (("rest", rest), ("deformed", deformed)):
         if ORGAN_NAME not in surfaces:
             raise InputError(f"{case.file('surfaces.npz')} has no organ in the {state} state; run `palpate mesh` again")
-    walls = {n: SurfacePair(_plain(rest[n]), _plain(deformed[n])) for n in _WALLS if n in rest and n in deformed}
+    walls = {n: SurfacePair(rest[n], deformed[n]) for n in _WALLS if n in rest and n in deformed}
     present = sorted(set(np.unique(meshed.mesh.regions).tolist()) & set(_ORGAN))
     marks = case.landmarks()
     elsewhere = elsewhere_of(case)
@@ -41,7 +41,7 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
         meshed.mesh,
         meshed.boundary,
         walls,
-        SurfacePair(_plain(rest[ORGAN_NAME]), _plain(deformed[ORGAN_NAME])),
+        SurfacePair(rest[ORGAN_NAME], deformed[ORGAN_NAME]),
         facts_of(case),
         {r: LABELS[r] for r in present},
         landmarks,
@@ -53,9 +53,9 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
     out = []
     for state in further_states(case):
         labels, marks = state_labels(case, state), state_landmarks(case, state)
-        seen = {name: _plain(wall_surface(labels, label)) for label, name in HOLE_NAMES.items() if name in first.walls}
+        seen = {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items() if name in first.walls}
         walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in seen.items() if len(surface.faces)}
-        organ = SurfacePair(first.organ.rest, _plain(organ_surfaces(labels)))
+        organ = SurfacePair(first.organ.rest, organ_surfaces(labels))
         landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
         out.append(replace(first, walls=walls, organ=organ, landmarks=landmarks))
     return out
@@ -87,7 +87,3 @@ def noise_source(case: CaseFolder) -> str:
     if case.facts.boundary_noise_sd_mm is not None:
         return "case"
     return "assumed" if measured_noise(case) is None else "repeats"
-
-
-def _plain(surface: TriSurface) -> Surface:
-    return Surface(surface.points, surface.faces, surface.region)

@@ -51,8 +51,7 @@ class TetMesh:
     @cached_property
     def volumes(self) -> FloatArray:
         """Signed volume of each cell, (m,) mm3."""
-        a, b, c, d = (self.points[self.cells[:, i]] for i in range(4))
-        return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
+        return cell_volumes(self.points, self.cells)
 
     @cached_property
     def boundary(self) -> tuple[IntArray, IntArray]:
@@ -76,3 +75,9 @@ class TetMesh:
         _, inverse, counts = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
         single = counts[inverse.ravel()] == 1
         return faces[single], np.repeat(cell_ids, 4)[single]
+
+
+def cell_volumes(points: FloatArray, cells: IntArray) -> FloatArray:
+    """Signed volumes (m,) mm3 of tetrahedra with corners `cells` (m, 4) among points (n, 3) mm."""
+    a, b, c, d = (points[cells[:, i]] for i in range(4))
+    return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0, dtype=np.float64)

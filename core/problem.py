@@ -14,18 +14,10 @@ from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 from palpate.core.mesh import TetMesh
+from palpate.core.surfaces.surface import Surface
 
 FORMAT = 1
 _DAMAGED: tuple[type[Exception], ...] = (InputError, *DAMAGED_ARCHIVE)
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """Triangles with outward normals: points (n, 3) mm, faces (f, 3), region (f,) label of each face."""
-
-    points: FloatArray
-    faces: IntArray
-    region: IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.mesh import FACES_OF_CELL
+from palpate.core.mesh import FACES_OF_CELL, cell_volumes
+from palpate.core.surfaces.triangles import normals
 from palpate.meshing.cells import face_neighbours
 from palpate.meshing.quality import shape
 
@@ -49,8 +50,7 @@ def tangent_limits(points: FloatArray, cells: IntArray, labels: IntArray) -> dic
     across = face_neighbours(cells)
     beyond = np.where(across >= 0, labels[across], -1)
     faces = cells[:, FACES_OF_CELL][labels[:, None] != beyond]
-    normal = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    normal = normals(points[faces])
     spread = np.zeros((len(points), 3, 3))
     for corner in range(3):
         np.add.at(spread, faces[:, corner], normal[:, :, None] * normal[:, None, :])
@@ -78,8 +78,7 @@ def _improve_one(points: FloatArray, star: IntArray, node: int, fixed: FloatArra
     flat = trials.reshape(-1, 3)
     index = np.arange(len(flat)).reshape(-1, 4)
     angle = shape(flat, index)
-    a, b, c, d = (flat[index[:, i]] for i in range(4))
-    angle[np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) <= 0.0] = -1.0
+    angle[cell_volumes(flat, index) <= 0.0] = -1.0
     worst = angle.reshape(len(moves), -1).min(axis=1)
     present = float(shape(points, star).min())
     best = int(np.argmax(worst))

@@ -15,7 +15,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import cg
 
 from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.mesh import FACES_OF_CELL
+from palpate.core.mesh import FACES_OF_CELL, cell_volumes
+from palpate.core.surfaces.triangles import areas, point_normals
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE
 from palpate.meshing.cells import KEPT, face_neighbours
 from palpate.meshing.partition import HOLE_NAMES, ORGAN, Partition
@@ -95,29 +96,19 @@ def guarded_move(points: FloatArray, cells: IntArray, move: FloatArray) -> Float
     share = np.ones(len(points))
     for halving in range(7):
         moved = points + share[:, None] * move
-        bad = (shape(moved, cells) < bound) | (_volumes(moved, cells) <= 0.0)
+        bad = (shape(moved, cells) < bound) | (cell_volumes(moved, cells) <= 0.0)
         if not bad.any():
             return moved
         share[np.unique(cells[bad])] *= 0.5 if halving < 5 else 0.0
     return points
 
 
-def _volumes(points: FloatArray, cells: IntArray) -> FloatArray:
-    a, b, c, d = (points[cells[:, i]] for i in range(4))
-    return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0)
-
-
 def _wish(points: FloatArray, interface: Interface) -> tuple[IntArray, FloatArray, FloatArray]:
     """For one interface: its vertices (v,), their unit normals (v, 3) and wished moves along them (v,) mm."""
     nodes, local = np.unique(interface.faces, return_inverse=True)
     local = local.reshape(-1, 3)
-    a, b, c = (points[interface.faces[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
-    area = 0.5 * np.linalg.norm(cross, axis=1)
-    normal = np.zeros((len(nodes), 3))
-    for corner in range(3):
-        np.add.at(normal, local[:, corner], cross)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    area = areas(points[interface.faces])
+    normal = point_normals(points[nodes], local)
     rows = np.repeat(np.arange(3 * len(local)), 3)
     entries = np.tile(MIDPOINTS.ravel(), len(local)) * np.sqrt(np.repeat(area / 3.0, 9))
     matrix = coo_array((entries, (rows, np.repeat(local, 3, axis=0).ravel())), shape=(3 * len(local), len(nodes)))

@@ -10,6 +10,7 @@ from palpate.core.fem.meshes import box
 from palpate.core.mesh import TetMesh
 from palpate.core.surfaces.distance_field import signed_distance
 from palpate.core.surfaces.triangle_tree import TriangleTree
+from palpate.core.surfaces.triangles import enclosed_volume
 from palpate.meshing.tetwild import Soup, tetrahedralize
 
 # Number of cells where the caller names none; they are meant for quadratic elements.
@@ -27,8 +28,7 @@ def mesh_solid(points: FloatArray, faces: IntArray, cells: int = CELLS, region: 
 
     Raises ConvergenceError when the mesher fails or leaves nothing inside.
     """
-    X = points[faces]
-    volume = float(np.einsum("fi,fi->f", X[:, 0], np.cross(X[:, 1], X[:, 2])).sum()) / 6.0
+    volume = enclosed_volume(points, faces)
     faces = faces if volume > 0.0 else faces[:, ::-1].copy()
     edge = (PER_CUBE * abs(volume) / cells) ** (1.0 / 3.0)
     low, high = points.min(axis=0) - edge, points.max(axis=0) + edge

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
+from palpate.core.surfaces.triangles import areas
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, OUTSIDE, RECTUM, SURROUNDING_TISSUE
 from palpate.meshing.partition import ORGAN, Partition
 from palpate.meshing.smooth_distance import SmoothField
@@ -107,8 +108,7 @@ def _divide(partition: Partition) -> tuple[FloatArray, IntArray, SmoothField, fl
 
 
 def _area(points: FloatArray, faces: IntArray) -> float:
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return float(areas(points[faces]).sum())
 
 
 def _triangle(edge_mm: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL, TetMesh
+from palpate.core.surfaces.triangles import normals
 from palpate.imaging.volume import Volume
 
 SLIVER_DEG = 10.0
@@ -15,9 +16,7 @@ SLIVER_DEG = 10.0
 
 def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
     """The six angles (m, 6) in degrees between the faces of each cell."""
-    corners = points[cells][:, FACES_OF_CELL]
-    normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-30)
+    normal = normals(points[cells][:, FACES_OF_CELL])
     first, second = np.triu_indices(4, 1)
     cosine = -np.einsum("mpk,mpk->mp", normal[:, first], normal[:, second])
     return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import ndimage
 
 from palpate.core.arrays import FloatArray
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface
 
 # The motion dies away over this distance before the edge of the modelled region, which does not move.
 FADE_MM = 14.0
@@ -83,14 +83,14 @@ class Faded:
 class MovedWall:
     """A wall at rest, within the modelled region, and its motion."""
 
-    surface: TriSurface
+    surface: Surface
     motion: WallMotion
 
     @property
     def volume_change(self) -> float:
         """What the organ takes in, mm3; right for open walls too, as their rims do not move."""
         moved = self.surface.points + self.motion.displacement(self.surface.points)
-        after = TriSurface(moved, self.surface.faces, self.surface.region)
+        after = self.surface.with_points(moved)
         return after.enclosed_volume - self.surface.enclosed_volume
 
 

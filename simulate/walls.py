@@ -12,9 +12,10 @@ from scipy.optimize import brentq
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import BLADDER, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface, wall_surface
+from palpate.meshing.label_surfaces import wall_surface
 from palpate.simulate.wall_motion import BagMotion, Faded, MovedWall, TubeMotion, interpolated
 
 
@@ -85,7 +86,7 @@ def centre_line(labels: Volume, label: int) -> Callable[[FloatArray], FloatArray
     return lambda z: np.column_stack([c(np.clip(z, heights[0], heights[-1])) for c in curves])
 
 
-def _bag(labels: Volume, wall: TriSurface, spec: BladderSpec, change: float, depth: Volume) -> Faded:
+def _bag(labels: Volume, wall: Surface, spec: BladderSpec, change: float, depth: Volume) -> Faded:
     points = labels.to_lps(np.argwhere(labels.array == BLADDER).astype(float))
     low = points[points[:, 2] < np.quantile(points[:, 2], 0.02) + 1e-6]
     push = np.array(spec.push_mm)
@@ -102,13 +103,13 @@ def _bag(labels: Volume, wall: TriSurface, spec: BladderSpec, change: float, dep
     return at(float(brentq(lambda scale: MovedWall(wall, at(scale)).volume_change - change, 0.55, 1.6, xtol=1e-6)))
 
 
-def _wall(labels: Volume, label: int, depth: Volume) -> TriSurface:
+def _wall(labels: Volume, label: int, depth: Volume) -> Surface:
     """The wall within the modelled region; beyond it nothing moves."""
     _require(labels, label)
     surface = wall_surface(labels, label)
     inside = interpolated(depth, surface.points) > 0.0
     faces = surface.faces[inside[surface.faces].any(axis=1)]
-    return TriSurface(surface.points, faces, np.full(len(faces), label))
+    return Surface(surface.points, faces, np.full(len(faces), label))
 
 
 def _require(labels: Volume, label: int) -> None:

@@ -19,6 +19,7 @@ from palpate.case.steps.segment import SegmentOptions, labels_of
 from palpate.case.steps.segment_report import SegmentedState
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL
+from palpate.core.surfaces.triangles import areas
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
@@ -191,8 +192,7 @@ def contact_of_mesh(meshed: MeshedCase) -> float:
     if faces is None:
         return 0.0
     on_organ = np.isin(faces, np.unique(_organ_cells(meshed))).all(axis=1)
-    a, b, c = (meshed.mesh.points[faces[on_organ][:, i]] for i in range(3))
-    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return float(areas(meshed.mesh.points[faces[on_organ]]).sum())
 
 
 def contact_of_labels(labels: Volume) -> float:

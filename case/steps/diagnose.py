@@ -15,13 +15,14 @@ from palpate.case.problem import further_files, problem_of, state_problems
 from palpate.case.steps import mesh
 from palpate.core.diagnose.case_data import CaseData, arrays
 from palpate.core.errors import ConvergenceError
-from palpate.core.problem import Surface, SurfacePair
+from palpate.core.problem import SurfacePair
 from palpate.core.residual.remeshing import Remeshed
+from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.job import Job
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.labels import BONE
-from palpate.meshing.label_surfaces import TriSurface, wall_surface
+from palpate.meshing.label_surfaces import wall_surface
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 
 INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
@@ -90,20 +91,16 @@ def laid_on_bones(case: CaseFolder) -> list[str]:
 def data_of(case: CaseFolder) -> CaseData:
     """What a diagnosis sees of a meshed case."""
     rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
-    bones = (
-        SurfacePair(_plain(rest["bone"]), _plain(deformed["bone"])) if "bone" in rest and "bone" in deformed else None
-    )
+    bones = SurfacePair(rest["bone"], deformed["bone"]) if "bone" in rest and "bone" in deformed else None
     first = problem_of(case)
     more = zip(state_problems(case, first), _further_bones(case, rest.get("bone")), strict=True)
     return CaseData(first, bones, (case.facts.gravity_rest, case.facts.gravity_deformed), more=tuple(more))
 
 
-def _further_bones(case: CaseFolder, at_rest: TriSurface | None) -> list[SurfacePair | None]:
+def _further_bones(case: CaseFolder, at_rest: Surface | None) -> list[SurfacePair | None]:
     """Of every further deformed state; None where either shows none."""
     seen = [wall_surface(state_labels(case, state), BONE) for state in further_states(case)]
-    return [
-        SurfacePair(_plain(at_rest), _plain(bone)) if at_rest is not None and len(bone.faces) else None for bone in seen
-    ]
+    return [SurfacePair(at_rest, bone) if at_rest is not None and len(bone.faces) else None for bone in seen]
 
 
 def remeshed(case: CaseFolder, count: int, progress: Progress = silent) -> tuple[Remeshed, ...]:
@@ -124,10 +121,6 @@ def remeshed(case: CaseFolder, count: int, progress: Progress = silent) -> tuple
             continue
         out.append(Remeshed(made.mesh, made.boundary))
     return tuple(out)
-
-
-def _plain(surface: TriSurface) -> Surface:
-    return Surface(surface.points, surface.faces, surface.region)
 
 
 def _job(case: CaseFolder, options: DiagnoseOptions, kind: str) -> Job:

@@ -13,7 +13,7 @@ from palpate.case.measured_noise import FILE
 from palpate.case.second_drawing import redrawn_labels
 from palpate.core.errors import InputError
 from palpate.core.observe.repeat_contours import repeat_of
-from palpate.core.problem import Surface
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces
 

@@ -16,11 +16,11 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.forward.known_loads import loaded
 from palpate.core.identify.predicted_posterior import Prediction, predict
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import BLADDER, LABEL_VALUES, LABELS, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface, organ_surfaces
+from palpate.meshing.label_surfaces import organ_surfaces
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.simulate.wall_motion import MovedWall
 from palpate.simulate.walls import BladderSpec, RectumSpec, moved_walls
@@ -151,7 +151,7 @@ def _problem(
 ) -> IdentificationProblem:
     moved = {} if options.deformation in LOADS else _moved(labels, options.deformation, amount)
     walls = {name: _pair(wall) for name, wall in moved.items()}
-    organ = _plain(organ_surfaces(labels))
+    organ = organ_surfaces(labels)
     facts = facts_of(case)
     if options.noise_sd_mm is not None:
         facts = replace(facts, noise_sd_mm=options.noise_sd_mm)
@@ -172,11 +172,7 @@ def _moved(labels: Volume, deformation: str, amount: float) -> dict[str, MovedWa
 def _pair(wall: MovedWall) -> SurfacePair:
     rest = wall.surface
     moved = rest.points + wall.motion.displacement(rest.points)
-    return SurfacePair(_plain(rest), Surface(moved, rest.faces, rest.region))
-
-
-def _plain(surface: TriSurface) -> Surface:
-    return Surface(surface.points, surface.faces, surface.region)
+    return SurfacePair(rest, rest.with_points(moved))
 
 
 def _row(amount: float, found: Prediction, names: list[str]) -> dict[str, Any]:

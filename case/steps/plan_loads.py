@@ -15,6 +15,7 @@ from palpate.core.fem.terms.loads import body_force, traction
 from palpate.core.fem.terms.pressure import FollowerPressure
 from palpate.core.forward.known_loads import Loads
 from palpate.core.problem import IdentificationProblem
+from palpate.core.surfaces.triangles import area_vectors, areas
 
 # 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
 _WEIGHT = 1e-6
@@ -53,11 +54,10 @@ def turned_gravity(case: CaseFolder, problem: IdentificationProblem, amount: flo
 def _hydrostatic(points: FloatArray, faces: IntArray, change: FloatArray) -> FloatArray:
     """(f, 3) kPa on faces (f, 3) of the mesh: a fluid's pressure whose weight changes by `change` (3,) kPa/mm, none at its middle."""
     X = points[faces]
-    normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    area = np.linalg.norm(normal, axis=1, keepdims=True)
+    vector, area = area_vectors(X), areas(X)[:, None]
     centre = X.mean(axis=1)
     pressure = (centre - (area * centre).sum(axis=0) / area.sum()) @ change
-    return np.asarray(-pressure[:, None] * normal / area, dtype=np.float64)
+    return np.asarray(-pressure[:, None] * vector / area, dtype=np.float64)
 
 
 NOTES = {

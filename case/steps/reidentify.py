@@ -20,7 +20,8 @@ from palpate.core.identify.reidentify import FILE, Again, identify_again
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.inference.posterior import verdict
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume

@@ -23,6 +23,7 @@ from palpate.core.sketch.matching import matched
 from palpate.core.sketch.motion import Moving, animate
 from palpate.core.sketch.residual import Target
 from palpate.core.sketch.swarm_fit import swarm_fit
+from palpate.core.surfaces.triangles import normals
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.drawings.drawing import Drawing, read_drawing
 from palpate.meshing.extrude import mesh_figure
@@ -101,7 +102,5 @@ def triangles(figure: Figure) -> tuple[IntArray, IntArray]:
     """Front faces (f, 3) of the figure's mesh and the part (f,) each belongs to, for pictures."""
     mesh = figure.space.mesh
     faces, owner = mesh.boundary
-    X = mesh.points[faces]
-    normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    front = normal[:, 2] > 0.5 * np.linalg.norm(normal, axis=1)
+    front = normals(mesh.points[faces])[:, 2] > 0.5
     return faces[front], mesh.regions[owner[front]]

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from palpate.core.errors import InputError
 from palpate.core.forward.effect import Vector
-from palpate.core.problem import IdentificationProblem, StateData, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, StateData, SurfacePair
 from palpate.core.residual.remeshing import Remeshed, all_from
+from palpate.core.surfaces.surface import Surface
 
 _KEYS = ("points", "faces", "region")
 

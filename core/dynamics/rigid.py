@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
+from palpate.core.surfaces.triangles import area_vectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,6 @@ def dish(lowest: ArrayLike, radius: float, rim: float, rings: int = 14) -> Rigid
     faces = ConvexHull(points).simplices.astype(np.int64)
     faces = faces[(faces < len(points) - 6 * rings).any(axis=1)]  # without the lid, whose corners are all on the rim
     X = points[faces]
-    outward = (np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]) * X.mean(axis=1)).sum(axis=1) > 0.0
+    outward = (area_vectors(X) * X.mean(axis=1)).sum(axis=1) > 0.0
     faces[outward] = faces[outward][:, [0, 2, 1]]
     return RigidSurface(centre + radius * points, faces)

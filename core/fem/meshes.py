@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.mesh import TetMesh
+from palpate.core.mesh import TetMesh, cell_volumes
 
 ORGAN, TISSUE = 1, 3
 
@@ -29,8 +29,7 @@ def split_hexahedra(points: FloatArray, hexahedra: IntArray, regions: IntArray) 
     apex = hexahedra.min(axis=1)
     far = (triangles != apex[:, None, None]).all(axis=2)  # six of twelve triangles do not touch the apex
     cells = np.hstack([np.repeat(apex, 6)[:, None], triangles[far]])
-    X = points[cells]
-    flipped = np.einsum("ij,ij->i", np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), X[:, 3] - X[:, 0]) < 0.0
+    flipped = cell_volumes(points, cells) < 0.0
     cells[flipped] = cells[flipped][:, [0, 2, 1, 3]]
     return TetMesh(points, cells, np.repeat(regions, 6))
 
@@ -154,7 +153,6 @@ def _refined_once(mesh: TetMesh) -> TetMesh:
     r = axis(nodes, ring, axis=1)
     inner = [np.column_stack([d, r[:, k], r[:, (k + 1) % 4]]) for k in range(4)]
     cells = np.vstack([nodes[:, c] for c in corners] + inner)
-    X = points[cells]
-    flipped = np.einsum("ij,ij->i", np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), X[:, 3] - X[:, 0]) < 0.0
+    flipped = cell_volumes(points, cells) < 0.0
     cells[flipped] = cells[flipped][:, [0, 2, 1, 3]]
     return TetMesh(points, cells, np.tile(mesh.regions, 8))

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.arrays import IntArray
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.interface import SplitInterface, open_interface
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import wall_points
 from palpate.core.problem import IdentificationProblem
+from palpate.core.surfaces.triangles import point_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +63,7 @@ def sliding_springs(space: Space, split: SplitInterface, across: float, along: f
     nodes = ours.nodes[:, 0]
     pairs = np.column_stack([nodes, [twin[n] for n in nodes.tolist()]])
     points = PointSet(pairs, np.tile([1.0, -1.0], (len(pairs), 1)), ours.measure)
-    normal = _node_normals(space, inner)[nodes]
+    normal = point_normals(space.nodes, inner)[nodes]
     nn = normal[:, :, None] * normal[:, None, :]
     S = across * nn + along * (np.eye(3) - nn)
     return Springs(points, S, np.zeros((len(pairs), 3)))
-
-
-def _node_normals(space: Space, face_nodes: IntArray) -> FloatArray:
-    """(nodes, 3) unit; the area-weighted mean of the faces (f, 3 or 6) around each node."""
-    X = space.nodes[face_nodes[:, :3]]
-    cross = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    total = np.zeros((space.n_nodes, 3))
-    for column in face_nodes.T:
-        np.add.at(total, column, cross)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1), 1e-30)[:, None])

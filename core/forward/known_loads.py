@@ -15,7 +15,8 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
 from palpate.core.forward.parameters import StiffnessParameters
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
 
 Loads = Callable[[Space], Sequence[Term]]
 _HELD, _WALLS = ("bone", "outer"), ("bladder", "rectum")

@@ -13,6 +13,7 @@ from palpate.core.fem.tangent import Tangent
 from palpate.core.fem.terms.base import face_points
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.surfaces.triangles import normals
 
 
 def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: FloatArray) -> dict[str, FloatArray]:
@@ -28,11 +29,7 @@ def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: Float
     for name in stage.fields:
         faces = problem.boundary[name]
         points = face_points(space.nodes, faces)
-        X = space.nodes[faces]
-        normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-        normal = (
-            -normal / np.linalg.norm(normal, axis=1)[:, None]
-        )  # into the tissue: outwards seen from the hollow organ
+        normal = -normals(space.nodes[faces])  # into the tissue: outwards seen from the hollow organ
         force = np.zeros((space.n_nodes, 3))
         pushed = points.spread(points.measure[:, None] * np.repeat(normal, 3, axis=0))
         np.add.at(force.reshape(-1), points.unknowns, pushed)

@@ -17,6 +17,7 @@ from palpate.core.observe.wall_motion import POINTS, WallMotion
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
+from palpate.core.surfaces.triangles import areas
 
 # A point of a wall's surface belongs to the model when the mesh has its wall this close, mm.
 _CLOSE_MM = 3.0
@@ -64,7 +65,7 @@ def _seen(problem: IdentificationProblem, name: str, fields: DistanceFields) -> 
     """The wall as the scans show it where the model has it: the same points whatever the mesh, so that its motion is the same."""
     surface, faces = problem.walls[name].rest, problem.boundary[name]
     X = problem.mesh.points[faces]
-    area = 0.5 * float(np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1).sum())
+    area = float(areas(X).sum())
     spacing = max(0.5 * float(np.round(2.0 * np.sqrt(_CUBES * area / POINTS))), 1.0)
     points = sample_surface(surface, spacing)[0]
     near = closest_points(TriangleTree.of(problem.mesh.points, faces), points).distance < _CLOSE_MM

@@ -13,7 +13,7 @@ from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.inference.posterior import NoiseFacts, Posterior, laplace
 from palpate.core.observe.surface_observation import SurfaceObservation
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,5 +67,5 @@ def _as_predicted(scene: CoupledScene, found: Equilibrium) -> IdentificationProb
     """The problem with the organ's deformed surface where the model says it goes."""
     rest = scene.problem.organ.rest
     moved = scene.space.interpolation(rest.points, scene.problem.regions) @ found.u
-    deformed = Surface(rest.points + moved, rest.faces, rest.region)
+    deformed = rest.with_points(rest.points + moved)
     return replace(scene.problem, organ=SurfacePair(rest, deformed))

@@ -18,9 +18,10 @@ from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.reduced_fit import ReducedFit
 from palpate.core.inference.posterior import Posterior
 from palpate.core.observe.contour_noise import Weighting
-from palpate.core.problem import IdentificationProblem, Surface
+from palpate.core.problem import IdentificationProblem
 from palpate.core.reduced.reduced_model import ReducedModel, scene_hash
 from palpate.core.surfaces.distance_field import SignedDistanceField
+from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 
 FILE = "again.npz"

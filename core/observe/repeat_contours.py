@@ -11,8 +11,8 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
-from palpate.core.problem import Surface
 from palpate.core.surfaces.distance_field import SignedDistanceField
+from palpate.core.surfaces.surface import Surface
 
 # Two drawings further apart than this (rms mm) are not of one organ on one scan.
 MOST_MM = 5.0

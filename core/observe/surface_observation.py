@@ -15,8 +15,9 @@ from scipy.spatial import cKDTree
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.fem.space import Space
-from palpate.core.problem import IdentificationProblem, Surface
+from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.distance_field import SignedDistanceField
+from palpate.core.surfaces.surface import Surface
 
 # Points closer than this to the dividing line of two regions are left out.
 RIM_MM = 3.0
@@ -87,13 +88,10 @@ def sample_surface(surface: Surface, spacing_mm: float) -> tuple[FloatArray, Flo
 
     Triangle centres are gathered into cubes of that size; each cube gives its area-weighted centre's nearest triangle centre.
     """
-    X = surface.points[surface.faces]
-    cross = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    area = 0.5 * np.linalg.norm(cross, axis=1)
-    centre = X.mean(axis=1)
-    normal = cross / np.maximum(2.0 * area, 1e-30)[:, None]
+    centre = surface.points[surface.faces].mean(axis=1)
     keep = _away_from_rim(surface, centre)
-    area, centre, normal, region = area[keep], centre[keep], normal[keep], surface.region[keep]
+    area, normal = surface.areas[keep], surface.face_normals[keep]
+    centre, region = centre[keep], surface.region[keep]
     cube = np.floor(centre / spacing_mm).astype(np.int64)
     keys = np.column_stack([cube, region])
     _, group = np.unique(keys, axis=0, return_inverse=True)
@@ -105,13 +103,7 @@ def sample_surface(surface: Surface, spacing_mm: float) -> tuple[FloatArray, Flo
 
 
 def _away_from_rim(surface: Surface, centre: FloatArray) -> BoolArray:
-    low = np.full(len(surface.points), np.iinfo(np.int64).max)
-    high = np.full(len(surface.points), -1)
-    for k in range(3):
-        np.minimum.at(low, surface.faces[:, k], surface.region)
-        np.maximum.at(high, surface.faces[:, k], surface.region)
-    rim = np.flatnonzero(low < high)
-    if len(rim) == 0:
+    if len(surface.rim) == 0:
         return np.ones(len(centre), dtype=bool)
-    distance, _ = cKDTree(surface.points[rim]).query(centre)
+    distance, _ = cKDTree(surface.points[surface.rim]).query(centre)
     return distance > RIM_MM

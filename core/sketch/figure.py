@@ -20,6 +20,7 @@ from palpate.core.fem.terms.springs import Springs
 from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.mesh import TetMesh
 from palpate.core.sketch.outline import Outline
+from palpate.core.surfaces.triangles import normals
 
 SIDES = ("bottom", "top", "left", "right")
 ELEMENT = "p2"
@@ -166,6 +167,4 @@ def held_points(x: FloatArray, outline: Outline, sides: tuple[str, ...], band: f
 def _side_faces(mesh: TetMesh) -> IntArray:
     """Boundary faces (f, 3) that are not the flat front or back of the extrusion."""
     faces, _ = mesh.boundary
-    X = mesh.points[faces]
-    normal = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    return faces[np.abs(normal[:, 2]) < 0.5 * np.linalg.norm(normal, axis=1)]
+    return faces[np.abs(normals(mesh.points[faces])[:, 2]) < 0.5]

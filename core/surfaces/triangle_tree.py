@@ -8,6 +8,7 @@ import numpy as np
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
+from palpate.core.surfaces.triangles import normals as triangle_normals
 
 # Triangles in one leaf of the tree, chosen by timing.
 _LEAF = 4
@@ -87,8 +88,7 @@ def _boxes(corners: FloatArray, order: IntArray) -> FloatArray:
 def _pseudo_normals(points: FloatArray, faces: IntArray) -> tuple[FloatArray, BoolArray]:
     """Normals (f, 7, 3) and rim flags (f, 7) of every face, corner and edge, in the order of `TriangleTree.normals`."""
     X = points[faces]
-    cross = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    face = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
+    face = triangle_normals(X)
     at_point = np.zeros_like(points)
     for k in range(3):
         to_next, to_last = X[:, (k + 1) % 3] - X[:, k], X[:, (k + 2) % 3] - X[:, k]

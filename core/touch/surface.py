@@ -11,6 +11,7 @@ from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import TetMesh
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
+from palpate.core.surfaces.triangles import areas, point_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class ContactSurface:
     @cached_property
     def face_area(self) -> FloatArray:
         """(f,) mm2."""
-        return 0.5 * np.asarray(np.linalg.norm(self._cross, axis=1))
+        return areas(self.points[self.faces])
 
     @cached_property
     def node_area(self) -> FloatArray:
@@ -83,9 +84,7 @@ class ContactSurface:
     @cached_property
     def node_normals(self) -> FloatArray:
         """(s, 3) outward, weighted by area."""
-        out = np.zeros((len(self.nodes), 3))
-        np.add.at(out, self.local_faces, self._cross[:, None])
-        return np.asarray(out / np.linalg.norm(out, axis=1)[:, None])
+        return point_normals(self.rest, self.local_faces)
 
     def nearest(self, x: FloatArray) -> Touched:
         """The point of the surface at rest nearest to x (3,) mm, with a normal that turns smoothly over edges."""
@@ -97,8 +96,3 @@ class ContactSurface:
     @cached_property
     def _tree(self) -> TriangleTree:
         return TriangleTree.of(self.points, self.faces)
-
-    @cached_property
-    def _cross(self) -> FloatArray:
-        X = self.points[self.faces]
-        return np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])

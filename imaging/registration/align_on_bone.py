@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
-from palpate.imaging.registration.bone_surface import BoneField, Surface, bone_of_ct, bone_of_labels, bone_surface
+from palpate.imaging.registration.bone_surface import (
+    BoneField,
+    OrientedPoints,
+    bone_of_ct,
+    bone_of_labels,
+    bone_surface,
+)
 from palpate.imaging.registration.rigid import coarse_shift, matrix_of, reach, register
 from palpate.imaging.volume import Volume
 
@@ -102,7 +108,10 @@ def _align(rest: BoneField, deformed: BoneField) -> Alignment:
 
 
 def _measured(
-    transform: sitk.Euler3DTransform, surfaces: tuple[Surface, Surface], rest: BoneField, deformed: BoneField
+    transform: sitk.Euler3DTransform,
+    surfaces: tuple[OrientedPoints, OrientedPoints],
+    rest: BoneField,
+    deformed: BoneField,
 ) -> tuple[Alignment, dict[str, float]]:
     """What a transform, rest point to deformed point, achieves; and for each part how far off a quarter of it is, mm."""
     back = matrix_of(transform)
@@ -147,18 +156,18 @@ def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float(PARTNER_WITHIN_MM)
 
 
-def _limits(surface: Surface) -> FloatArray:
+def _limits(surface: OrientedPoints) -> FloatArray:
     """Where along x the right part ends and the left one begins: the middle half of the bone's width between them."""
     low, high = np.percentile(surface.points[:, 0], [3, 97])
     return np.array([low + 0.25 * (high - low), high - 0.25 * (high - low)])
 
 
-def _part_of(points: FloatArray, surface: Surface) -> NDArray[np.intp]:
+def _part_of(points: FloatArray, surface: OrientedPoints) -> NDArray[np.intp]:
     """0 right, 1 centre, 2 left, by x (LPS: +x is left)."""
     return np.searchsorted(_limits(surface), points[:, 0])
 
 
-def _without(mask: sitk.Image, parts: Sequence[str], surface: Surface) -> sitk.Image:
+def _without(mask: sitk.Image, parts: Sequence[str], surface: OrientedPoints) -> sitk.Image:
     """The mask less the given sides."""
     volume = Volume.from_sitk(mask)
     inside = volume.array > 0

@@ -56,7 +56,7 @@ def bone_of_labels(labels: Volume, source: str) -> BoneField:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class OrientedPoints:
     """Points (n, 3) mm on a surface and its unit normals there (n, 3)."""
 
     points: FloatArray
@@ -69,7 +69,7 @@ class Surface:
         return along, far
 
 
-def bone_surface(bone: BoneField) -> Surface:
+def bone_surface(bone: BoneField) -> OrientedPoints:
     """The bone's surface, interpolated between voxels; small pieces are left out."""
     near = sitk.GetArrayFromImage(sitk.BinaryDilate(bone.mask, [2, 2, 2]))
     values = np.where(near, sitk.GetArrayViewFromImage(bone.field), 0.0)
@@ -77,7 +77,7 @@ def bone_surface(bone: BoneField) -> Surface:
     vertices, _, normals, _ = marching_cubes(np.transpose(values), level=bone.level)
     in_patient = normals @ np.linalg.inv(volume.affine[:3, :3])
     in_patient /= np.maximum(np.linalg.norm(in_patient, axis=1, keepdims=True), 1e-12)
-    return Surface(volume.to_lps(vertices), in_patient)
+    return OrientedPoints(volume.to_lps(vertices), in_patient)
 
 
 def _shrunk(image: sitk.Image) -> sitk.Image:

@@ -10,9 +10,10 @@ import numpy as np
 import pyvista as pv
 
 from palpate.core.errors import InputError
+from palpate.core.surfaces.surface import Surface
+from palpate.core.surfaces.triangles import enclosed_volume
 from palpate.imaging.surfaces.ply import read_ply
 from palpate.imaging.surfaces.self_intersections import crossings
-from palpate.meshing.label_surfaces import TriSurface
 
 SUFFIXES = (".stl", ".obj", ".ply")
 # Extents, mm, beyond which a surface is hardly in mm.
@@ -28,7 +29,7 @@ _MOST_FACES = 4_000_000
 class ReadSurface:
     """surface : closed, normals outwards. notes : what was mended, one line each."""
 
-    surface: TriSurface
+    surface: Surface
     notes: tuple[str, ...]
 
 
@@ -46,7 +47,7 @@ def read_closed_surface(path: Path) -> ReadSurface:
     points, faces = _arrays(mesh)
     faces = _outward(points, faces, path, notes)
     _refuse_crossings(points, faces, path)
-    return ReadSurface(TriSurface(points, faces, np.ones(len(faces), dtype=np.int64)), tuple(notes))
+    return ReadSurface(Surface(points, faces, np.ones(len(faces), dtype=np.int64)), tuple(notes))
 
 
 def _read(path: Path) -> pv.PolyData:
@@ -152,8 +153,7 @@ def _outward(points: np.ndarray, faces: np.ndarray, path: Path, notes: list[str]
         cell_normals=True, point_normals=False, split_vertices=False, consistent_normals=True, non_manifold_traversal=False
     )  # fmt: skip
     out = np.asarray(turned.regular_faces, dtype=np.int64)
-    X = points[out]
-    volume = float(np.einsum("fi,fi->", X[:, 0], np.cross(X[:, 1], X[:, 2]))) / 6.0
+    volume = enclosed_volume(points, out)
     if abs(volume) < 1e-6 * float(np.ptp(points, axis=0).max()) ** 3:
         raise InputError(f"{path} encloses no volume; give the closed surface of a body")
     if volume < 0.0:

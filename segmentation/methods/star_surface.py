@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from palpate.core.arrays import FloatArray
+from palpate.core.surfaces.triangles import area_vectors
 from palpate.segmentation.methods.surface_mesh import Shell
 
 
@@ -18,8 +19,7 @@ def sphere() -> Shell:
     points = np.asarray(ball.points, dtype=np.float64)
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     faces = np.asarray(ball.regular_faces, dtype=np.int64)
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) > 0
+    outward = (area_vectors(points[faces]) * points[faces[:, 0]]).sum(axis=1) > 0.0
     return Shell(points, np.where(outward[:, None], faces, faces[:, ::-1]))
 
 

@@ -14,6 +14,7 @@ from skimage.measure import marching_cubes
 from vtk.util.numpy_support import vtk_to_numpy
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.surfaces.triangles import enclosed_volume, point_normals
 from palpate.imaging.volume import Volume
 from palpate.segmentation.working_grid import Mask
 
@@ -34,11 +35,7 @@ class Shell:
     @cached_property
     def normals(self) -> FloatArray:
         """Unit outward normals (n, 3)."""
-        a, b, c = (self.points[self.faces[:, i]] for i in range(3))
-        cross, total = np.cross(b - a, c - a), np.zeros_like(self.points)
-        for corner in range(3):
-            np.add.at(total, self.faces[:, corner], cross)
-        return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+        return point_normals(self.points, self.faces)
 
     @cached_property
     def mean_of_neighbours(self) -> csr_array:
@@ -84,7 +81,11 @@ def shell_of_mask(mask: Mask, grid: Volume, sigma_mm: float) -> Shell:
     soft = ndimage.gaussian_filter(np.pad(mask, pad).astype(np.float32), sigma_mm / grid.spacing)
     index, faces, _, _ = marching_cubes(soft, 0.5, gradient_direction="descent")
     shell = Shell(grid.to_lps(index.astype(float) - pad), faces.astype(np.int64))
-    return shell if _volume(shell) > 0 else Shell(shell.points, np.ascontiguousarray(shell.faces[:, ::-1]))
+    return (
+        shell
+        if enclosed_volume(shell.points, shell.faces) > 0.0
+        else Shell(shell.points, np.ascontiguousarray(shell.faces[:, ::-1]))
+    )
 
 
 def profiles(image: Volume, points: FloatArray, directions: FloatArray, offsets: FloatArray) -> FloatArray:
@@ -93,8 +94,3 @@ def profiles(image: Volume, points: FloatArray, directions: FloatArray, offsets:
     index = image.to_index(at.reshape(-1, 3)).T
     values = ndimage.map_coordinates(image.array, index, order=1, mode="nearest")
     return np.asarray(values, dtype=np.float64).reshape(len(points), len(offsets))
-
-
-def _volume(shell: Shell) -> float:
-    a, b, c = (shell.points[shell.faces[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)))

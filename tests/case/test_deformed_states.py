@@ -20,8 +20,9 @@ from palpate.case.steps import identify
 from palpate.case.steps.mesh import surface_arrays
 from palpate.core.errors import InputError
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.problem import IdentificationProblem, Surface
+from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.distance_field import signed_distance
+from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume

@@ -18,7 +18,7 @@ from palpate.case.steps import measure_contour_noise
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_noise import EXTRACTION_LENGTH_MM, EXTRACTION_MM, matern_3_2, smooth_covariance
 from palpate.core.observe.repeat_contours import repeat_of
-from palpate.core.problem import Surface
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.ui.cli.commands import identify
 

@@ -18,8 +18,9 @@ from palpate.case.steps.plan import PlanOptions
 from palpate.case.steps.plan_loads import LOADS
 from palpate.core.errors import InputError
 from palpate.core.forward.known_loads import Loaded, loaded
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
-from palpate.meshing.label_surfaces import TriSurface, organ_surfaces
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
+from palpate.meshing.label_surfaces import organ_surfaces
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.ui.pictures.plan_curve import plan_curve
 
@@ -52,15 +53,14 @@ def loads(case: CaseFolder, name: str, amount: float) -> Loaded:
     """A load on the mesh that `plan` has made."""
     labels = case.labels("rest")
     meshed = mesh_labels(labels, OPTIONS.mesh, case.file("identify") / "plan-meshes")
-    at_rest = organ_surfaces(labels)
-    organ = Surface(at_rest.points, at_rest.faces, at_rest.region)
+    organ = organ_surfaces(labels)
     names = {1: "prostate_left", 2: "prostate_right"}
     problem = IdentificationProblem(meshed.mesh, meshed.boundary, {}, SurfacePair(organ, organ), facts_of(case), names)
     return loaded(problem, np.log([20.0, 20.0]), LOADS[name](case, problem, amount), "p1p1")
 
 
 def enclosed(surface: Surface) -> float:
-    return TriSurface(surface.points, surface.faces, surface.region).enclosed_volume
+    return surface.enclosed_volume
 
 
 def test_pressure_widens_the_rectum_and_pushes_the_prostate_off(case: CaseFolder, plan: dict[str, Any]) -> None:

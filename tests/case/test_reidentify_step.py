@@ -15,8 +15,9 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import reidentify
 from palpate.core.errors import InputError
 from palpate.core.identify.job import run
-from palpate.core.problem import IdentificationProblem, Surface
+from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.distance_field import signed_distance
+from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter

@@ -14,7 +14,8 @@ from palpate.case.steps import identify
 from palpate.case.steps.import_scans.surfaces import SurfaceImportOptions, run_surface_import
 from palpate.core.errors import InputError
 from palpate.core.identify.pair.surface_alignment import aligned
-from palpate.core.problem import Surface, SurfacePair
+from palpate.core.problem import SurfacePair
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.meshing import mesh_labels
 

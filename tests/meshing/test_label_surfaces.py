@@ -7,9 +7,10 @@ import pytest
 from voxel_shapes import FloatArray, ball, distance, grid, paint, prostate, tube
 
 from palpate.core.errors import InputError
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.extend_labels import crop, extend_labels, without_specks
-from palpate.meshing.label_surfaces import TriSurface, organ_surfaces, wall_surface
+from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 
 HALF = (32.0, 28.0, 30.0)
 
@@ -23,7 +24,7 @@ def organ_labels(spacing: tuple[float, float, float], seed: int) -> Volume:
     )
 
 
-def errors(surface: TriSurface) -> FloatArray:
+def errors(surface: Surface) -> FloatArray:
     """Distances from the prostate at face centres, each face counting by its area."""
     pick = np.random.default_rng(0).choice(len(surface.faces), 4000, p=surface.areas / surface.areas.sum())
     return distance(prostate, surface.points[surface.faces[pick]].mean(axis=1))

@@ -17,7 +17,8 @@ from palpate.case.deformed_states import further_states, state_labels, state_lan
 from palpate.case.landmarks import read_landmarks
 from palpate.case.problem import state_problems
 from palpate.core.mesh import TetMesh
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase
 from palpate.simulate.walls import BladderSpec, RectumSpec

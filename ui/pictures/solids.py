@@ -13,8 +13,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from palpate.core.arrays import FloatArray, IntArray, LabelArray
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.offscreen import render
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
@@ -46,7 +46,7 @@ class MisfitMap:
 
 
 def anatomy(
-    surfaces: Mapping[str, TriSurface], stiffness: Mapping[int, float], scale: StiffnessScale, region: Volume
+    surfaces: Mapping[str, Surface], stiffness: Mapping[int, float], scale: StiffnessScale, region: Volume
 ) -> Figure:
     """The organ coloured by stiffness (grey where it is not told), bones, bladder and rectum translucent, from two sides.
 
@@ -73,7 +73,7 @@ def anatomy(
     return figure
 
 
-def inside(surface: TriSurface, region: Volume) -> IntArray:
+def inside(surface: Surface, region: Volume) -> IntArray:
     """The faces of a surface all of whose points lie within the voxels of ``region``."""
     index = region.to_index(surface.points)
     outside = np.any((index < -0.5) | (index > np.array(region.array.shape) - 0.5), axis=1)

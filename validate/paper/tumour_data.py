@@ -9,7 +9,8 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
-from palpate.core.problem import Surface, SurfacePair
+from palpate.core.problem import SurfacePair
+from palpate.core.surfaces.surface import Surface
 from palpate.validate.paper.tumour_effective import Effective, effective
 from palpate.validate.paper.tumour_scene import (
     LEFT,

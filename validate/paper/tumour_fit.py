@@ -20,10 +20,10 @@ from palpate.core.observe.contour_noise import (
     weighting_covariance,
 )
 from palpate.core.observe.surface_observation import sample_surface
-from palpate.core.problem import Surface
 from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
 from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.surfaces.distance_field import SignedDistanceField
+from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, TumourData
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume

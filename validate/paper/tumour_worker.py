@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from palpate.core.arrays import FloatArray
-from palpate.core.problem import Surface
 from palpate.core.reduced.greedy_design import Snapshot
+from palpate.core.surfaces.surface import Surface
 from palpate.validate.paper.tumour_fit import TumourFit
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume
 

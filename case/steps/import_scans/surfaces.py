@@ -22,12 +22,12 @@ from palpate.core.errors import InputError
 from palpate.core.identify.pair.no_driving_wall import NEXT, moved_by_its_surface
 from palpate.core.identify.pair.surface_alignment import aligned
 from palpate.core.identify.pair.surface_only import transformed
-from palpate.core.problem import Surface, SurfacePair
+from palpate.core.problem import SurfacePair
+from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.surfaces.surface_files import ReadSurface, read_closed_surface
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface
 from palpate.meshing.mesh_labels import MeshOptions
 
 STEP = "import"
@@ -77,7 +77,7 @@ def run_surface_import(
     _check_volumes((rest, deformed), found)
     points = read_landmarks(options.landmarks) if options.landmarks else None
     progress(0.2, "aligning")
-    pair = SurfacePair(*(Surface(s.surface.points, s.surface.faces, s.surface.region) for s in found))
+    pair = SurfacePair(*(one.surface for one in found))
     matrix = aligned(pair) if options.align else np.eye(4)
     progress(0.3, "writing the case")
     case = open_or_create(case_path, options.name, [None, None])
@@ -100,11 +100,11 @@ def _write(case: CaseFolder, found: list[ReadSurface], matrix: FloatArray) -> No
     case.write_json("alignment.json", {"deformed_to_rest": matrix, "residual_mm": None})
     in_rest_frame = [np.eye(4), matrix]
     for state, one, transform in zip(STATES, found, in_rest_frame, strict=True):
-        moved = TriSurface(transformed(transform, one.surface.points), one.surface.faces, one.surface.region)
+        moved = one.surface.with_points(transformed(transform, one.surface.points))
         case.write_labels(state, labels_of(moved))
 
 
-def labels_of(surface: TriSurface) -> Volume:
+def labels_of(surface: Surface) -> Volume:
     """The label volume of one closed surface: organ 1 inside, 3 in a layer around it, 0 beyond."""
     h = float(np.clip(np.ptp(surface.points, axis=0).max() / _ACROSS, _FINEST_MM, _COARSEST_MM))
     low = surface.points.min(axis=0) - _AROUND_MM - 3.0 * h

@@ -9,10 +9,11 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.files.atomic import atomic_path, writing
+from palpate.core.mesh import cell_volumes
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface
 from palpate.simulate.solve import DeformedState, Stiffness
 
 SURFACE_POINTS = 500
@@ -45,7 +46,7 @@ def surface_truth(state: DeformedState, seed: int) -> dict[str, FloatArray | Int
     mesh = state.space.mesh
     faces, owner_cell = mesh.region_boundary(ORGAN_LABELS)
     region = mesh.regions[owner_cell]
-    triangles = TriSurface(mesh.points, faces, region)
+    triangles = Surface(mesh.points, faces, region)
     chosen = np.unique(faces)
     if len(chosen) > SURFACE_POINTS:
         chosen = np.sort(np.random.default_rng(seed).choice(chosen, SURFACE_POINTS, replace=False))
@@ -84,9 +85,7 @@ def write_answers(
 def _volumes(state: DeformedState) -> dict[str, dict[str, float]]:
     """Volume of each organ region at rest and deformed, from the mesh."""
     mesh = state.space.mesh
-    moved = mesh.points + state.u[: len(mesh.points)]
-    a, b, c, d = (moved[mesh.cells[:, i]] for i in range(4))
-    after = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
+    after = cell_volumes(mesh.points + state.u[: len(mesh.points)], mesh.cells)
     return {
         LABELS[label]: {
             "rest": float(mesh.volumes[mesh.regions == label].sum() / 1000.0),

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
-from palpate.core.problem import Facts, IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
 
 Vector = tuple[float, float, float]
 
@@ -67,7 +68,7 @@ class BodyProblem:
     @cached_property
     def shell(self) -> IdentificationProblem:
         """The body in the form in which effects know a problem: one region, its supports as bone, no walls."""
-        nothing = Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
+        nothing = Surface.empty()
         facts = Facts(bounds_kpa=self.bounds_kpa)
         return IdentificationProblem(
             self.mesh, {"bone": self.held}, {}, SurfacePair(nothing, nothing), facts, {BODY: "body"}

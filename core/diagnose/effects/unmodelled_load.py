@@ -12,6 +12,7 @@ from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import traction
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
+from palpate.core.surfaces.triangles import area_vectors
 
 # Half width at 0.6 of the pressure's peak: what pushes is a centimetre or two across.
 _RADIUS_MM = 6.0
@@ -31,7 +32,7 @@ def _variants(around: Surroundings) -> list[Variant]:
 
 def _faces(X: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Centres (f, 3) mm and outward area vectors (f, 3) mm2 of triangles (f, 3, 3)."""
-    return X.mean(axis=1), 0.5 * np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
+    return X.mean(axis=1), area_vectors(X)
 
 
 def _normal(at: FloatArray, area: FloatArray, centre: FloatArray) -> FloatArray:

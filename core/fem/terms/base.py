@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
+from palpate.core.surfaces.triangles import areas
 
 
 class Term(Protocol):
@@ -102,8 +103,7 @@ def face_points(nodes: FloatArray, face_nodes: IntArray, degree: int = 2) -> Poi
         shape = L
     else:
         shape = np.hstack([L * (2 * L - 1), 4 * L * np.roll(L, -1, axis=1)])
-    X = nodes[face_nodes[:, :3]]
-    area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
+    area = areas(nodes[face_nodes[:, :3]])
     q = len(L)
     return PointSet(
         np.repeat(face_nodes, q, axis=0), np.tile(shape, (len(face_nodes), 1)), np.outer(area, weights).ravel()

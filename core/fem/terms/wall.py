@@ -15,6 +15,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.terms.base import PointSet
+from palpate.core.surfaces.triangles import areas
 
 # x (q, 3) -> signed distance (q,) mm and its gradient (q, 3).
 DistanceFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -87,8 +88,7 @@ def wall_points(face_nodes: IntArray, nodes: FloatArray) -> PointSet:
     One point per node constrains each node's normal once; more quadrature points than nodes would resist sliding along a
     curved surface.
     """
-    X = nodes[face_nodes[:, :3]]
-    area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
+    area = areas(nodes[face_nodes[:, :3]])
     total = np.zeros(len(nodes))
     np.add.at(total, face_nodes, (area / face_nodes.shape[1])[:, None])
     used = np.unique(face_nodes)

@@ -7,8 +7,9 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.identify.pair.rigid_pair import rigid_motion
 from palpate.core.identify.pair.surface_only import transformed
-from palpate.core.problem import Surface, SurfacePair
+from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
 # Left over after the nearest motion, as a share of the extent: beyond it turns are tried, and taken where they leave less by
@@ -40,9 +41,8 @@ def _turns(pair: SurfacePair) -> list[FloatArray]:
 
 def _axes(surface: Surface) -> FloatArray:
     """(3, 3) principal axes in columns, a right-handed system."""
-    X = surface.points[surface.faces]
-    area = np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
-    centre = X.mean(axis=1) - np.average(X.mean(axis=1), axis=0, weights=area)
+    area, middle = surface.areas, surface.points[surface.faces].mean(axis=1)
+    centre = middle - np.average(middle, axis=0, weights=area)
     _, axes = np.linalg.eigh((centre * area[:, None]).T @ centre)
     return np.asarray(axes * np.array([1.0, 1.0, np.linalg.det(axes)]))
 

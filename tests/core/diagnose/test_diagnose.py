@@ -31,12 +31,13 @@ from palpate.core.diagnose.verdict.shrinkage import contours_mm2
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
-from palpate.core.problem import Surface, SurfacePair
+from palpate.core.problem import SurfacePair
 from palpate.core.residual import element_error
 from palpate.core.residual.element_error import GOOD, better_bench, better_residual
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.noise_covariance import SHORT_BY, NoiseParts
 from palpate.core.residual.wall_error_bias import wall_bias
+from palpate.core.surfaces.surface import Surface
 
 KEYS = {"case", "gap", "where", "verdict", "candidates", "ranking", "shrinkage", "stiffness", "next_measurement"}
 EFFECTS = {

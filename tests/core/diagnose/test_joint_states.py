@@ -18,9 +18,10 @@ from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.residual.element_error import GOOD
 from palpate.core.residual.noise_covariance import NoiseParts
+from palpate.core.surfaces.surface import Surface
 
 EFFECTS = {k: v for k, v in library().items() if k in ("contour_bias", "compressible_organ")}
 WIDER_MM = 0.6

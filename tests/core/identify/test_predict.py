@@ -13,7 +13,8 @@ from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.identify.predicted_posterior import predict
 from palpate.core.observe.contour_noise import contour_covariance, noise_modes
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
 
 TRUTH = np.log([30.0, 70.0])
 ELEMENT = "p1p1"

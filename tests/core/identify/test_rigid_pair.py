@@ -17,7 +17,8 @@ from palpate.core.identify.job import run
 from palpate.core.identify.misfit import Misfit, wall_response
 from palpate.core.identify.pair.rigid_pair import rigid_pair
 from palpate.core.inference.posterior import laplace, verdict
-from palpate.core.problem import IdentificationProblem, Surface, SurfacePair
+from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 

@@ -7,9 +7,10 @@ import pytest
 from matplotlib.figure import Figure
 from phantoms import CENTRE, affine, shape
 
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import BLADDER, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import TriSurface, wall_surface
+from palpate.meshing.label_surfaces import wall_surface
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import CORONAL, SAGITTAL, Plane, Window, reached
 from palpate.ui.pictures.slice_axes import WALLS, draw_outlines
@@ -64,5 +65,5 @@ def test_surfaces_in_three_dimensions_end_with_the_region() -> None:
     faces = inside(surface, labels)
     highest = surface.points[faces].max(axis=(0, 1))[2]
     assert top_of(labels) - 2.0 < highest <= top_of(labels)
-    nothing = TriSurface(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64))
+    nothing = Surface.empty()
     assert inside(nothing, labels).shape == (0, 3)

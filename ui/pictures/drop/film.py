@@ -15,7 +15,8 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
-from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.arrays import FloatArray
+from palpate.core.surfaces.triangles import area_vectors, point_normals
 from palpate.core.worker.progress import Progress, silent
 from palpate.ui.pictures.drop.canvas import Canvas
 from palpate.ui.pictures.drop.stage import DropStage, FallingOrgan
@@ -136,8 +137,8 @@ class _Plot:
     def _add_dish(self, stage: DropStage) -> None:
         """The far wall solid, the near one, seen from outside, like glass: what lies in the dish shows, and no two glasses overlap."""
         x, faces = stage.dish_points, stage.dish_faces
-        normals, corners = point_normals(x, faces), x[faces]
-        inside = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ _TOWARDS > 0.0
+        normals = point_normals(x, faces)
+        inside = area_vectors(x[faces]) @ _TOWARDS > 0.0
         for seen, opacity in ((inside, 1.0), (~inside, 0.4)):
             part = polydata(x, faces[seen])
             part.point_data.active_normals = normals
@@ -158,15 +159,6 @@ class _Plot:
     def close(self) -> None:
         """Free the window."""
         self._plotter.close()
-
-
-def point_normals(x: FloatArray, faces: IntArray) -> FloatArray:
-    """(n, 3) unit normals of points x (n, 3), by the area of their faces (f, 3): shading goes on across the halves' border."""
-    corners = x[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    out = np.zeros_like(x)
-    np.add.at(out, faces, normal[:, None, :])
-    return np.asarray(out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-300))
 
 
 def main(arguments: list[str]) -> int:
