@@ -21,7 +21,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_labels import label_values
 from palpate.imaging.contours.nifti_labels import read_labels, write_labels
-from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.contours.user_labels import files_of, read_label_volume, read_user_labels
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BONE, ORGAN_LABELS
@@ -111,7 +111,9 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
 
     Of a CT only the labels are kept. Raises InputError where there are no labels, no bone to align on in either, or a file cannot be read.
     """
-    source = [file_sha256(p) for p in (new.labels or new.scan, new.landmarks) if p is not None and p.is_file()]
+    drawn = new.labels or new.scan
+    read = [*(files_of(drawn) if drawn.is_file() else ()), *([] if new.landmarks is None else [new.landmarks])]
+    source = [file_sha256(path) for path in read if path.is_file()]
     entries = list(case.facts.other.get("states") or ())
     for entry in entries:
         if isinstance(entry, Mapping) and entry.get("source_sha256") == source:
@@ -151,8 +153,7 @@ def _aligned(case: CaseFolder, new: NewState) -> tuple[Volume, FloatArray]:
             raise InputError(
                 f"{new.scan}: the scan at rest is a CT, so give this state as a CT folder too, with --more-labels"
             )
-        beside = new.scan.parent / "labels.txt"
-        volume = read_labels(new.scan, label_values(beside) if beside.is_file() else None)
+        volume = read_label_volume(new.scan).volume
         rest = case.labels("rest")
         both = all((v.array == BONE).any() for v in (rest, volume))
         matrix = align_labels(rest, volume).deformed_to_rest if new.align and both else np.eye(4)

@@ -9,9 +9,7 @@ import numpy as np
 from palpate.case.aligned_labels import in_own_frame
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.imaging.contours.itksnap_labels import label_values
-from palpate.imaging.contours.nifti_labels import read_labels
-from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
@@ -35,8 +33,7 @@ def redrawn_labels(case: CaseFolder, state: str, path: Path) -> Volume:
             drawn = in_own_frame(drawn, ct, case.deformed_to_rest(), case_grid)
         volume = drawn.volume
     elif path.name.lower().endswith(_NIFTI):
-        beside = path.parent / "labels.txt"
-        volume = read_labels(path, label_values(beside) if beside.is_file() else None)
+        volume = read_label_volume(path).volume
     else:
         raise InputError(f"{path}: this case has no CT to place contours on; give a NIfTI label volume")
     if not np.isin(volume.array, ORGAN_LABELS).any():

@@ -21,22 +21,31 @@ ON_SLICE = 0.05
 # polygon2mask counts a voxel centre on the outline as inside. Outlines drawn through centres would gain half a voxel
 # all around; moved by less than any rounding, they gain on one side and lose on the other.
 _OFF_CENTRE = (1.3e-6, 0.9e-6)
+# Contours whose voxels differ by less than this share are one that was written twice; a hollow organ's wall is more.
+TWICE_WITHIN = 0.02
 # Contours left out over at most this many usual gaps, and mm, are interpolated.
 BRIDGED_GAPS = 3.5
 BRIDGED_MM = 15.0
 
 
-def contours_to_mask(contours: Sequence[FloatArray], grid: Volume, name: str, notes: list[str]) -> BoolArray:
+def contours_to_mask(
+    contours: Sequence[FloatArray], grid: Volume, name: str, notes: list[str], exclusive: bool = False
+) -> BoolArray:
     """The voxels of ``grid`` whose centres lie in the structure, shape of its array.
 
-    contours : each (n, 3) mm in LPS, closed, parallel to the volume's slices. Several on one plane are combined by
-    exclusive or: one in another is a hole, a key-hole channel closes by itself. Between planes that are further apart
-    than slices the signed distances to the outlines are interpolated; the first and last reach out by half a gap.
+    contours : each (n, 3) mm in LPS, closed, parallel to the volume's slices. Several on one plane add up, except that one in
+    another is a hole, and one in that an island; a key-hole channel closes by itself. One that is there twice counts once.
+    exclusive : they are combined by exclusive or instead (CLOSEDPLANAR_XOR of DICOM).
+    Between planes that are further apart than slices the signed distances to the outlines are interpolated; the first and last
+    reach out by half a gap.
 
     Raises InputError naming the structure when a contour is not parallel to the slices, all lie outside the volume, or
     they are interrupted for too long.
     """
-    planes = _masks_by_plane([grid.to_index(c) for c in contours], grid, name)
+    planes = {
+        height: _combined(parts, name, notes, exclusive)
+        for height, parts in _masks_by_plane([grid.to_index(c) for c in contours], grid, name).items()
+    }
     heights = np.array(sorted(planes))
     count = grid.array.shape[2]
     mask = np.zeros(grid.array.shape, dtype=bool)
@@ -54,8 +63,8 @@ def contours_to_mask(contours: Sequence[FloatArray], grid: Volume, name: str, no
     return mask
 
 
-def _masks_by_plane(contours: Sequence[FloatArray], grid: Volume, name: str) -> dict[float, BoolArray]:
-    planes: dict[float, BoolArray] = {}
+def _masks_by_plane(contours: Sequence[FloatArray], grid: Volume, name: str) -> dict[float, list[BoolArray]]:
+    planes: dict[float, list[BoolArray]] = {}
     for points in contours:
         height = float(points[:, 2].mean())
         if np.ptp(points[:, 2]) * grid.spacing[2] > FLAT_WITHIN_MM:
@@ -64,9 +73,32 @@ def _masks_by_plane(contours: Sequence[FloatArray], grid: Volume, name: str) -> 
             )
         height = round(height) if abs(height - round(height)) < ON_SLICE else height
         plane = next((known for known in planes if abs(known - height) < ON_SLICE), height)
-        inside = polygon2mask(grid.array.shape[:2], points[:, :2] - _OFF_CENTRE)
-        planes[plane] = np.logical_xor(planes[plane], inside) if plane in planes else inside
+        planes.setdefault(plane, []).append(polygon2mask(grid.array.shape[:2], points[:, :2] - _OFF_CENTRE))
     return planes
+
+
+def _combined(parts: list[BoolArray], name: str, notes: list[str], exclusive: bool) -> BoolArray:
+    """One mask of the contours on one plane, each given by the voxels within it."""
+    distinct: list[BoolArray] = []
+    for part in sorted(parts, key=lambda mask: -int(mask.sum())):
+        if any(_alike(part, other) for other in distinct):
+            note = f"structure {name} has a contour twice on a slice; it was taken once"
+            notes += [note] if note not in notes else []
+        else:
+            distinct.append(part)
+    if exclusive:
+        return np.logical_xor.reduce(distinct)
+    # From the largest on: one in an odd number of others is a hole in them.
+    depths = [sum(not (part & ~larger).any() for larger in distinct[:at]) for at, part in enumerate(distinct)]
+    mask = np.zeros_like(distinct[0])
+    for depth, part in sorted(zip(depths, distinct, strict=True), key=lambda pair: pair[0]):
+        mask = mask & ~part if depth % 2 else mask | part
+    return mask
+
+
+def _alike(one: BoolArray, other: BoolArray) -> bool:
+    """Whether two contours are one, up to the rounding of its points."""
+    return bool((one ^ other).sum() <= TWICE_WITHIN * other.sum()) and bool(one.any())
 
 
 def _check_interruptions(heights: NDArray[Any], usual: float, slice_mm: float, name: str, notes: list[str]) -> None:

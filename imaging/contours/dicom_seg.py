@@ -2,45 +2,52 @@
 
 from __future__ import annotations
 
+import logging
+import sqlite3
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pydicom
-from pydicom.pixels import iter_pixels
+from highdicom import VolumeGeometry
+from highdicom.seg import Segmentation
+from highdicom.sr import CodedConcept
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
-from palpate.imaging.contours.named_labels import label_named, unique
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
-from palpate.imaging.contours.roi_names import organ_of
+from palpate.imaging.contours.roi_names import distinct, organ_of
 from palpate.imaging.dicom.files import DAMAGE, DicomFile, quiet, read_file, reading
 from palpate.imaging.dicom.slices import Slice, slices_of
+from palpate.imaging.dicom.stack import EVEN_WITHIN_MM
 from palpate.imaging.volume import Volume
 
+# highdicom tells of odd files on its log; what matters is checked here.
+logging.getLogger("highdicom").setLevel(logging.CRITICAL)
 # Frames at positions nearer than this are of one slice; frames further from the lattice than this share of it are uneven.
 SAME_PLANE_MM = 0.01
 OFF_LATTICE = 0.05
+# A narrower gap stated between slices is none, mm.
+SMALLEST_GAP_MM = 0.05
+# What a segment shows is told by its name, which is read before.
+_ANY_CODE = ("123037004", "SCT", "Anatomical Structure")
 _KINDS = ("BINARY", "FRACTIONAL", "LABELMAP")
 # What decoding damaged pixels raises beside what reading elements does.
-_PIXEL_DAMAGE = (*DAMAGE, IndexError, OverflowError, ZeroDivisionError, MemoryError)
+_PIXEL_DAMAGE = (*DAMAGE, IndexError, OverflowError, ZeroDivisionError, MemoryError, sqlite3.Error)
 
 
 @dataclass(frozen=True, eq=False)
 class DicomSegments:
-    """A DICOM SEG. frames : of each frame its segment's number (0: a label map's) and its slice on the grid.
-
-    full : the stored value that is certain, of a fractional one.
-    """
+    """A DICOM SEG. numbers : name -> number of the segment. full : the stored value that is certain, of a fractional one."""
 
     path: Path
-    dataset: pydicom.Dataset
+    dataset: Segmentation
     numbers: dict[str, int]
-    frames: list[tuple[int, int]]
-    shape: tuple[int, int, int]
-    affine: FloatArray
+    geometry: VolumeGeometry
     full: float
+    tolerance: float
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -49,23 +56,20 @@ class DicomSegments:
 
     @cached_property
     def grid(self) -> Volume:
-        """An empty volume on which all frames lie."""
-        return Volume(np.zeros(self.shape, dtype=np.uint8), self.affine)
+        """An empty volume on which all frames lie; i, j, k run along rows, columns and slices."""
+        affine = self.geometry.affine[:, [2, 1, 0, 3]]
+        return Volume(np.zeros(self.geometry.spatial_shape[::-1], dtype=np.uint8), np.asarray(affine, dtype=np.float64))
 
     def mask(self, name: str) -> BoolArray:
         """The voxels of a segment; those at least half certain of a fractional one."""
-        number = self.numbers[name]
-        wanted = [index for index, (of, _) in enumerate(self.frames) if of in (0, number)]
-        found = np.zeros(self.shape, dtype=bool)
         try:
             with quiet():
-                for index, pixels in zip(wanted, iter_pixels(self.dataset, indices=wanted), strict=True):
-                    of, k = self.frames[index]
-                    inside = pixels == number if of == 0 else pixels >= max(0.5 * self.full, 0.5)
-                    found[:, :, k] |= inside.T
+                found = self.dataset.get_volume(
+                    segment_numbers=[self.numbers[name]], rescale_fractional=False, atol=self.tolerance
+                )
         except _PIXEL_DAMAGE as error:
             raise InputError(f"{self.path} has pixels that cannot be decoded; export the segmentation again") from error
-        return found
+        return np.transpose(found.array[..., 0] >= max(0.5 * self.full, 0.5), (2, 1, 0))
 
 
 def read_dicom_seg(path: Path) -> DicomSegments:
@@ -82,11 +86,48 @@ def read_dicom_seg(path: Path) -> DicomSegments:
         slices = slices_of(DicomFile(path, dataset))
         if len(slices) != int(dataset.get("NumberOfFrames", 1)):
             raise InputError(f"{path} describes {len(slices)} frames but holds another number; export it again")
+        if kind != "LABELMAP":
+            _check_segments_of_frames(dataset, path)
         numbers = _numbers(dataset)
-        segments = [0] * len(slices) if kind == "LABELMAP" else _segment_of_frames(dataset, path)
-        shape, affine, planes = _lattice(slices, path)
+        notes: list[str] = []
+        spacing = _slice_spacing(dataset, slices, path, notes)
         full = float(dataset.get("MaximumFractionalValue") or 1) if kind == "FRACTIONAL" else 1.0
-    return DicomSegments(path, dataset, numbers, list(zip(segments, planes, strict=True)), shape, affine, full)
+    tolerance = max(EVEN_WITHIN_MM, OFF_LATTICE * spacing)
+    segmentation = _segmentation(dataset, spacing, path)
+    geometry = _geometry(segmentation, tolerance, path)
+    return DicomSegments(path, segmentation, numbers, geometry, full, tolerance, tuple(notes))
+
+
+def _segmentation(dataset: pydicom.Dataset, spacing: float, path: Path) -> Segmentation:
+    """highdicom's reader of the frames. What it wants described and nobody needs here is filled in, so that nothing is refused for it."""
+    for measures in _measures(dataset):
+        measures.SpacingBetweenSlices = f"{spacing:.10g}"
+    for item in dataset.SegmentSequence:
+        item.SegmentLabel, item.SegmentAlgorithmType = str(item.get("SegmentLabel") or "?"), "MANUAL"
+        for keyword in ("SegmentedPropertyCategoryCodeSequence", "SegmentedPropertyTypeCodeSequence"):
+            setattr(item, keyword, [CodedConcept(*_ANY_CODE)])
+        for keyword in ("SegmentationAlgorithmIdentificationSequence", "AnatomicRegionSequence"):
+            item.pop(keyword, None)
+        item.pop("SegmentedPropertyTypeModifierCodeSequence", None)
+    try:
+        with quiet():
+            return Segmentation.from_dataset(dataset, copy=False)
+    except _PIXEL_DAMAGE as error:
+        raise InputError(f"{path} is a damaged segmentation; export it again") from error
+
+
+def _geometry(segmentation: Segmentation, tolerance: float, path: Path) -> VolumeGeometry:
+    try:
+        with quiet():
+            geometry = segmentation.get_volume_geometry(atol=tolerance)
+    except _PIXEL_DAMAGE as error:
+        raise InputError(f"{path} is a damaged segmentation; export it again") from error
+    if geometry is None:
+        raise InputError(f"{path} has frames with uneven gaps; resample the segmentation onto even slices")
+    count, rows, columns = geometry.spatial_shape
+    if rows * columns * count > MOST_VOXELS:
+        raise InputError(f"{path} spans {columns} x {rows} x {count} voxels, which is too many; crop it")
+    return geometry
 
 
 def images_of(dataset: pydicom.Dataset) -> set[str]:
@@ -100,13 +141,14 @@ def images_of(dataset: pydicom.Dataset) -> set[str]:
 
 def _numbers(dataset: pydicom.Dataset) -> dict[str, int]:
     items = [item for item in dataset.SegmentSequence if int(item.SegmentNumber) > 0]
-    return dict(zip(unique([_name(item) for item in items]), (int(i.SegmentNumber) for i in items), strict=True))
+    numbers = [int(item.SegmentNumber) for item in items]
+    return dict(zip(distinct([_name(item) for item in items], numbers), numbers, strict=True))
 
 
 def _name(item: pydicom.Dataset) -> str:
     """The segment's label, or what its codes mean where the label says nothing that is known here."""
     label = " ".join(str(item.get("SegmentLabel", "")).split())
-    if label_named(label) or organ_of(label):
+    if organ_of(label):
         return label
     coded = []
     for kind in item.get("SegmentedPropertyTypeCodeSequence") or []:
@@ -116,19 +158,28 @@ def _name(item: pydicom.Dataset) -> str:
     return meaning if organ_of(meaning) else label or meaning
 
 
-def _segment_of_frames(dataset: pydicom.Dataset, path: Path) -> list[int]:
+def _check_segments_of_frames(dataset: pydicom.Dataset, path: Path) -> None:
     shared = dataset.get("SharedFunctionalGroupsSequence") or [pydicom.Dataset()]
-    found = []
     for group in dataset.PerFrameFunctionalGroupsSequence:
         items = group.get("SegmentIdentificationSequence") or shared[0].get("SegmentIdentificationSequence")
         if not items or items[0].get("ReferencedSegmentNumber") is None:
             raise InputError(f"{path} has a frame that belongs to no segment; export the segmentation again")
-        found.append(int(items[0].ReferencedSegmentNumber))
-    return found
 
 
-def _lattice(slices: list[Slice], path: Path) -> tuple[tuple[int, int, int], FloatArray, list[int]]:
-    """Shape and affine (4, 4) of the grid, and of each frame its index along k."""
+def _measures(dataset: pydicom.Dataset) -> list[pydicom.Dataset]:
+    """The items that state pixel and slice spacing, of all frames."""
+    groups = [
+        *(dataset.get("SharedFunctionalGroupsSequence") or []),
+        *(dataset.get("PerFrameFunctionalGroupsSequence") or []),
+    ]
+    return [item for group in groups for item in group.get("PixelMeasuresSequence") or []]
+
+
+def _slice_spacing(dataset: pydicom.Dataset, slices: list[Slice], path: Path, notes: list[str]) -> float:
+    """mm from slice to slice on which all frames lie: what is stated, else the narrowest gap, else the slices' thickness.
+
+    Empty frames may have been left out, so that the gaps are several slices wide.
+    """
     first = slices[0]
     for other in slices:
         aside = other.origin - first.origin
@@ -137,20 +188,30 @@ def _lattice(slices: list[Slice], path: Path) -> tuple[tuple[int, int, int], Flo
         if other.shape != first.shape or turned > 1e-4 or off > OFF_LATTICE or other.spacing != first.spacing:
             raise InputError(f"{path} has frames that do not lie over each other; export the segmentation again")
     heights = np.array([each.origin @ first.normal for each in slices])
-    low, gaps = heights.min(), np.diff(np.unique(np.round(heights / SAME_PLANE_MM)) * SAME_PLANE_MM)
-    # Empty frames may have been left out, so the narrowest gap is one slice and wider ones are several.
-    step = _refined(heights, float(gaps.min())) if len(gaps) else 1.0
-    planes = np.rint((heights - low) / step)
-    if np.abs((heights - low) / step - planes).max() > OFF_LATTICE * max(1.0, 0.02 * planes.max()):
-        raise InputError(f"{path} has frames with uneven gaps; resample the segmentation onto even slices")
-    rows, columns = first.shape
-    count = int(planes.max()) + 1
-    if rows * columns * count > MOST_VOXELS:
-        raise InputError(f"{path} spans {columns} x {rows} x {count} voxels, which is too many; crop it")
-    affine = np.eye(4)
-    affine[:3, 0], affine[:3, 1] = first.right * first.spacing[0], first.down * first.spacing[1]
-    affine[:3, 2], affine[:3, 3] = first.normal * step, first.origin + first.normal * (low - heights[0])
-    return (columns, rows, count), affine, [int(k) for k in planes]
+    gaps = np.diff(np.unique(np.round(heights / SAME_PLANE_MM)) * SAME_PLANE_MM)
+    stated = _stated(dataset, "SpacingBetweenSlices")
+    narrowest = _refined(heights, float(gaps.min())) if len(gaps) else None
+    for spacing in (stated, narrowest, _stated(dataset, "SliceThickness")):
+        if spacing is None or not _on_lattice(heights, spacing):
+            continue
+        if stated is not None and spacing != stated:
+            notes.append(f"slices are said to lie {stated:g} mm apart, but lie {spacing:g} mm apart, which was taken")
+        return spacing
+    if narrowest is None:
+        return 1.0
+    raise InputError(f"{path} has frames with uneven gaps; resample the segmentation onto even slices")
+
+
+def _stated(dataset: pydicom.Dataset, keyword: str) -> float | None:
+    """A length, mm, that is stated once for all frames."""
+    found = {abs(float(item.get(keyword) or 0.0)) for item in _measures(dataset)}
+    only = found.pop() if len(found) == 1 else 0.0
+    return only if SMALLEST_GAP_MM <= only < 1e3 else None
+
+
+def _on_lattice(heights: FloatArray, spacing: float) -> bool:
+    steps = (heights - heights.min()) / spacing
+    return bool(np.abs(steps - np.rint(steps)).max() * spacing <= max(EVEN_WITHIN_MM, OFF_LATTICE * spacing))
 
 
 def _refined(heights: FloatArray, gap: float) -> float:

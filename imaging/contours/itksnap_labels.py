@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from palpate.core.errors import InputError
-from palpate.imaging.labels import LABEL_COLOURS, LABEL_VALUES, LABELS
+from palpate.imaging.contours.numbered_labels import meaning_of_names
+from palpate.imaging.contours.roi_names import label_named
+from palpate.imaging.labels import LABEL_COLOURS, LABELS
 
 _HEADER = """\
 ################################################
@@ -26,8 +28,6 @@ _HEADER = """\
 ################################################
 """
 _LINE = re.compile(r'^\s*(\d+)\s+\d+\s+\d+\s+\d+\s+[\d.]+\s+[01]\s+[01]\s+"([^"]*)"\s*$')
-# What ITK-SNAP itself calls the label 0.
-_CLEAR = "clear label"
 
 
 def read_label_names(path: Path) -> dict[int, str]:
@@ -62,20 +62,15 @@ def label_values(path: Path) -> dict[int, int]:
 def meaning_of(names: Mapping[int, str], source: str) -> dict[int, int]:
     """What each number of a label volume means by the names of its values: file value -> value of LABELS.
 
-    Names decide, whatever their numbers; names that are not ours (ITK-SNAP's defaults) are left out, so that a voxel
-    holding one is refused. Names of which none is ours leave the numbers as they are.
-    Raises InputError naming ``source`` when two numbers have one name.
+    Names decide, whatever their numbers; names of no organ are left out, so that a voxel holding one is refused. Where all names
+    are those that ITK-SNAP gives by itself, the numbers are those of LABELS.
+    Raises InputError naming ``source`` when two numbers have one name, or no name is an organ.
     """
-    meaning: dict[int, int] = {}
-    for value, name in names.items():
-        key = re.sub(r"[\s-]+", "_", name.strip().lower())
-        known = 0 if key == re.sub(r"\s", "_", _CLEAR) else LABEL_VALUES.get(key)
-        if known is None:
-            continue
-        if known in meaning.values():
-            raise InputError(f"{source} names two labels {LABELS[known]!r}; keep one of them")
-        meaning[value] = known
-    return meaning if any(meaning.values()) else {value: value for value in LABELS}
+    exact = [label_named(name) for name in names.values()]
+    twice = [label for label in exact if label is not None and exact.count(label) > 1]
+    if twice:
+        raise InputError(f"{source} names two labels {twice[0]!r}; keep one of them")
+    return meaning_of_names(names, source).values
 
 
 def label_description(

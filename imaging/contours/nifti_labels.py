@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.imaging.contours.checksums import check_gzip_file
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 
@@ -27,6 +28,8 @@ _SCANNER_COORDINATES = 1
 _MILLIMETRES = 2
 _OTHER_UNITS = {1: "meter", 3: "micron"}
 MOST_VOXELS = 10**9
+# Values this near a whole number are it.
+WHOLE_WITHIN = 1e-3
 
 # nibabel tells of odd headers on standard error; what matters is checked here.
 imageglobals.logger.setLevel(logging.CRITICAL)
@@ -36,20 +39,34 @@ def read_labels(path: Path, values: Mapping[int, int] | None = None) -> Volume:
     """The label volume (uint8, values of LABELS) of a NIfTI file, on the file's own grid.
 
     values : what each number of the file means, file value -> value of LABELS, where a label description file says
-        that it differs from LABELS (``itksnap.label_values``).
+        that it differs from LABELS (``itksnap_labels.label_values``).
 
     Raises InputError naming the file when it is no NIfTI, not 3D, empty, without a placement in the patient, sheared,
     or holds a value that is no label.
     """
+    return with_meaning(read_numbers(path), values or {value: value for value in LABELS}, path)
+
+
+def read_numbers(path: Path) -> Volume:
+    """The whole numbers that a NIfTI file holds, on its own grid. Raises InputError as ``read_labels`` does."""
     image = _open(path)
     array, affine = _pixels(image, path), _placement(image, path)
-    if not np.array_equal(array, np.rint(array)):
+    whole = np.rint(array)
+    # A scl_slope in single precision makes 1 to 1.00000004.
+    if np.abs(array - whole).max() > WHOLE_WITHIN:
         raise InputError(
             f"{path} holds values that are not whole numbers; a label volume is needed, not a CT or a probability"
         )
-    present = np.unique(array)
-    meaning = dict(values) if values else {value: value for value in LABELS}
-    meaning.setdefault(0, 0)
+    return Volume(whole, affine)
+
+
+def with_meaning(numbers: Volume, values: Mapping[int, int], path: Path) -> Volume:
+    """Labels (uint8, values of LABELS) of a file's numbers. values : file value -> value of LABELS.
+
+    Raises InputError naming the file when it holds another number, or nothing but 0.
+    """
+    present = np.unique(numbers.array)
+    meaning = {**values, 0: values.get(0, 0)}
     unknown = [int(value) for value in present if int(value) not in meaning]
     if unknown:
         known = ", ".join(f"{value} {LABELS[meaning[value]]}" for value in sorted(meaning))
@@ -57,10 +74,10 @@ def read_labels(path: Path, values: Mapping[int, int] | None = None) -> Volume:
             f"{path} holds the value {unknown[0]}, which is no label ({known}); relabel it or name it in labels.txt"
         )
     table = np.array([meaning[int(value)] for value in present], dtype=np.uint8)
-    labels = table[np.searchsorted(present, array)]
+    labels = table[np.searchsorted(present, numbers.array)]
     if not labels.any():
         raise InputError(f"{path} holds no label, only 0 (outside); save the segmentation again")
-    return Volume(labels, affine)
+    return numbers.with_array(labels)
 
 
 def write_labels(path: Path, labels: Volume) -> None:
@@ -93,7 +110,15 @@ def _open(path: Path) -> Any:
         raise InputError(f"{path} is not a readable NIfTI file; save it again as .nii.gz") from error
     if not isinstance(image, nib.Nifti1Image):
         raise InputError(f"{path} is {type(image).__name__}, not NIfTI; save it as .nii.gz")
+    _check_whole(path)
     return image
+
+
+def _check_whole(path: Path) -> None:
+    try:
+        check_gzip_file(path)
+    except OSError as error:
+        raise InputError(f"{path} is not a readable NIfTI file; save it again as .nii.gz") from error
 
 
 def _pixels(image: Any, path: Path) -> NDArray[Any]:

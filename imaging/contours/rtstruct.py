@@ -13,14 +13,26 @@ from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.contours import contours_to_mask
 from palpate.imaging.contours.named_labels import PAINT_ORDER
-from palpate.imaging.contours.roi_names import choose_rois
+from palpate.imaging.contours.roi_names import choose_rois, distinct, unused_note
 from palpate.imaging.dicom.files import read_file, reading
 from palpate.imaging.dicom.same_scan import check_same_scan
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.volume import Volume
 
-# Contours of one slice are combined by exclusive or, whatever the newer of the two names says.
-_CLOSED = ("CLOSED_PLANAR", "CLOSEDPLANAR_XOR")
+_XOR = "CLOSEDPLANAR_XOR"
+_CLOSED = ("CLOSED_PLANAR", _XOR)
+# Types that are no area; DICOM PS3.3 C.8.8.6.3.
+_NO_AREA = ("POINT", "OPEN_PLANAR", "OPEN_NONPLANAR")
+
+
+@dataclass(eq=False)
+class _Roi:
+    """The closed contours (n, 3) mm of one structure, and whether they are combined by exclusive or."""
+
+    name: str
+    number: int
+    contours: list[FloatArray]
+    exclusive: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,23 +85,37 @@ def read_rtstruct(
         raise InputError(
             f"{path} holds no contours: give an RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace or .seg.nrrd"
         )
+    notes: list[str] = []
     with reading(path):
         if facts is not None:
-            check_same_scan(dataset, _images(dataset), facts, path)
-        contours, notes = _contours(dataset, path)
-    chosen, choice_notes = choose_rois(list(contours), str(path), roi)
+            notes += check_same_scan(dataset, _images(dataset), facts, path)
+        rois = _rois(dataset, path, notes)
+    with_contours = {name: roi for name, roi in rois.items() if roi.contours}
+    numbers = {name: roi.number for name, roi in rois.items()}
+    _refuse_empty(rois, roi or {}, path)
+    chosen, choice_notes = choose_rois(list(with_contours), str(path), roi, numbers)
     if not chosen:
+        why = f" ({'; '.join(notes[:3])})" if notes else ""
         raise InputError(
-            f"{path} holds no organ by name, only {', '.join(contours) or 'nothing'}; name them with --roi ORGAN=NAME"
+            f"{path} holds no organ by name, only {', '.join(list(with_contours)[:20]) or 'nothing'}{why}; name them with --roi ORGAN=NAME"
         )
-    notes += choice_notes
+    notes += [*choice_notes, *unused_note(list(with_contours), chosen, choice_notes)]
     masks = {}
     try:
         for organ, names in chosen.items():
-            masks[organ] = np.logical_or.reduce([contours_to_mask(contours[name], ct, name, notes) for name in names])
+            masks[organ] = np.logical_or.reduce(
+                [contours_to_mask(rois[name].contours, ct, name, notes, rois[name].exclusive) for name in names]
+            )
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return Structures(masks, chosen, tuple(notes))
+
+
+def _refuse_empty(rois: Mapping[str, _Roi], wanted: Mapping[str, Sequence[str]], path: Path) -> None:
+    for names in wanted.values():
+        empty = [name for name in names if name in rois and not rois[name].contours]
+        if empty:
+            raise InputError(f"{path}: structure {empty[0]} has no closed contours; draw them or choose another")
 
 
 def _images(dataset: pydicom.Dataset) -> set[str]:
@@ -101,23 +127,36 @@ def _images(dataset: pydicom.Dataset) -> set[str]:
     }
 
 
-def _contours(dataset: pydicom.Dataset, path: Path) -> tuple[dict[str, list[FloatArray]], list[str]]:
-    """The closed contours of each structure that has any, name -> [(n, 3) mm]."""
-    names = {
-        int(s.ROINumber): " ".join(str(s.get("ROIName", "")).split())
-        for s in dataset.get("StructureSetROISequence") or []
-    }
-    found: dict[str, list[FloatArray]] = {}
-    notes: list[str] = []
-    for roi in dataset.get("ROIContourSequence") or []:
-        name = names.get(int(roi.get("ReferencedROINumber", -1)), "")
-        for contour in roi.get("ContourSequence") or []:
-            points = _points(contour, name, path)
-            if str(contour.get("ContourGeometricType", "")) in _CLOSED and len(points) >= 3:
-                found.setdefault(name, []).append(points)
-            elif name and len(points) > 1:
-                notes.append(f"structure {name} has a contour that is not closed; it was left out")
-    return found, list(dict.fromkeys(notes))
+def _rois(dataset: pydicom.Dataset, path: Path, notes: list[str]) -> dict[str, _Roi]:
+    """The structures by name, each by the file's own number; what cannot be used is noted."""
+    items = [item for item in dataset.get("StructureSetROISequence") or [] if item.get("ROINumber") is not None]
+    numbers = [int(item.ROINumber) for item in items]
+    names = distinct([" ".join(str(item.get("ROIName", "")).split()) for item in items], numbers)
+    by_number = {number: _Roi(name, number, []) for number, name in zip(numbers, names, strict=True)}
+    for item in dataset.get("ROIContourSequence") or []:
+        number, contours = int(item.get("ReferencedROINumber", -1)), item.get("ContourSequence") or []
+        if number in by_number:
+            _add_contours(by_number[number], contours, path, notes)
+        elif contours:
+            notes.append(f"{len(contours)} contours of the structure number {number}, which has no name, were left out")
+    notes += [f"structure {roi.name} has no contours" for roi in by_number.values() if not roi.contours]
+    return {roi.name: roi for roi in by_number.values()}
+
+
+def _add_contours(roi: _Roi, contours: Sequence[pydicom.Dataset], path: Path, notes: list[str]) -> None:
+    unused: dict[str, int] = {}
+    for contour in contours:
+        points, kind = _points(contour, roi.name, path), str(contour.get("ContourGeometricType") or "").strip().upper()
+        if kind in _CLOSED and len(points) >= 3:
+            roi.contours.append(points)
+            roi.exclusive |= kind == _XOR
+        elif len(points) > 1 or kind not in (*_CLOSED, *_NO_AREA):
+            unused[kind] = unused.get(kind, 0) + 1
+    for kind, count in unused.items():
+        shown = "".join(c for c in kind if c.isprintable())[:32] or "none"
+        what = "closed" if kind in (*_CLOSED, *_NO_AREA) else f"of a known type (ContourGeometricType is {shown})"
+        a = "a contour that is" if count == 1 else f"{count} contours that are"
+        notes.append(f"structure {roi.name} has {a} not {what}; left out")
 
 
 def _points(contour: pydicom.Dataset, name: str, path: Path) -> FloatArray:

@@ -15,24 +15,31 @@ from numpy.typing import NDArray
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
-from palpate.imaging.contours.named_labels import unique
+from palpate.imaging.contours.checksums import check_gzip
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
+from palpate.imaging.contours.roi_names import distinct
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
 
 _SPACE = "NRRD_space"
+# Bytes; Slicer writes some hundred for each segment.
+_LONGEST_HEADER = 2**20
+# Its complaints of damaged files go to standard error, ten lines each.
+sitk.ProcessObject.SetGlobalWarningDisplay(False)
 _KEY = re.compile(r"Segment([0-9]{1,6})_(Name|LabelValue|Layer)$")
 _SPACES = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior")
 
 
 @dataclass(frozen=True, eq=False)
 class NrrdSegments:
-    """values : of each segment its layer and value. layers : (ni, nj, nk, layers)."""
+    """values : of each segment its layer and value. numbers : name -> its number in the file. layers : (ni, nj, nk, layers)."""
 
     path: Path
     values: dict[str, tuple[int, int]]
+    numbers: dict[str, int]
     layers: NDArray[Any]
     affine: FloatArray
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -68,8 +75,10 @@ def read_seg_nrrd(path: Path) -> NrrdSegments:
         raise InputError(f"{path} holds numbers that are no labels; save it as a segmentation with 3D Slicer")
     # k, j, i and then layers where there are several.
     layers = np.transpose(stored if stored.ndim == 4 else stored[..., None], (2, 1, 0, 3))
-    values = _values(facts, layers.shape[3], path)
-    return NrrdSegments(path, values, layers, _placement(image, path))
+    segments = _segments(facts, path)
+    values = _values(segments, layers.shape[3], path)
+    numbers = dict(zip(values, segments, strict=True))
+    return NrrdSegments(path, values, numbers, layers, _placement(image, path))
 
 
 def write_seg_nrrd(
@@ -97,6 +106,7 @@ def write_seg_nrrd(
 
 
 def _opened(path: Path) -> sitk.Image:
+    _check_attached(path)
     reader = sitk.ImageFileReader()
     reader.SetImageIO("NrrdImageIO")
     reader.SetFileName(str(path))
@@ -109,18 +119,44 @@ def _opened(path: Path) -> sitk.Image:
         raise InputError(f"{path} is not a readable NRRD file; save it again with 3D Slicer") from error
 
 
-def _values(facts: Mapping[str, str], layers: int, path: Path) -> dict[str, tuple[int, int]]:
+def _check_attached(path: Path) -> None:
+    """Raises InputError where the voxels lie in another file, or are damaged."""
+    with path.open("rb") as stream:
+        header = stream.read(_LONGEST_HEADER).replace(b"\r\n", b"\n").partition(b"\n\n")[0].lower().split(b"\n")
+        if any(line.startswith((b"data file:", b"datafile:")) for line in header):
+            raise InputError(f"{path} has its voxels in another file; save it as one .seg.nrrd with 3D Slicer")
+        if any(line.replace(b" ", b"") in (b"encoding:gzip", b"encoding:gz") for line in header):
+            stream.seek(0)
+            for line in stream:
+                if not line.strip():
+                    break
+            check_gzip(stream, path)
+
+
+def _segments(facts: Mapping[str, str], path: Path) -> dict[int, dict[str, str]]:
+    """What the header says of each segment that has a name, by its number."""
     segments: dict[int, dict[str, str]] = {}
     for key, text in facts.items():
         if (match := _KEY.match(key)) is not None:
             segments.setdefault(int(match[1]), {})[match[2]] = text
-    kept = [segment for _, segment in sorted(segments.items()) if "Name" in segment]
-    if not kept:
+    named = {number: segment for number, segment in sorted(segments.items()) if "Name" in segment}
+    if not named:
         raise InputError(f"{path} names no segments; save it as a segmentation (.seg.nrrd) with 3D Slicer")
+    return named
+
+
+def _values(segments: Mapping[int, Mapping[str, str]], layers: int, path: Path) -> dict[str, tuple[int, int]]:
+    """Layer and value of each segment. Slicer before 4.11 wrote neither: segment n was layer n, value 1."""
+    old = not any("Layer" in s or "LabelValue" in s for s in segments.values())
+    if old and layers <= max(segments):
+        raise InputError(
+            f"{path} names {len(segments)} segments without their values, in {layers} layers; save it again with 3D Slicer"
+        )
     found = {}
-    for name, segment in zip(unique([" ".join(s["Name"].split()) for s in kept]), kept, strict=True):
+    names = distinct([" ".join(s["Name"].split()) for s in segments.values()], list(segments))
+    for name, (number, segment) in zip(names, segments.items(), strict=True):
         try:
-            layer, value = int(segment.get("Layer", "0")), int(segment.get("LabelValue", "1"))
+            layer, value = int(segment.get("Layer", str(number) if old else "0")), int(segment.get("LabelValue", "1"))
         except ValueError as error:
             raise InputError(
                 f"{path}: segment {name} has no whole numbers for layer and value; save it again"

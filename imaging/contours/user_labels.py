@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +11,22 @@ import numpy as np
 
 from palpate.core.errors import InputError
 from palpate.imaging.contours.dicom_seg import images_of, read_dicom_seg
-from palpate.imaging.contours.itksnap_labels import label_values, meaning_of
+from palpate.imaging.contours.itksnap_labels import read_label_names
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, read_workspace
 from palpate.imaging.contours.named_labels import Segments, is_split, labels_of
-from palpate.imaging.contours.nifti_labels import read_labels
+from palpate.imaging.contours.nifti_labels import read_numbers, with_meaning
+from palpate.imaging.contours.numbered_labels import meaning_of_names, meaning_of_numbers
 from palpate.imaging.contours.rtstruct import read_rtstruct
 from palpate.imaging.contours.seg_nrrd import read_seg_nrrd
 from palpate.imaging.dicom.files import read_file, reading
 from palpate.imaging.dicom.same_scan import check_same_scan
 from palpate.imaging.dicom.series import SeriesFacts
-from palpate.imaging.labels import LABEL_VALUES, LABELS, ORGAN_LABELS
+from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
+
+# The label description file of ITK-SNAP that speaks for the volumes beside it.
+DESCRIPTION = "labels.txt"
+_NIFTI = (".nii", ".nii.gz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +63,20 @@ def read_user_labels(
     """
     path = Path(path)
     name = path.name.lower()
-    if name.endswith((".nii", ".nii.gz")):
-        return _inside(_of_nifti(path, roi), ct, path)
+    if name.endswith(_NIFTI):
+        return _inside(read_label_volume(path, roi), ct, path)
     if name.endswith(".itksnap"):
-        return _inside(_of_workspace(path), ct, path)
+        return _inside(_of_workspace(path, roi), ct, path)
     if name.endswith(".nrrd"):
         return _inside(_of_segments(read_seg_nrrd(path), "seg.nrrd", path, roi), ct, path)
     if is_segmentation(path):
         segments = read_dicom_seg(path)
+        unchecked: list[str] = []
         if facts is not None:
             with reading(path):
-                check_same_scan(segments.dataset, images_of(segments.dataset), facts, path)
-        return _inside(_of_segments(segments, "dicom-seg", path, roi), ct, path)
+                unchecked = check_same_scan(segments.dataset, images_of(segments.dataset), facts, path)
+        labels = _of_segments(segments, "dicom-seg", path, roi)
+        return _inside(replace(labels, notes=(*unchecked, *labels.notes)), ct, path)
     structures = read_rtstruct(path, ct, facts, roi)
     return UserLabels(
         structures.labels(ct), "rtstruct", structures.prostate_is_split, structures.names, structures.notes
@@ -77,10 +84,14 @@ def read_user_labels(
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files that a person's labels lie in: a workspace names others. Raises InputError when it cannot be read."""
+    """The files that a person's labels are read from: a workspace names its volume, a labels.txt beside a volume its values.
+
+    Raises InputError when a workspace cannot be read.
+    """
     if path.name.lower().endswith(".itksnap") and path.is_file():
         return [path, read_workspace(path).only(LABEL_LAYER, str(path)).path]
-    return [path]
+    description = path.parent / DESCRIPTION
+    return [path, description] if path.name.lower().endswith(_NIFTI) and description.is_file() else [path]
 
 
 def is_segmentation(path: Path) -> bool:
@@ -89,34 +100,35 @@ def is_segmentation(path: Path) -> bool:
     return header is not None and header.get("Modality") == "SEG"
 
 
-def _of_nifti(path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
-    """roi : organ -> the file's own numbers; without it they are those of `LABELS`, or of the labels.txt beside the file."""
-    if roi:
-        return UserLabels(read_labels(path, _numbered(path, roi)), "nifti", "prostate" not in roi, dict(roi), ())
-    description = path.parent / "labels.txt"
-    volume = read_labels(path, label_values(description) if description.is_file() else None)
-    present = set(np.unique(volume.array).tolist()) & set(ORGAN_LABELS)
-    notes: tuple[str, ...] = ()
-    if len(present) == 1:
-        value = present.pop()
-        notes = (
-            f"label {value} is the only one of the prostate: it is taken as one region; to have it divided into left and right, give "
-            f"--roi prostate={value}",
+def read_label_volume(path: Path, roi: Mapping[str, Sequence[str]] | None = None) -> UserLabels:
+    """A NIfTI label volume by the names of the labels.txt beside it, by the caller's choice, or by the numbers of LABELS.
+
+    roi : organ -> names of that file, or the volume's own numbers. Raises InputError naming the file.
+    """
+    description = path.parent / DESCRIPTION
+    names = read_label_names(description) if description.is_file() else {}
+    return _of_volume(path, names, str(description if names else path), "nifti", roi)
+
+
+def _of_volume(
+    path: Path, names: Mapping[int, str], source: str, kind: str, roi: Mapping[str, Sequence[str]] | None
+) -> UserLabels:
+    """names : value -> name, empty where nothing names them; source : the file that does."""
+    numbers = read_numbers(path)
+    present = [int(value) for value in np.unique(numbers.array)]
+    meaning = (meaning_of_names(names, source, roi) if names else meaning_of_numbers(str(path), roi)).keeping(present)
+    volume = with_meaning(numbers, meaning.values, path)
+    notes = meaning.notes
+    halves = [value for value in present if meaning.values.get(value) in ORGAN_LABELS]
+    if not meaning.is_whole and len({meaning.values[value] for value in halves}) == 1:
+        named = f" ({names[halves[0]].strip()})" if names.get(halves[0]) else ""
+        own = ",".join(str(value) for value in halves)
+        notes += (
+            f"label {own}{named} is the only one of the prostate: it is taken as one region; to have it divided into left and right, "
+            f"give --roi prostate={own}",
         )
-    return UserLabels(volume, "nifti", True, {}, notes)
-
-
-def _numbered(path: Path, roi: Mapping[str, Sequence[str]]) -> dict[int, int]:
-    """The file's value -> value of LABELS, for organs given by number."""
-    values = {**LABEL_VALUES, "prostate": ORGAN_LABELS[0]}
-    out = {value: value for value in LABELS}
-    for organ, numbers in roi.items():
-        if organ not in values or not all(number.strip().isdigit() for number in numbers):
-            raise InputError(
-                f"{path} has numbers, not names: give --roi ORGAN=NUMBER with ORGAN one of {', '.join(sorted(values))}"
-            )
-        out.update({int(number): values[organ] for number in numbers})
-    return out
+    structures = meaning.chosen if names or roi else {}
+    return UserLabels(volume, kind, not meaning.is_whole, structures, notes)
 
 
 def _of_segments(segments: Segments, source: str, path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
@@ -124,15 +136,14 @@ def _of_segments(segments: Segments, source: str, path: Path, roi: Mapping[str, 
     return UserLabels(volume, source, is_split(chosen), chosen, tuple(notes))
 
 
-def _of_workspace(path: Path) -> UserLabels:
+def _of_workspace(path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
     workspace = read_workspace(path)
     layer = workspace.only(LABEL_LAYER, str(path))
-    if not layer.path.name.lower().endswith((".nii", ".nii.gz")):
+    if not layer.path.name.lower().endswith(_NIFTI):
         raise InputError(
             f"{path} names {layer.path.name} as its segmentation; save that as NIfTI (.nii.gz) in ITK-SNAP"
         )
-    values = meaning_of(workspace.names, str(path)) if workspace.names else None
-    return UserLabels(read_labels(layer.path, values), "itksnap", True, {}, ())
+    return _of_volume(layer.path, workspace.names, str(path), "itksnap", roi)
 
 
 def _inside(labels: UserLabels, ct: Volume, path: Path) -> UserLabels:

@@ -49,6 +49,17 @@ class SeriesFacts:
         """The files of the series, each once, in slice order."""
         return tuple(dict.fromkeys(self.paths))
 
+    def telling_images(self) -> set[str]:
+        """The SOP instances, as far as they tell images apart: not where an anonymiser removed them or made them alike."""
+        files = len(set(self.paths))
+        told = set(self.sop_uids) - {""}
+        return told if len(told) == files else set()
+
+    def telling_frame_of_reference(self) -> str | None:
+        """The frame of reference; None where it is blank, or an anonymiser wrote one UID for everything."""
+        uid = self.frame_of_reference_uid
+        return uid if uid and uid not in (self.series_uid, *self.sop_uids) else None
+
 
 def read_series(
     folder: Path | str, series: str | None = None, modalities: Sequence[str] = ("CT",)
@@ -103,7 +114,7 @@ def _facts(header: pydicom.Dataset, ordered: Stack, notes: list[str]) -> SeriesF
     date = str(header.get("StudyDate") or header.get("SeriesDate") or "").strip()
     return SeriesFacts(
         series_uid=str(header.get("SeriesInstanceUID", "")),
-        frame_of_reference_uid=str(header.get("FrameOfReferenceUID", "")),
+        frame_of_reference_uid=str(header.get("FrameOfReferenceUID") or "").strip(),
         patient_hash=patient_hash(header),
         study_date=date if len(date) == 8 and date.isdigit() else None,
         patient_position=str(header.get("PatientPosition") or "").strip() or None,

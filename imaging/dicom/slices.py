@@ -60,7 +60,9 @@ def slices_of(file: DicomFile) -> list[Slice]:
     with reading(path):
         if _number(header, "SamplesPerPixel", path, default=1.0) != 1.0:
             raise InputError(f"{path} is a colour image, not a CT slice with HU; give the original CT series")
-        if str(header.get("PhotometricInterpretation", "MONOCHROME2")) not in ("MONOCHROME1", "MONOCHROME2"):
+        # A segmentation's colours are those of its labels.
+        grey = str(header.get("PhotometricInterpretation", "MONOCHROME2")) in ("MONOCHROME1", "MONOCHROME2")
+        if not grey and header.get("Modality") != "SEG":
             raise InputError(f"{path} has palette colours, not HU; give the original CT series")
         if "PerFrameFunctionalGroupsSequence" in header:
             groups = list(header.PerFrameFunctionalGroupsSequence)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from palpate.case.case_files import file_sha256
 from palpate.core.errors import InputError
-from palpate.imaging.contours.itksnap_labels import label_values
 from palpate.imaging.contours.user_labels import files_of
 from palpate.imaging.dicom.files import list_files
 
@@ -56,22 +55,26 @@ def scan_sha256(path: Path) -> str:
     return hashlib.sha256("".join(file_sha256(file) for file in list_files(path)).encode()).hexdigest()
 
 
-def inputs_sha256(sources: Mapping[str, str], options: ImportOptions) -> str:
-    """One hash of all that an import stands on. sources : `scan_sha256` by state. Raises InputError for files that are not there."""
-    files = [path for path in (*options.labels, options.landmarks) if path is not None]
-    missing = [path for path in files if not path.is_file()]
+def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Sequence[Path] = ()) -> str:
+    """One hash of all that an import stands on. sources : `scan_sha256` by state. scans : the paths of the scans or label volumes.
+
+    Raises InputError for files that are not there.
+    """
+    given = [path for path in (*options.labels, options.landmarks) if path is not None]
+    missing = [path for path in given if not path.is_file()]
     if missing:
         raise InputError(f"{missing[0]} is not there; correct the path of the labels or landmarks")
     content = {
         "sources": dict(sources),
-        "files": [[_content_of(path) for path in (*options.labels, options.landmarks)]],
+        "files": [[content_of(path) for path in (*options.labels, options.landmarks)]],
+        **{f"beside {path.name}": file_sha256(file) for path in scans for file in described_by(path)},
         "options": [options.series, {k: list(v) for k, v in options.roi.items()}, options.align, options.same_patient],
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _content_of(path: Path | None) -> str | None:
-    """The hash of a file and, of a workspace, of the label volume that it names."""
+def content_of(path: Path | None) -> str | None:
+    """The hash of a file and of what is read with it: a workspace's label volume, the label names beside a volume."""
     if path is None:
         return None
     files = files_of(path)
@@ -81,7 +84,6 @@ def _content_of(path: Path | None) -> str | None:
     return file_sha256(path) if len(files) == 1 else "".join(file_sha256(each) for each in files)
 
 
-def values_beside(path: Path) -> dict[int, int] | None:
-    """What the label values of a volume mean, where a labels.txt lies beside it."""
-    description = path.parent / "labels.txt"
-    return label_values(description) if description.is_file() else None
+def described_by(path: Path) -> list[Path]:
+    """What is read with a label volume that is imported instead of a scan: the names of its values."""
+    return [file for file in files_of(path) if file != path] if path.is_file() else []

@@ -18,7 +18,6 @@ from palpate.case.steps.import_scans.options import (
     check_kinds,
     inputs_sha256,
     scan_sha256,
-    values_beside,
 )
 from palpate.case.steps.import_scans.write import (
     gravity_of,
@@ -31,8 +30,7 @@ from palpate.case.steps.import_scans.write import (
 from palpate.case.swapped_contours import swapped_note
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
-from palpate.imaging.contours.nifti_labels import read_labels
-from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
 from palpate.imaging.dicom.pair_check import check_pair
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.labels import BONE, ORGAN_LABELS
@@ -69,7 +67,7 @@ def run_import(
     check_new_case(folder)
     check_kinds(paths)
     sources = {state: scan_sha256(path) for state, path in zip(STATES, paths, strict=True)}
-    job = _Job(paths, folder, options, progress, sources, inputs_sha256(sources, options))
+    job = _Job(paths, folder, options, progress, sources, inputs_sha256(sources, options, paths))
     earlier = _earlier(job)
     if earlier is not None:
         progress(1.0, "already imported")
@@ -118,13 +116,14 @@ def _import_scans(job: _Job) -> dict[str, Any]:
 
 def _import_labels(job: _Job) -> dict[str, Any]:
     job.progress(0.1, "reading the label volumes")
-    volumes = [read_labels(path, values_beside(path)) for path in job.paths]
+    drawn = [read_label_volume(path, job.options.roi) for path in job.paths]
+    volumes = [labels.volume for labels in drawn]
     if np.array_equal(volumes[0].array, volumes[1].array) and np.allclose(volumes[0].affine, volumes[1].affine):
         raise InputError(
             f"{job.paths[0]} and {job.paths[1]} hold the same labels; give one of the organ at rest and one deformed"
         )
     points = read_landmarks(job.options.landmarks) if job.options.landmarks else None
-    notes: list[str] = []
+    notes = [f"{state}: {note}" for state, labels in zip(STATES, drawn, strict=True) for note in labels.notes]
     alignment = None
     if job.options.align and all((volume.array == BONE).any() for volume in volumes):
         job.progress(0.3, "aligning on bone")

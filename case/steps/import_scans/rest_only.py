@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder, check_new_case, file_sha256
-from palpate.case.steps.import_scans.options import ImportOptions, scan_sha256, values_beside
+from palpate.case.steps.import_scans.options import ImportOptions, content_of, described_by, scan_sha256
 from palpate.case.steps.import_scans.pair import STEP
 from palpate.case.steps.import_scans.write import gravity_of, open_or_create, write_scan, write_user_labels
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
-from palpate.imaging.contours.nifti_labels import read_labels
-from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
 from palpate.imaging.dicom.series import read_series
 
 
@@ -33,7 +32,7 @@ def import_alone(
     if not rest.exists():
         raise InputError(f"{rest} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
     sources = {"rest": scan_sha256(rest)}
-    inputs = _inputs(sources, options)
+    inputs = _inputs(sources, options, rest)
     earlier = _earlier(folder, sources, inputs)
     if earlier is not None:
         progress(1.0, "already imported")
@@ -58,17 +57,18 @@ def _from_ct(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFold
 
 
 def _from_labels(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFolder, list[str], list[str]]:
-    volume = read_labels(path, values_beside(path))
+    drawn = read_label_volume(path, options.roi)
     case = open_or_create(folder, options.name, [None, None])
-    case.write_labels("rest", volume)
-    return case, [], ["case.json", "rest.nii.gz", "labels.txt"]
+    case.write_labels("rest", drawn.volume)
+    return case, [f"rest: {note}" for note in drawn.notes], ["case.json", "rest.nii.gz", "labels.txt"]
 
 
-def _inputs(sources: dict[str, str], options: ImportOptions) -> str:
+def _inputs(sources: dict[str, str], options: ImportOptions, rest: Path) -> str:
     file = options.labels[0]
     if file is not None and not file.is_file():
         raise InputError(f"{file} is not there; correct the path of the labels")
-    content = [sources, file and file_sha256(file), options.series[0], {k: list(v) for k, v in options.roi.items()}]
+    beside = [file_sha256(each) for each in described_by(rest)]
+    content = [sources, content_of(file), *beside, options.series[0], {k: list(v) for k, v in options.roi.items()}]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
