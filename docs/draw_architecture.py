@@ -31,7 +31,7 @@ WORDS = {
 }
 ROOMS = tuple(room for layer in LAYERS for room in layer)
 
-WIDTH, HEIGHT, STEP_X, STEP_Y, EDGE = 204, 62, 128, 84, 20
+WIDTH, HEIGHT, STEP_X, STEP_Y, EDGE = 216, 62, 130, 84, 20
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 
 
@@ -123,7 +123,7 @@ def _boxes(sizes: Mapping[str, int]) -> Iterator[str]:
         x, y = _corner(room)
         first, second = WORDS[room]
         yield f"<rect x='{x}' y='{y}' width='{WIDTH}' height='{HEIGHT}' rx='6' fill='#e4eef8' stroke='#34495e'/>"
-        yield f"<text x='{x + 10}' y='{y + 21}' {FONT} font-size='16' font-weight='bold' fill='#1c2833'>{room}/</text>"
+        yield f"<text x='{x + 10}' y='{y + 21}' {FONT} font-size='15' font-weight='bold' fill='#1c2833'>{room}/</text>"
         yield (
             f"<text x='{x + WIDTH - 8}' y='{y + 20}' {FONT} font-size='11' fill='#5b6b7b' text-anchor='end'>"
             f"{sizes[room]} modules</text>"

@@ -48,7 +48,7 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
     The plain model is fitted here, with the noise model of the diagnosis: result.json is neither needed nor changed. A case that
-    has labels but no mesh yet is meshed first; a body on a bench (`body_case`) has its own way. Nothing is done when nothing has changed.
+    has labels but no mesh yet is meshed first; a body on a bench (`bench_body`) has its own way. Nothing is done when nothing has changed.
     Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
     """
     options = options or DiagnoseOptions()

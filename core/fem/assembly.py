@@ -1,4 +1,4 @@
-"""Residual and tangent of the equilibrium of a hyperelastic body (paper Eq 2 without inertia), mixed or displacement-only.
+"""Residual and tangent of the equilibrium of a hyperelastic body (Eq 2 of Yang & Lin), mixed or displacement-only.
 
 The functional is  integral W(F) + p g(F) - p^2 / (2 kappa) dV  + terms, stationary in u and p. Eliminating p at fixed u gives the
 energy E(u) that a stable equilibrium minimises; the matrix [[K, B], [B', -C]] of the mixed form has the same Newton step.

@@ -1,9 +1,10 @@
-"""The paper's boundary (Eq 9): tissue pulled to where the organ's surface went gives the force that loads the organ alone.
+"""The contact-force boundary: Eq 9 of Yang & Lin, MaterialCloning.
 
-The tissue by itself is solved with the organ's surface displacement u_s prescribed; its reaction f = K u_s, turned round, is a dead
-load on the organ. The organ alone could move as a rigid body, and a dead compression would even turn it over: its mean displacement
-and rotation over a dozen points of its surface are held to those of u_s. Noise in u_s goes straight into f, and a soft
-organ can still be unstable: the inertia of the solved system says so.
+Tissue pulled to where the organ's surface went gives the force that loads the organ alone. The tissue by itself is solved with the
+organ's surface displacement u_s prescribed; its reaction f = K u_s, turned round, is a dead load on the organ. The organ alone could
+move as a rigid body, and a dead compression would even turn it over: its mean displacement and rotation over a dozen points of its
+surface are held to those of u_s. Noise in u_s goes straight into f, and a soft organ can still be unstable: the inertia of the solved
+system says so.
 """
 
 from __future__ import annotations

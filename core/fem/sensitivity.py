@@ -1,4 +1,7 @@
-"""Direct and adjoint derivatives of an equilibrium with respect to parameters and forces, from the factor of its tangent."""
+"""Direct and adjoint derivatives of an equilibrium with respect to parameters and forces, from the factor of its tangent.
+
+This is du/dmu of Eq 20 of Yang & Lin, MaterialCloning.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The `contact-force` boundary: the organ alone, loaded by what the tissue's deformation says (paper Eq 9)."""
+"""The `contact-force` boundary: the organ alone, loaded by what the tissue's deformation says (Eq 9 of Yang & Lin)."""
 
 from __future__ import annotations
 

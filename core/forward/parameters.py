@@ -21,7 +21,7 @@ SHARE_BOUNDS = (0.02, 0.98)
 class StiffnessParameters:
     """theta = ln G of each organ region, G = 2 (mu1 + mu2) in kPa; or, with `split_mu`, (ln G, mu1 / (mu1 + mu2)) of each region.
 
-    With ln G alone mu1 = mu2, as the paper sets them (its section 3.3). Small strains depend on G only, so a share beside G is
+    With ln G alone mu1 = mu2, as Yang & Lin set them (section 3.3). Small strains depend on G only, so a share beside G is
     told apart from it, where (mu1, mu2) would be two names of one thing. The organ's bulk modulus follows G by a fixed Poisson
     ratio: large, and not identified.
     """

@@ -1,4 +1,4 @@
-"""How badly a displacement explains what was seen: surface residual and landmarks, weighed by their noise."""
+"""How badly a displacement explains what was seen: surface residual (Eq 13 of Yang & Lin) and landmarks, weighed by their noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Misfit:
     """Residuals of all data and their weights; `value` is the squared length of the weighted residual.
 
     surface : weighting of the surface residual (q, q). noise : (q, q) mm2, what that residual's covariance is taken to be. Both
-    hold the walls' noise carried through the model; how else they differ is said in core.observe.noise.
+    hold the walls' noise carried through the model; how else they differ is said in core.observe.contour_noise.
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""The figures of result.json that say how well the organ meets the deformed scan (paper Eqs 10 to 13)."""
+"""The figures of result.json that say how well the organ meets the deformed scan (Eqs 10 to 13 of Yang & Lin)."""
 
 from __future__ import annotations
 

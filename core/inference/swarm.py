@@ -1,4 +1,4 @@
-"""Particle swarm: SPSO-2011 as the paper sets it (Algorithm 1, Eqs 16 to 19).
+"""Particle swarm: SPSO-2011 as Yang & Lin, MaterialCloning, set it (Algorithm 1, Eqs 16 to 19; "the paper" below).
 
 Where the paper leaves something open this follows Clerc, Standard Particle Swarm Optimisation (2012), and
 Zambrano-Bigiarini, Clerc and Rojas, Standard Particle Swarm Optimisation 2011 at CEC-2013 (2013). Deviations:

@@ -1,4 +1,4 @@
-"""Who informs whom in a particle swarm: the adaptive random topology (Clerc; paper section 3.2.6, population structure)."""
+"""Who informs whom in a particle swarm: the adaptive random topology (Clerc; section 3.2.6 of Yang & Lin)."""
 
 from __future__ import annotations
 

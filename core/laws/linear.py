@@ -1,4 +1,4 @@
-"""Isotropic linear elasticity (paper Eq 3), the surrounding tissue's law.
+"""Isotropic linear elasticity, the surrounding tissue's law: Eq 3 of Yang & Lin, MaterialCloning.
 
 psi = G dev(eps):dev(eps) + K/2 tr(eps)^2 with eps the small strain; not objective: a large rotation stores energy, by its nature.
 """

@@ -1,4 +1,6 @@
-"""Mooney-Rivlin, the organ's law (paper Eq 8).
+"""Mooney-Rivlin, the organ's law: Eq 8 of Yang & Lin, MaterialCloning (docs/references.bib).
+
+The equation's I2 is read as tr(C^2), so that (I1^2 - I2) / 2 is the second invariant:
 
 psi = mu1 (I2bar - 3) + mu2 (I1bar - 3) + v1 g(J)^2 with I2 = (tr(C)^2 - tr(C^2)) / 2. The volumetric measure is g = J - 1
 (bulk modulus 2 v1, `MOONEY_RIVLIN`) or the printed g = I3^(1/3) - 1 (bulk modulus 8/9 v1, `MOONEY_RIVLIN_PRINTED`).

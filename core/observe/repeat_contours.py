@@ -34,7 +34,7 @@ class Repeat:
 
 
 def repeat_of(first: Surface, second: Surface) -> Repeat:
-    """From the surfaces of one organ drawn twice. Both err, and each by what extraction from voxels adds (core.observe.noise).
+    """From the surfaces of one organ drawn twice. Both err, and each by what extraction from voxels adds (core.observe.contour_noise).
 
     Raises InputError when they are too far apart to be two drawings of one organ.
     """

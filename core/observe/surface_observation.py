@@ -1,8 +1,8 @@
 """What two scans show of the organ: how far its predicted surface is from the one that was seen, along the normal.
 
 The residual of a point X of the rest surface is d(X + u(X)), d the signed distance of the deformed organ's surface: the
-one-sided distance of paper Eqs 11 to 13 with a sign, so that its square is the paper's objective and its derivative exists.
-Points near the line where regions meet are left out, as the paper leaves out shared nodes (its section 3.2.5).
+one-sided distance of Eqs 11 to 13 of Yang & Lin, MaterialCloning, with a sign, so that its square is their objective and its
+derivative exists. Points near the line where regions meet are left out, as they leave out shared nodes (section 3.2.5).
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from palpate.core.observe.wall_rigid_and_growth import SECTION_LENGTH_MM, WallRi
 # Correlation length of the contours' noise, and what voxels add to it point by point, mm.
 _NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
 # Of a slide of large parts of a wall, an axis, over how far the wall moved (rms), and its length, mm. Simulated walls that are pushed, or
-# empty towards their neck, slide by 1 to 2 mm; the share is the likeliest on effect-free cases, see `noise_model`.
+# empty towards their neck, slide by 1 to 2 mm; the share is the likeliest on effect-free cases, see `noise_covariance`.
 SLIDE_SHARE, SLIDE_LENGTH_MM = 0.2, 45.0
 # The contours' noise tilts normals, and a wall that slides along tilted normals fits noise: they are smoothed over so much, mm, as far as
 # the noise is correlated.

@@ -1,7 +1,7 @@
 """Reduced model of one scene: displacement as a function of a few parameters, in microseconds, with an error it can vouch for.
 
 Displacements at chosen parameters (and their sensitivities, which a solve gives away) are written in a small orthonormal basis
-whose coefficients are interpolated over the parameter box (`reduced_kernel`). Where its estimate exceeds a tolerance the caller
+whose coefficients are interpolated over the parameter box (`kernel_interpolation`). Where its estimate exceeds a tolerance the caller
 solves in full. No hyper-reduction: an equilibrium depends on ln G so smoothly that interpolation reaches its error with fewer solves.
 """
 

@@ -83,7 +83,7 @@ class NoiseParts:
         )
 
     def covariance(self, sizes: NoiseSizes, left: FloatArray) -> FloatArray:
-        """(n, n); left : (n, m) columns whose outer products are what meshes and elements leave uncertain (`remeshed`).
+        """(n, n); left : (n, m) columns whose outer products are what meshes and elements leave uncertain (`remeshing`).
 
         The nearest of LENGTHS_MM is taken.
         """

@@ -20,7 +20,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.residual.noise_covariance import LENGTHS_MM, NoiseParts, NoiseSizes
 
 _FACTORS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
-# Of the organ's surface as it is cut from voxels: 0.37 to 0.57 a mode on cases without contour noise (`noise_model`).
+# Of the organ's surface as it is cut from voxels: 0.37 to 0.57 a mode on cases without contour noise (`noise_covariance`).
 _OWN = (0.2, 0.3, 0.45)
 # Sizes of the gap that are let free, over its typical one.
 GAPS = (0.0, 0.25, 0.5, 1.0, 2.0)

@@ -1,4 +1,4 @@
-"""Distances from a deformed organ surface to the surface it should have reached (paper, Eqs 10 to 13).
+"""Distances from a deformed organ surface to the surface it should have reached: Eqs 10 to 13 of Yang & Lin, MaterialCloning.
 
 All are one-sided, from the deformed surface's points to the target as a continuous surface, not to its points only.
 """

@@ -1,6 +1,6 @@
 """Static equilibrium by a Newton method that survives inverted starts, large loads and nearly incompressible organs.
 
-Two iterations share one matrix: the mixed one (`newton_mixed`) is quick and blind to stability; the energy one (`newton_energy`)
+Two iterations share one matrix: the mixed one (`mixed`) is quick and blind to stability; the energy one (`energy`)
 ends in a minimum. The load is cut when neither arrives. Failure is a value with its reason.
 """
 

@@ -1,4 +1,4 @@
-"""Pressures q at the quadrature points, beside u, for elements without pressure unknowns; why, tells `newton_mixed`."""
+"""Pressures q at the quadrature points, beside u, for elements without pressure unknowns; why, tells `mixed`."""
 
 from __future__ import annotations
 

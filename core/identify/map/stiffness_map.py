@@ -3,7 +3,7 @@
 For a linear model the estimate is m = m0 + A r with A = (J' J + C^-1)^-1 J' and the resolution R = A J (Backus & Gilbert;
 Tarantola 2005, Inverse Problem Theory, 3.2): row i of R says of which places the value at i is an average. The spread counts both
 what the smoothing cannot follow and what the noise does, (I - R) C (I - R)' + A N A', N the noise's covariance under these
-weights, which are not its inverse (core.observe.noise).
+weights, which are not its inverse (core.observe.contour_noise).
 """
 
 from __future__ import annotations
