@@ -18,7 +18,6 @@ from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.diagnose.verdict.judge import Diagnosis, judge
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.inference.evidence import mean_of_exponentials
-from palpate.core.residual.noise_estimation import GAPS
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.progress import Progress, part, silent
@@ -30,7 +29,7 @@ _HOPELESS = 12.0
 def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress = silent, seed: int = 1) -> Diagnosis:
     """Diagnose a case. Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved."""
     fit = fit_plain(data.pairs, data.remeshed, part(progress, 0.0, 0.45))
-    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights)
+    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights, fit.options)
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     progress(0.46, "score test of every effect")
     stage, point = fit.bench.first.stage, fit.point.first
@@ -53,7 +52,8 @@ def _unnamed(fit: PlainFit, forces: UnknownDiscrepancy) -> float:
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     none = np.zeros((len(r), len(r)))
     plain = fit.noise.log_likelihood(r, J, none)
-    logs = [logsumexp(fit.noise.log_likelihood(r, J, size**2 * R @ R.T) + fit.noise.log_prior) for size in GAPS if size]
+    sizes = [size for size in fit.options.gap_sizes if size]
+    logs = [logsumexp(fit.noise.log_likelihood(r, J, size**2 * R @ R.T) + fit.noise.log_prior) for size in sizes]
     return mean_of_exponentials(np.array(logs)) - float(logsumexp(plain + fit.noise.log_prior))
 
 

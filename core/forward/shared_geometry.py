@@ -14,13 +14,12 @@ from palpate.core.forward.cut_interface import OpenedProblem, open_problem
 from palpate.core.forward.scene_parts import DistanceFields, distance_fields, driving_walls, moved_observation
 from palpate.core.observe.surface_observation import SurfaceObservation, sample_surface
 from palpate.core.observe.wall_motion import POINTS, WallMotion
+from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.core.surfaces.triangles import areas
 
-# A point of a wall's surface belongs to the model when the mesh has its wall this close, mm.
-_CLOSE_MM = 3.0
 # Cubes of a surface's own spacing that its area fills, over area / spacing^2.
 _CUBES = 1.5
 
@@ -29,28 +28,37 @@ _CUBES = 1.5
 class SharedGeometry:
     """What all compositions of one problem share: distance fields, walls' likeliest motions, and scenes' structures by need.
 
-    element : see core.fem.elements.
+    element : see core.fem.elements. walls : what is taken to be known of their motions.
     """
 
     problem: IdentificationProblem
     element: str
     observation: SurfaceObservation
     fields: dict[str, DistanceFields]
+    walls: WallMotionOptions
     motions: dict[str, WallMotion] = field(default_factory=dict)
     assemblers: dict[bool, Assembler] = field(default_factory=dict)
     _opened: OpenedProblem | None = None
 
     @classmethod
-    def of(cls, problem: IdentificationProblem, element: str, like: SharedGeometry | None = None) -> SharedGeometry:
-        """A stage with another element shares the distance fields of `like`."""
+    def of(
+        cls,
+        problem: IdentificationProblem,
+        element: str,
+        like: SharedGeometry | None = None,
+        walls: WallMotionOptions | None = None,
+    ) -> SharedGeometry:
+        """A stage with another element shares the distance fields and the walls' motions of `like`; walls : for a first one."""
         space = Space.of(problem.mesh, element)
         if like is not None:
-            return cls(problem, element, moved_observation(like.observation, space, problem), like.fields, like.motions)
+            observation = moved_observation(like.observation, space, problem)
+            return cls(problem, element, observation, like.fields, like.walls, like.motions)
+        walls = walls or WallMotionOptions()
         fields = {name: distance_fields(pair) for name, pair in driving_walls(problem).items()}
-        stage = cls(problem, element, SurfaceObservation.of(problem, space), fields)
+        stage = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls)
         for name in fields:
-            seen = _seen(problem, name, fields[name])
-            stage.motions[name] = WallMotion.of(seen, fields[name][0].value_and_gradient, problem.facts.noise_sd_mm)
+            seen, at_rest = _seen(problem, name, fields[name], walls.seen_within_mm), fields[name][0].value_and_gradient
+            stage.motions[name] = WallMotion.of(seen, at_rest, problem.facts.noise_sd_mm, walls)
         return stage
 
     @property
@@ -61,14 +69,14 @@ class SharedGeometry:
         return self._opened
 
 
-def _seen(problem: IdentificationProblem, name: str, fields: DistanceFields) -> SlidingWall:
+def _seen(problem: IdentificationProblem, name: str, fields: DistanceFields, within_mm: float) -> SlidingWall:
     """The wall as the scans show it where the model has it: the same points whatever the mesh, so that its motion is the same."""
     surface, faces = problem.walls[name].rest, problem.boundary[name]
     X = problem.mesh.points[faces]
     area = float(areas(X).sum())
     spacing = max(0.5 * float(np.round(2.0 * np.sqrt(_CUBES * area / POINTS))), 1.0)
     points = sample_surface(surface, spacing)[0]
-    near = closest_points(TriangleTree.of(problem.mesh.points, faces), points).distance < _CLOSE_MM
+    near = closest_points(TriangleTree.of(problem.mesh.points, faces), points).distance < within_mm
     points = points[near] if near.any() else X.mean(axis=1)
     one = PointSet(np.arange(len(points))[:, None], np.ones((len(points), 1)), np.ones(len(points)))
     return SlidingWall.between(one, points, fields[0].value_and_gradient, fields[1].value_and_gradient, 1.0)

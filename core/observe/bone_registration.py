@@ -12,12 +12,8 @@ from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.rigid_motion import Motion, rigid_motion
 
-_SPACING_MM = 6.0
-# Distances beyond this are where a scan ends, not where a bone went, mm.
-_FAR_MM = 12.0
-# What no registration of contours is better than: mm, and degrees.
-_FLOOR = np.array([0.15, 0.15, 0.15, 0.2, 0.2, 0.2])
-_ROUNDS = 4
+# Resolution: distance of the points that are read, mm; fewer than so many tell no motion; rounds of the robust fit.
+_SPACING_MM, _FEWEST, _ROUNDS = 6.0, 50, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +21,7 @@ class BoneSight:
     """points (q, 3) mm on bone at rest; field : distance of the deformed scan's bone.
 
     design : (q, 6) takes a rigid motion (mm, degrees about the pivot) to distances; reader (6, q) distances to the motion still missing.
-    misfit : (q,) mm, distances that are left where the bones fit best.
+    misfit : (q,) mm, distances that are left where the bones fit best. floor_sd : (6,) of the motion, what no registration is better than.
     """
 
     points: FloatArray
@@ -33,20 +29,21 @@ class BoneSight:
     design: FloatArray
     reader: FloatArray
     misfit: FloatArray
+    floor_sd: FloatArray
 
     @classmethod
-    def of(cls, pair: SurfacePair, pivot: FloatArray) -> BoneSight | None:
-        """None when the surfaces have too little in common."""
+    def of(cls, pair: SurfacePair, pivot: FloatArray, floor_sd: FloatArray, far_mm: float) -> BoneSight | None:
+        """None when the surfaces have too little in common. far_mm : distances beyond this are where a scan ends, not where bone went."""
         points, normals, _, _ = sample_surface(pair.rest, _SPACING_MM)
         field = SignedDistanceField.from_surface(pair.deformed.points, pair.deformed.faces, spacing_mm=1.5)
         inside = _common(points, pair)
         points, normals = points[inside], normals[inside]
-        if len(points) < 50:
+        if len(points) < _FEWEST:
             return None
         rotation = np.deg2rad(1.0) * np.cross(points - pivot, normals)
         N = np.hstack([normals, rotation])
         distance = field.value_and_gradient(points)[0]
-        keep = np.abs(distance) < _FAR_MM
+        keep = np.abs(distance) < far_mm
         weight = keep.astype(float)
         for _ in range(_ROUNDS):
             motion, *_rest = np.linalg.lstsq(N * weight[:, None], -distance * weight, rcond=None)
@@ -55,7 +52,7 @@ class BoneSight:
             weight = keep * np.minimum(1.0, 1.5 * spread / np.maximum(np.abs(left), 1e-9)) ** 0.5
         points, N, W2 = points[keep], N[keep], weight[keep] ** 2
         reader = np.linalg.solve((N * W2[:, None]).T @ N, (N * W2[:, None]).T)
-        return cls(points, field, N, reader, _misfit(points, field, reader, pivot))
+        return cls(points, field, N, reader, _misfit(points, field, reader, pivot), floor_sd)
 
     def residual(self, motion: Motion) -> FloatArray:
         """(6,) rigid motion (mm, degrees) by which the bones seem to be from where `motion` puts them, sign turned."""
@@ -64,7 +61,7 @@ class BoneSight:
     @property
     def floor(self) -> FloatArray:
         """(6, 6) of the motion, what no registration of contours is better than."""
-        return np.diag(_FLOOR**2)
+        return np.diag(self.floor_sd**2)
 
 
 def _misfit(points: FloatArray, field: SignedDistanceField, reader: FloatArray, pivot: FloatArray) -> FloatArray:

@@ -23,26 +23,13 @@ from palpate.core.arrays import FloatArray
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import DistanceFunction, SlidingWall
 from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
-from palpate.core.observe.wall_motion_prior import SIDEWAYS_MM, Kernel, likeliest
-from palpate.core.observe.wall_rigid_and_growth import SECTION_LENGTH_MM, WallRigidModes
+from palpate.core.observe.wall_motion_options import WallMotionOptions
+from palpate.core.observe.wall_motion_prior import Kernel, likeliest
+from palpate.core.observe.wall_rigid_and_growth import WallRigidModes
 
-# Correlation length of the contours' noise, and what voxels add to it point by point, mm.
-_NOISE_LENGTH_MM, _VOXELS_MM = 6.5, 0.15
-# Of a slide of large parts of a wall, an axis, over how far the wall moved (rms), and its length, mm. Simulated walls that are pushed, or
-# empty towards their neck, slide by 1 to 2 mm; the share is the likeliest on effect-free cases, see `noise_covariance`.
-SLIDE_SHARE, SLIDE_LENGTH_MM = 0.2, 45.0
-# The contours' noise tilts normals, and a wall that slides along tilted normals fits noise: they are smoothed over so much, mm, as far as
-# the noise is correlated.
-_SMOOTH_MM = 6.0
-# Points off the likeliest motion by so many standard deviations count for half: the usual constant of Cauchy's weights.
-_OFF = 2.385
-# Points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; kernel's share of variance that is kept.
+# Resolution: points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; share of the kernel's variance that is
+# kept.
 POINTS, _FEWER, _SHARE = 400, 200, 0.98
-# Normals turn as the wall moves: how often they are taken anew. Each time they fit a little more of the noise, so that more rounds read
-# some walls better and others worse.
-_ROUNDS = 4
-# Stiffness along the wall over the tissue's shear modulus, 1/mm: tissue moves a wall by some hundredths of a millimetre.
-DRAG = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,22 +52,25 @@ class WallMotion:
     factor: FloatArray
 
     @classmethod
-    def of(cls, wall: SlidingWall, at_rest: DistanceFunction, noise_sd_mm: float) -> WallMotion:
+    def of(
+        cls, wall: SlidingWall, at_rest: DistanceFunction, noise_sd_mm: float, options: WallMotionOptions
+    ) -> WallMotion:
         """From a wall at rest that lies where the first scan shows it; noise_sd_mm : of one contour."""
         chosen = np.random.default_rng(0).permutation(len(wall.rest))[:POINTS]
         X = wall.rest[chosen]
         out = _normals(at_rest, X)
-        noise = 2.0 * smooth_covariance(X, noise_sd_mm, _NOISE_LENGTH_MM) + _VOXELS_MM**2 * np.eye(len(X))
-        whole = WallRigidModes.of(wall.rest, _normals(at_rest, wall.rest))
+        noise = 2.0 * smooth_covariance(X, noise_sd_mm, options.noise_length_mm)
+        noise += options.voxels_mm**2 * np.eye(len(X))
+        whole = WallRigidModes.of(wall.rest, _normals(at_rest, wall.rest), options)
         few = slice(None, None, -(-len(X) // _FEWER))
-        near = np.exp(-0.5 * (cdist(X, X) / _SMOOTH_MM) ** 2)
+        near = np.exp(-0.5 * (cdist(X, X) / options.smooth_mm) ** 2)
         v, off = np.zeros_like(wall.rest), np.zeros(len(X))
-        for k in range(_ROUNDS):
+        for k in range(options.rounds):
             seen = wall.linearised_at(v)
             normal, shift = seen.normal[chosen], seen.shift[chosen]
             if k > 0:  # at rest a point may lie far from where the wall went, and its neighbours see other parts of it
                 normal, shift = _smoothed(near, v[chosen], normal, shift)
-            trusted = _trusted(noise, off)
+            trusted = _trusted(noise, off, options.cauchy)
             kernel = likeliest(X[few], out[few], normal[few], shift[few], trusted[few, few], whole)
             found = _posterior(X, at_rest, normal, shift, trusted, kernel, whole)
             v = found.at(wall.rest)
@@ -92,13 +82,18 @@ class WallMotion:
         return np.asarray(self._motions(x) @ self.mean)
 
     @property
+    def options(self) -> WallMotionOptions:
+        """What was taken to be known of the wall."""
+        return self.whole.options
+
+    @property
     def slide_mm(self) -> float:
         """Standard deviation of a slide, an axis."""
-        return SLIDE_SHARE * float(np.sqrt((self.at(self.points) ** 2).sum(axis=1).mean()))
+        return self.options.slide_share * float(np.sqrt((self.at(self.points) ** 2).sum(axis=1).mean()))
 
     def unknown_at(self, x: FloatArray) -> FloatArray:
         """(r, n, 3) mm: motions whose sum with unit normal amplitudes is what is not known at x (n, 3), slides included."""
-        parts = np.exp(-0.5 * (cdist(x, self.points) / SLIDE_LENGTH_MM) ** 2) @ self.slides
+        parts = np.exp(-0.5 * (cdist(x, self.points) / self.options.slide_length_mm) ** 2) @ self.slides
         slides = np.einsum("nm,ik->mkni", self.slide_mm * parts, np.eye(3)).reshape(-1, len(x), 3)
         return np.concatenate([np.moveaxis(self._motions(x) @ self.factor, 2, 0), slides])
 
@@ -107,7 +102,7 @@ class WallMotion:
         modes = np.exp(-0.5 * (cdist(x, self.points) / self.kernel.length) ** 2) @ self.basis
         along = self.kernel.size * _normals(self.at_rest, x)[:, :, None]
         axes = np.tile(self.whole.axes, (len(x), 1, 1))
-        ways = np.concatenate([along, SIDEWAYS_MM * axes], axis=2)
+        ways = np.concatenate([along, self.options.sideways_mm * axes], axis=2)
         smooth = np.einsum("nik,nm->nikm", ways, modes).reshape(len(x), 3, -1)
         grown = self.whole.growth(x)[:, :, None]
         shifts = self.whole.together(x, self.points) @ self.sections
@@ -123,7 +118,7 @@ class WallMotion:
         now = wall.points.displacements(u)
         target = now + way * (self.at(wall.rest - shift) - shift - now)
         along = np.eye(3) - wall.normal[:, :, None] * wall.normal[:, None, :]
-        return Springs(wall.points, DRAG * shear_kpa * along, target)
+        return Springs(wall.points, self.options.drag_per_mm * shear_kpa * along, target)
 
 
 def _posterior(
@@ -135,8 +130,8 @@ def _posterior(
     kernel: Kernel,
     whole: WallRigidModes,
 ) -> WallMotion:
-    basis, slides = (_basis(X, length) for length in (kernel.length, SLIDE_LENGTH_MM))
-    sections = _basis(np.outer(X @ whole.along, whole.along), SECTION_LENGTH_MM)
+    basis, slides = (_basis(X, length) for length in (kernel.length, whole.options.slide_length_mm))
+    sections = _basis(np.outer(X @ whole.along, whole.along), whole.options.section_length_mm)
     nothing = np.zeros(0)
     motions = WallMotion(X, at_rest, kernel, whole, basis, sections, slides, nothing, nothing)._motions(X)
     A = np.einsum("nik,ni->nk", motions, normal)
@@ -148,13 +143,13 @@ def _posterior(
     )
 
 
-def _trusted(noise: FloatArray, off: FloatArray) -> FloatArray:
+def _trusted(noise: FloatArray, off: FloatArray, cauchy: float) -> FloatArray:
     """Noise (q, q) mm2, larger at points that are off (q,) mm the likeliest motion by more than it, as a Cauchy density's weights have it.
 
     Where a wall leaves the scan its two surfaces may end differently, by centimetres.
     """
     usual = max(1.4826 * float(np.median(np.abs(off))), float(np.sqrt(np.diag(noise).mean())))
-    wider = np.sqrt(1.0 + (off / (_OFF * usual)) ** 2)
+    wider = np.sqrt(1.0 + (off / (cauchy * usual)) ** 2)
     return np.asarray(noise * np.outer(wider, wider))
 
 

@@ -15,10 +15,7 @@ from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.bone_registration import BoneSight
 from palpate.core.observe.contour_noise import smooth_covariance
 from palpate.core.observe.surface_observation import SurfaceObservation
-
-# Correlation length that decides the modes, mm, and the smallest of their variances, over the largest, that is kept.
-MODE_LENGTH_MM = 7.0
-SMALLEST_VARIANCE = 0.01
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +27,10 @@ class DataVector:
     bone: BoneSight | None
 
     @classmethod
-    def of(cls, observation: SurfaceObservation, bone: BoneSight | None) -> DataVector:
+    def of(cls, observation: SurfaceObservation, bone: BoneSight | None, options: NoiseModelOptions) -> DataVector:
         """The modes of an observation's points."""
-        values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, MODE_LENGTH_MM))
-        kept = values > SMALLEST_VARIANCE * values[-1]
+        values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, options.mode_length_mm))
+        kept = values > options.mode_least * values[-1]
         return cls(np.ascontiguousarray(vectors[:, kept][:, ::-1]), len(observation.landmarks), bone)
 
     @property

@@ -23,8 +23,6 @@ QUICK, GOOD = "p1p1", "p2p1"
 _ROUNDS = 2
 # Where cells fold it may find no equilibrium from there, and fight for minutes: it is given a fifth of what a solve may take.
 OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
-# What a better element may change where that could not be found out, rms mm: about what it does change.
-UNKNOWN_MM = 0.25
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,6 @@
 """Covariance of everything that is not an effect: contours of organ and walls, where walls slid, the mesh, landmarks.
 
-Calibrated on cases without a hidden effect only: `mesh`, `offset` and `model` are those under which the residuals of 88 of them, from five
-seeds of the blind check with 0.12 to 0.4 mm of contour noise, are likeliest together (restricted likelihood;
-`tests/benchmarks/gap_noise.py`), the walls' slides (`WallMotion`) those of 16. `along` is of no residuals: over
-nine effect-free cases the mean squares by which walls read wrongly moved the organ are 0.97 (rectum) and 0.6 (bladder) times those that
-`WallMotion` says, in single cases up to five times (`tests/benchmarks/slides.py`).
+Its sizes are those of `NoiseModelOptions`, calibrated on cases without a hidden effect only.
 """
 
 from __future__ import annotations
@@ -20,16 +16,13 @@ from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_noise import covariance_between, noise_modes, smooth_covariance
-from palpate.core.observe.wall_motion import DRAG
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import apart, rows_of
 from palpate.core.residual.linearised_model import Linearisation
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
-# Correlation lengths of contour noise that are told apart, mm.
-LENGTHS_MM = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
-# rms error of ln G in standard deviations that this covariance leaves, on 22 effect-free cases of two seeds of the blind check (1.29 on 88
-# of five): surfaces cut from voxels and walls that slid otherwise than the likeliest way move all points of the organ together.
-SHORT_BY = 1.25
+# Share of the variance of the walls' contour noise whose modes are carried through the model: a truncation.
+_KEPT = 0.97
 
 
 @dataclass(frozen=True)
@@ -42,21 +35,35 @@ class NoiseSizes:
     model itself, over a gap of typical size (`ForceFields`).
     """
 
-    along: float = 1.0
-    own: float = 0.3
-    landmark: float = 0.45
-    contour: float = 1.0
-    length: float = 7.0
-    mesh: float = 0.3
-    offset: float = 0.03
-    model: float = 0.1
+    along: float
+    own: float
+    landmark: float
+    contour: float
+    length: float
+    mesh: float
+    offset: float
+    model: float
+
+    @classmethod
+    def of(cls, options: NoiseModelOptions) -> NoiseSizes:
+        """Before the case's own are estimated."""
+        return cls(
+            along=options.along,
+            own=options.own_mm,
+            landmark=options.landmark_mm,
+            contour=options.contour,
+            length=options.length_mm,
+            mesh=options.mesh,
+            offset=options.offset_mm,
+            model=options.model,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseParts:
     """What the covariance (n, n) mm2 is put together from, of all deformed states.
 
-    contour : of all contours as wide as the case states, one for each of LENGTHS_MM; along : of walls' motion along themselves;
+    contour : of all contours as wide as the case states, one for each of `options.lengths_mm`; along : of walls' motion along themselves;
     own, marks : unit variances; floor : of bone registration; offset : 1 mm of the whole contour. The scan at rest was read once: half
     of what two readings add up to is the same in every state.
     """
@@ -67,27 +74,32 @@ class NoiseParts:
     marks: FloatArray
     floor: FloatArray
     offset: FloatArray
+    options: NoiseModelOptions
 
     @classmethod
-    def of(cls, points: Sequence[Linearisation], sights: Sequence[DataVector]) -> NoiseParts:
+    def of(
+        cls, points: Sequence[Linearisation], sights: Sequence[DataVector], options: NoiseModelOptions
+    ) -> NoiseParts:
         """At points, one for each state."""
         rows, sd = rows_of(sights), points[0].scene.problem.facts.noise_sd_mm
-        read = [_read(point.scene, sight, point.equilibrium) for point, sight in zip(points, sights, strict=True)]
+        length = options.wall_mode_length_mm
+        read = [_read(p.scene, sight, p.equilibrium, length) for p, sight in zip(points, sights, strict=True)]
         return cls(
-            tuple(_contours(read, rows, sd, length) for length in LENGTHS_MM),
+            tuple(_contours(read, rows, sd, length) for length in options.lengths_mm),
             apart([_along(point.scene, sight, point.equilibrium) for point, sight in zip(points, sights, strict=True)]),
             _read_twice([np.eye(s.n)[:, : s.n_modes] for s in sights]),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in points], sights)),
             apart([_floor(s) for s in sights]),
             _read_twice([s.wider[:, None] for s in sights]),
+            options,
         )
 
     def covariance(self, sizes: NoiseSizes, left: FloatArray) -> FloatArray:
         """(n, n); left : (n, m) columns whose outer products are what meshes and elements leave uncertain (`remeshing`).
 
-        The nearest of LENGTHS_MM is taken.
+        The nearest of `options.lengths_mm` is taken.
         """
-        contour = self.contour[int(np.argmin(np.abs(np.array(LENGTHS_MM) - sizes.length)))]
+        contour = self.contour[int(np.argmin(np.abs(np.array(self.options.lengths_mm) - sizes.length)))]
         out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
         out = out + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
         return out + self.floor + left @ left.T
@@ -101,13 +113,13 @@ class _Contour:
     response: FloatArray
 
 
-def _read(scene: CompositionScene, sight: DataVector, found: Equilibrium) -> dict[str, _Contour]:
+def _read(scene: CompositionScene, sight: DataVector, found: Equilibrium, wall_length_mm: float) -> dict[str, _Contour]:
     """The contours of organ, walls and bones at an equilibrium."""
     organ = np.zeros((sight.n, len(sight.modes)))
     organ[: sight.n_modes] = sight.modes.T
     out = {"organ": _Contour(scene.observation.points, organ)}
     for name, wall in zip(scene.stage.fields, scene.walls, strict=True):
-        modes = noise_modes(wall.rest, 1.0, LENGTHS_MM[1], 0.97)
+        modes = noise_modes(wall.rest, 1.0, wall_length_mm, _KEPT)
         modes = modes / np.linalg.norm(modes, axis=0)
         weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
         forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], weight * m[:, None]) for m in modes.T])
@@ -192,6 +204,7 @@ def slide_responses(
     found : the equilibrium, solved with its stability check.
     """
     along = moved - np.einsum("rqi,qi->rq", moved, wall.normal)[..., None] * wall.normal
-    pulls = DRAG * scene.problem.facts.tissue_shear_modulus_kpa * wall.points.measure[:, None] * along
+    drag = scene.stage.walls.drag_per_mm
+    pulls = drag * scene.problem.facts.tissue_shear_modulus_kpa * wall.points.measure[:, None] * along
     forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], pull) for pull in pulls])
     return sight.response(scene, found.u, response_to_forces(found.tangent, forces))

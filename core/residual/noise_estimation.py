@@ -17,18 +17,12 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import FloatArray
-from palpate.core.residual.noise_covariance import LENGTHS_MM, NoiseParts, NoiseSizes
+from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
-_FACTORS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
-# Of the organ's surface as it is cut from voxels: 0.37 to 0.57 a mode on cases without contour noise (`noise_covariance`).
-_OWN = (0.2, 0.3, 0.45)
-# Sizes of the gap that are let free, over its typical one.
-GAPS = (0.0, 0.25, 0.5, 1.0, 2.0)
-# Standard deviation of ln (true contour noise / what the case states).
-_PRIOR = 0.35
-# Sizes less probable than this are left out of the mean.
+# Sizes less probable than this, over the most probable one, are left out of the mean: a truncation.
 _NEGLIGIBLE = 1e-4
-# Precision of ln G's prior: none to speak of.
+# Precision of ln G's prior: none to speak of, so that a pair that tells nothing of the stiffness does not divide by zero.
 FLAT = 1e-3
 
 
@@ -39,18 +33,20 @@ class NoiseGrid:
     sizes: Sequence[NoiseSizes]
     covariances: FloatArray
     log_prior: FloatArray
+    options: NoiseModelOptions
 
     @classmethod
     def of(cls, parts: NoiseParts, start: NoiseSizes, left: FloatArray) -> NoiseGrid:
         """left : see `NoiseParts.covariance`."""
+        options = parts.options
         sizes = [
             replace(start, length=length, contour=factor, own=own)
-            for length in LENGTHS_MM
-            for factor in _FACTORS
-            for own in _OWN
+            for length in options.lengths_mm
+            for factor in options.contour_factors
+            for own in options.own_sizes_mm
         ]
-        prior = np.array([_prior(s.contour) for s in sizes])
-        return cls(sizes, np.stack([parts.covariance(s, left) for s in sizes]), prior - logsumexp(prior))
+        prior = np.array([_prior(s.contour, options.contour_prior) for s in sizes])
+        return cls(sizes, np.stack([parts.covariance(s, left) for s in sizes]), prior - logsumexp(prior), options)
 
     def log_likelihood(self, r: FloatArray, J: FloatArray, more: FloatArray) -> FloatArray:
         """(g,) restricted likelihood of residuals r (n,), stiffness J (n, t) projected out, with a further covariance (n, n)."""
@@ -61,11 +57,13 @@ class NoiseGrid:
         if len(self.sizes) <= most:
             return self
         none = np.zeros((len(r), len(r)))
-        without, *others = (self.log_likelihood(r, J, none if not g else g**2 * gap @ gap.T) for g in GAPS)
+        without, *others = (
+            self.log_likelihood(r, J, none if not g else g**2 * gap @ gap.T) for g in self.options.gap_sizes
+        )
         weight = softmax(without + self.log_prior) + softmax(logsumexp(others, axis=0) + self.log_prior)
         kept = np.sort(np.argsort(-weight, kind="stable")[:most])
         prior = self.log_prior[kept]
-        return NoiseGrid([self.sizes[k] for k in kept], self.covariances[kept], prior - logsumexp(prior))
+        return NoiseGrid([self.sizes[k] for k in kept], self.covariances[kept], prior - logsumexp(prior), self.options)
 
     def log_evidence(self, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
         """Laplace's, averaged over all sizes: each model may have the noise that suits it.
@@ -89,7 +87,7 @@ def fit_noise(
 ) -> FittedNoise:
     """By the restricted likelihood; gap, free : (n, k) responses to unit normal amplitudes, gap of unknown size."""
     fixed = sum((S @ S.T for S in free), np.zeros((len(r), len(r))))
-    logs = np.stack([grid.log_likelihood(r, J, fixed + size**2 * gap @ gap.T) for size in GAPS])
+    logs = np.stack([grid.log_likelihood(r, J, fixed + size**2 * gap @ gap.T) for size in grid.options.gap_sizes])
     weight = np.exp(logsumexp(logs, axis=0) + grid.log_prior - logsumexp(logs + grid.log_prior))
     likely = weight > _NEGLIGIBLE * weight.max()
     covariance = np.tensordot(weight[likely], grid.covariances[likely], 1) / weight[likely].sum()
@@ -98,9 +96,9 @@ def fit_noise(
     return FittedNoise(replace(grid.sizes[0], contour=contour, own=own, length=length), covariance)
 
 
-def _prior(factor: float) -> float:
+def _prior(factor: float, sd: float) -> float:
     """ln of the density of the contours' factor, whose logarithm is normal."""
-    return float(-0.5 * (np.log(factor) / _PRIOR) ** 2 - np.log(factor))
+    return float(-0.5 * (np.log(factor) / sd) ** 2 - np.log(factor))
 
 
 def _laplace(C: FloatArray, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:

@@ -16,22 +16,22 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.observe.bone_registration import BoneSight
 from palpate.core.observe.contour_noise import Weighting
+from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import IdentificationProblem, StateData, SurfacePair
 from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.element_error import QUICK, UNKNOWN_MM, better_differences, scatter_mm
+from palpate.core.residual.element_error import QUICK, better_differences, scatter_mm
 from palpate.core.residual.joint_states import JointLinearisation, States, apart
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, StateModel
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.remeshing import Remeshed, left_by_all
-from palpate.core.residual.unknown_field import TYPICAL_MM, UnknownDiscrepancy
+from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.residual.wall_error_bias import noise_slope
 from palpate.core.worker.progress import Progress, part, silent
 
 # Precision of ln G's prior: none to speak of.
 FLAT = 1e-4
-# How far a contour may be offset, mm, and bones may seem to have moved, mm and degrees, while the noise is estimated.
-_OFFSET_MM, _BONES = 1.0, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +56,11 @@ class PlainFit:
     sizes: NoiseSizes
     weighting: Weighting
 
+    @property
+    def options(self) -> NoiseModelOptions:
+        """The noise model's numbers."""
+        return self.noise.options
+
     @cached_property
     def log_evidence(self) -> float:
         """Of the plain model, whatever the noise."""
@@ -67,19 +72,22 @@ def fit_plain(
     pairs: Sequence[StateData],
     remeshed: Sequence[Remeshed] = (),
     progress: Progress = silent,
+    options: NoiseModelOptions | None = None,
+    walls: WallMotionOptions | None = None,
 ) -> PlainFit:
     """Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
 
     pairs : for each deformed state the problem and the bones. remeshed : other meshes of the same labels; the better element's prediction
-    is the mean over all of them.
+    is the mean over all of them. options, walls : the program's own where none are given.
     """
-    sizes = NoiseSizes()
+    options, walls = options or NoiseModelOptions(), walls or WallMotionOptions()
+    sizes = NoiseSizes.of(options)
     progress(0.0, "plain model: surfaces and distances")
-    bench = States(tuple(_bench(problem, bones, k) for k, (problem, bones) in enumerate(pairs)))
+    bench = States(tuple(_bench(problem, bones, k, options, walls) for k, (problem, bones) in enumerate(pairs)))
     progress(0.2, "plain model: stiffness with the quick element")
     bounds = StiffnessParameters(pairs[0][0].regions, pairs[0][0].facts).bounds
     first = _solved(bench, middle(bounds), None)
-    noise = NoiseParts.of(first.each, bench.sights)
+    noise = NoiseParts.of(first.each, bench.sights, options)
     weighting = Weighting(noise.covariance(sizes, np.zeros((bench.n, 1))))
     point = _best(bench, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
     progress(0.4, "plain model: the better element")
@@ -93,47 +101,54 @@ def fit_plain(
     mesh = np.concatenate([d.mean(axis=0) if len(d) else np.zeros(d.shape[1]) for d in differences])
     bench, point = bench.corrected(mesh), point.corrected(mesh)
     progress(0.8, "plain model: noise of this case's contours")
-    noise = NoiseParts.of(point.each, bench.sights)
-    gap = UnknownDiscrepancy.around(point, bench.sights)
+    noise = NoiseParts.of(point.each, bench.sights, options)
+    gap = UnknownDiscrepancy.around(point, bench.sights, options)
     grid = NoiseGrid.of(
-        noise, sizes, np.hstack([left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, sizes)])
+        noise, sizes, np.hstack([left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)])
     )
-    fitted = fit_noise(
-        grid, point.residual, point.in_theta, gap.free, [apart(f) for f in zip(*map(_free, bench.sights), strict=True)]
-    )
+    free = [apart(f) for f in zip(*(_free(sight, options) for sight in bench.sights), strict=True)]
+    fitted = fit_noise(grid, point.residual, point.in_theta, gap.free, free)
     weighting = Weighting(fitted.covariance)
     point = _best(bench, weighting, [point.theta], point)
     progress(0.95, "plain model: what walls read wrongly do to the stiffness")
-    slope = noise_slope(bench, weighting, fitted.sizes, point)
+    slope = noise_slope(bench, weighting, fitted.sizes, point, options)
     point = _solved(bench, point.theta, point)  # lets the walls settle further
     scatter = scatter_mm(differences[0], bench.first.sight)
     meshes = min(map(len, differences))
     return PlainFit(bench, point, mesh, on_own_mesh, meshes, slope, scatter, grid, fitted.sizes, weighting)
 
 
-def _bench(problem: IdentificationProblem, bones: SurfacePair | None, state: int) -> StateModel:
-    stage = SharedGeometry.of(problem, QUICK)
-    bone = None if bones is None else BoneSight.of(bones, problem.organ.rest.points.mean(axis=0))
-    sight = DataVector.of(stage.observation, bone)
+def _bench(
+    problem: IdentificationProblem,
+    bones: SurfacePair | None,
+    state: int,
+    options: NoiseModelOptions,
+    walls: WallMotionOptions,
+) -> StateModel:
+    stage = SharedGeometry.of(problem, QUICK, walls=walls)
+    floor = np.repeat([options.bone_floor_mm, options.bone_floor_deg], 3)
+    centre = problem.organ.rest.points.mean(axis=0)
+    bone = None if bones is None else BoneSight.of(bones, centre, floor, options.bone_far_mm)
+    sight = DataVector.of(stage.observation, bone, options)
     return StateModel(stage, sight, Composition(problem, state=state), np.zeros(sight.n))
 
 
-def _of_the_model(gap: UnknownDiscrepancy, differences: Sequence[FloatArray], sizes: NoiseSizes) -> FloatArray:
+def _of_the_model(gap: UnknownDiscrepancy, differences: Sequence[FloatArray], options: NoiseModelOptions) -> FloatArray:
     """(n, m) columns of the model's own smooth error: half of its variance the same forces in every state, half each state's own.
 
     Where no better element could be solved, it is larger by what that would have changed.
     """
-    unsolved = float(np.hypot(sizes.model, UNKNOWN_MM / TYPICAL_MM))
-    each = [(sizes.model if len(d) else unsolved) * f.response for f, d in zip(gap.each, differences, strict=True)]
+    unsolved = float(np.hypot(options.model, options.unsolved_mesh_mm / options.force_typical_mm))
+    each = [(options.model if len(d) else unsolved) * f.response for f, d in zip(gap.each, differences, strict=True)]
     return np.sqrt(0.5) * np.hstack([np.vstack(each), apart(each)])
 
 
-def _free(sight: DataVector) -> list[FloatArray]:
+def _free(sight: DataVector, options: NoiseModelOptions) -> list[FloatArray]:
     """What may have moved a state's data besides noise and a gap: an offset of the contour, the bones. (n, k) each."""
-    offset = _OFFSET_MM * sight.wider[:, None]
+    offset = options.free_offset_mm * sight.wider[:, None]
     bones = np.zeros((sight.n, 6))
     if sight.bone is not None:
-        bones[-6:] = _BONES * np.eye(6)
+        bones[-6:] = options.free_bones * np.eye(6)
     return [offset, bones]
 
 

@@ -14,19 +14,16 @@ from palpate.core.observe.contour_noise import noise_modes
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import JointLinearisation, apart
 from palpate.core.residual.linearised_model import Linearisation
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
-# Correlation length of a missing force, mm; forces are looked for this far around the organ, mm.
-LENGTH_MM = 12.0
-REACH_MM = 12.0
-# Prior standard deviation of the surface's motion along its normal that missing forces cause, mm.
-TYPICAL_MM = 0.6
-# Correlation length of an error of the contour that is no noise, mm: longer than noise is ever taken to be.
-SHAPE_MM = 20.0
+# Shares of the variance of forces and of shapes whose modes are taken: truncations.
+_FORCES_KEPT, _SHAPES_KEPT = 0.9, 0.97
 
 
 @dataclass(frozen=True, eq=False)
 class ForceFields:
-    """In one deformed state. fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by TYPICAL_MM (rms).
+    """In one deformed state. fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by the size of a
+    typical gap (rms).
 
     response : (n, k) of the residual. shapes : (n, m) of the residual, contours drawn wrongly by as much, which no force explains.
     share : (nodes,) mm3 each node stands for.
@@ -38,16 +35,17 @@ class ForceFields:
     share: FloatArray
 
     @classmethod
-    def around(cls, point: Linearisation, sight: DataVector) -> ForceFields:
+    def around(cls, point: Linearisation, sight: DataVector, options: NoiseModelOptions) -> ForceFields:
         """At a point."""
         scene = point.scene
         mesh, nodes = scene.space.mesh, scene.space.nodes
         share = np.zeros(len(nodes))
         np.add.at(share, mesh.cells, np.repeat(mesh.volumes[:, None] / 4.0, 4, axis=1))
         organ = scene.observation.points
-        low, high = organ.min(axis=0) - REACH_MM, organ.max(axis=0) + REACH_MM
+        reach = options.force_reach_mm
+        low, high = organ.min(axis=0) - reach, organ.max(axis=0) + reach
         near = np.flatnonzero(((nodes > low) & (nodes < high)).all(axis=1))
-        modes = noise_modes(nodes[near], 1.0, LENGTH_MM, 0.9)
+        modes = noise_modes(nodes[near], 1.0, options.force_length_mm, _FORCES_KEPT)
         fields = np.zeros((3 * modes.shape[1], len(nodes), 3))
         for j, mode in enumerate(modes.T):
             for axis in range(3):
@@ -55,8 +53,8 @@ class ForceFields:
         response = sight.response(scene, point.equilibrium.u, response_to_forces(point.tangent, fields))
         q = len(organ)
         size = float(np.sqrt((response[: sight.n_modes] ** 2).sum() / q))
-        scale = TYPICAL_MM / max(size, 1e-30)
-        return cls(fields * scale, response * scale, contour_shapes(organ, sight), share)
+        scale = options.force_typical_mm / max(size, 1e-30)
+        return cls(fields * scale, response * scale, contour_shapes(organ, sight, options), share)
 
     def force_density(self, amplitudes: FloatArray) -> FloatArray:
         """(nodes, 3) kPa/mm of the amplitudes (k,)."""
@@ -71,9 +69,11 @@ class UnknownDiscrepancy:
     each: tuple[ForceFields, ...]
 
     @classmethod
-    def around(cls, points: JointLinearisation, sights: Sequence[DataVector]) -> UnknownDiscrepancy:
+    def around(
+        cls, points: JointLinearisation, sights: Sequence[DataVector], options: NoiseModelOptions
+    ) -> UnknownDiscrepancy:
         """At points, one for each state."""
-        return cls(tuple(ForceFields.around(p, s) for p, s in zip(points.each, sights, strict=True)))
+        return cls(tuple(ForceFields.around(p, s, options) for p, s in zip(points.each, sights, strict=True)))
 
     @cached_property
     def response(self) -> FloatArray:
@@ -86,9 +86,9 @@ class UnknownDiscrepancy:
         return np.hstack([self.response, apart([f.shapes for f in self.each])])
 
 
-def contour_shapes(organ: FloatArray, sight: DataVector) -> FloatArray:
-    """(n, m) of the residual for smooth errors of a contour with points organ (q, 3) mm, as large as TYPICAL_MM."""
-    modes = noise_modes(organ, TYPICAL_MM, SHAPE_MM, 0.97)
+def contour_shapes(organ: FloatArray, sight: DataVector, options: NoiseModelOptions) -> FloatArray:
+    """(n, m) of the residual for smooth errors of a contour with points organ (q, 3) mm, as large as a typical gap."""
+    modes = noise_modes(organ, options.force_typical_mm, options.shape_length_mm, _SHAPES_KEPT)
     shapes = np.zeros((sight.n, modes.shape[1]))
     shapes[: sight.n_modes] = sight.modes.T @ modes
     return shapes

@@ -17,6 +17,7 @@ from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.joint_states import JointLinearisation, States
 from palpate.core.residual.linearised_model import NOTHING, PLAIN
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 # Step of ln G in the derivative.
 _STEP = 0.1
@@ -24,14 +25,16 @@ _STEP = 0.1
 _LEAST = 1.0
 
 
-def noise_slope(bench: States, weighting: Weighting, sizes: NoiseSizes, at: JointLinearisation) -> FloatArray:
+def noise_slope(
+    bench: States, weighting: Weighting, sizes: NoiseSizes, at: JointLinearisation, options: NoiseModelOptions
+) -> FloatArray:
     """(t,) derivative in ln G of tr(W S), at a plain model's points; 0 where a neighbour has no equilibrium."""
 
     def noise(theta: FloatArray) -> float:
         point = bench.solve(PLAIN, theta, NOTHING, at)
         if point is None:
             return float("nan")
-        S = NoiseParts.of(point.each, bench.sights).covariance(sizes, np.zeros((bench.n, 1)))
+        S = NoiseParts.of(point.each, bench.sights, options).covariance(sizes, np.zeros((bench.n, 1)))
         return float(np.trace(weighting.whiten(weighting.whiten(S).T)))
 
     return np.nan_to_num(central_slope(noise, at.theta))

@@ -21,7 +21,7 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
 from palpate.case.steps.diagnose import data_of
 from palpate.core.arrays import FloatArray
-from palpate.core.observe import wall_motion
+from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
@@ -65,8 +65,8 @@ def plain_of(path: Path) -> PlainFit:
 
 def likelihoods(fit: PlainFit) -> dict[str, FloatArray]:
     """For each size, log likelihoods as it changes, less that of the sizes in use."""
-    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights).response
-    used = NoiseSizes()
+    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights, fit.options).response
+    used = NoiseSizes.of(fit.options)
     parts = _parts(fit)
     base = _log_likelihood(fit, parts, used, forces)
     out = {
@@ -77,16 +77,25 @@ def likelihoods(fit: PlainFit) -> dict[str, FloatArray]:
 
 
 def _slides(fit: PlainFit, used: NoiseSizes, forces: FloatArray) -> FloatArray:
-    kept, logs = wall_motion.SLIDE_SHARE, []
+    """The walls' likeliest motions stay as they are: slides change only what is unknown of them."""
+    stages = [point.scene.stage for point in fit.point.each]
+    kept, logs = [dict(stage.motions) for stage in stages], []
     for share in SLIDES:
-        wall_motion.SLIDE_SHARE = share
+        for stage, motions in zip(stages, kept, strict=True):
+            stage.motions |= {name: _sliding(motion, share) for name, motion in motions.items()}
         logs.append(_log_likelihood(fit, _parts(fit), used, forces))
-    wall_motion.SLIDE_SHARE = kept
+    for stage, motions in zip(stages, kept, strict=True):
+        stage.motions |= motions
     return np.array(logs)
 
 
+def _sliding(motion: WallMotion, share: float) -> WallMotion:
+    options = replace(motion.options, slide_share=share)
+    return replace(motion, whole=replace(motion.whole, options=options))
+
+
 def _parts(fit: PlainFit) -> NoiseParts:
-    return NoiseParts.of(fit.point.each, fit.bench.sights)
+    return NoiseParts.of(fit.point.each, fit.bench.sights, fit.options)
 
 
 def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: FloatArray) -> float:

@@ -24,6 +24,7 @@ from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.noise_covariance import slide_responses
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.worker.executors import one_thread
 from palpate.validate.blind.cases import simulated
 from palpate.validate.blind.patient import Made
@@ -69,7 +70,7 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
     found = scene.settle(theta).equilibrium
     if not found.converged:
         raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")
-    sight = DataVector.of(stage.observation, None)
+    sight = DataVector.of(stage.observation, None, NoiseModelOptions())
     out = {}
     for (name, motion), wall in zip(stage.motions.items(), scene.walls, strict=True):
         missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))

@@ -22,6 +22,7 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, StateModel
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.worker.executors import one_thread
 
 
@@ -47,7 +48,7 @@ def error_mm(data: Path, name: str, element: str) -> float:
         mesh.run(case)
         problem = data_of(case).problem
     stage = SharedGeometry.of(problem, element)
-    sight = DataVector.of(stage.observation, None)
+    sight = DataVector.of(stage.observation, None, NoiseModelOptions())
     theta = np.log([truth["true_G_kpa"][label] for label in ("1", "2")])
     point = StateModel(stage, sight, Composition(problem), np.zeros(sight.n)).solve(PLAIN, theta, NOTHING, None)
     if point is None:

@@ -12,7 +12,7 @@ from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import FloatArray
 from palpate.core.inference.evidence import log_share, means_of_exponentials, projected
-from palpate.core.residual.noise_estimation import FLAT, GAPS, NoiseGrid
+from palpate.core.residual.noise_estimation import FLAT, NoiseGrid
 
 # Prior probability, once there is a gap, that no effect of the library causes it: as likely as any three of its twelve.
 PRIOR_UNKNOWN = 0.2
@@ -89,7 +89,7 @@ def gap_test(
     freedom = len(r) - J.shape[1]
     noise = noise.probable(r, J, fields, _SIZES)
     draws = np.column_stack([r, _drawn(noise, r, J, np.random.default_rng(seed))])
-    looks = _Statistics()
+    looks = _Statistics(noise.options.gap_sizes)
     for C, log_prior in zip(noise.covariances, noise.log_prior, strict=True):
         looks.add(C, float(log_prior), J, fields, named or {}, draws)
     smooth, library = looks.together()
@@ -137,9 +137,10 @@ def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Genera
 class _Statistics:
     """Log likelihoods of every draw, one row for each size of the noise: of the plain model, with a free field, with each effect.
 
-    Q : r'Mr.
+    gap_sizes : of the free field, over its typical one; 0 is none. Q : r'Mr.
     """
 
+    gap_sizes: Sequence[float]
     Q: list[FloatArray] = field(default_factory=list)
     plain: list[FloatArray] = field(default_factory=list)
     smooth: list[FloatArray] = field(default_factory=list)
@@ -162,7 +163,7 @@ class _Statistics:
         volume = np.linalg.slogdet(Jw.T @ Jw + FLAT * np.eye(J.shape[1]))[1]
         plain = log_prior - 0.5 * self.Q[-1] - np.log(np.diag(L)).sum() - 0.5 * volume
         self.plain.append(plain)
-        self.smooth.append(plain + _unnamed(projected(Jw, _whitened(L, fields)), x))
+        self.smooth.append(plain + _unnamed(projected(Jw, _whitened(L, fields)), x, self.gap_sizes))
         for name, effect in named.items():
             S = projected(Jw, _whitened(L, np.hstack(list(effect.directions))))
             self.named.setdefault(name, []).append(plain + _of_effect(S, effect, x))
@@ -188,15 +189,15 @@ def _of_a_gap(smooth: FloatArray, named: FloatArray) -> FloatArray:
     return np.asarray(logsumexp([smooth + np.log(PRIOR_UNKNOWN), named + np.log1p(-PRIOR_UNKNOWN)], axis=0))
 
 
-def _unnamed(fields: FloatArray, draws: FloatArray) -> FloatArray:
-    """(draws,) log evidence of a free field (n, k) that may have any size."""
+def _unnamed(fields: FloatArray, draws: FloatArray, gap_sizes: Sequence[float]) -> FloatArray:
+    """(draws,) log evidence of a free field (n, k) that may have any of these sizes."""
     values, vectors = np.linalg.eigh(fields.T @ fields)
     values = np.maximum(values, 0.0)
     seen = (vectors.T @ (fields.T @ draws)) ** 2
     return means_of_exponentials(
         [
             0.5 * (size**2 / (1.0 + size**2 * values)) @ seen - 0.5 * np.log1p(size**2 * values).sum()
-            for size in GAPS
+            for size in gap_sizes
             if size
         ]
     )

@@ -6,16 +6,15 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.inference.heldout import Split
-from palpate.core.observe.contour_noise import EXTRACTION_MM, smooth_covariance
+from palpate.core.observe.contour_noise import smooth_covariance
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import apart
 from palpate.core.residual.plain_fit import PlainFit
 
 # Width of a patch of the organ, mm: two correlation lengths of the contour noise. Bones are larger.
 PATCH_MM, BONE_PATCH_MM = 14.0, 28.0
-# Points are thinned to about this spacing, mm, and take an independent error of this size, mm.
+# Points are thinned to about this spacing, mm.
 _SPACING_MM, _BONE_SPACING_MM = 4.0, 9.0
-_NUGGET_MM = 0.1
 
 
 def organ_split(fit: PlainFit) -> Split:
@@ -36,7 +35,7 @@ def organ_split(fit: PlainFit) -> Split:
     if marks.any():
         patch[len(points) + np.flatnonzero(marks)] = patch.max() + 1
     covariance = reader @ fit.weighting.covariance @ reader.T
-    covariance[np.arange(len(points)), np.arange(len(points))] += _NUGGET_MM**2
+    covariance[np.arange(len(points)), np.arange(len(points))] += fit.options.patch_nugget_mm**2
     return Split(reader, np.zeros(len(reader)), patch, covariance, points)
 
 
@@ -61,7 +60,7 @@ def bone_split(fit: PlainFit, state: int) -> Split | None:
     reader[:, at] = bone.design[chosen]
     sd, length = fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
     noise = 2.0 * smooth_covariance(points, sd, length) + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
-    noise[np.diag_indices_from(noise)] += EXTRACTION_MM**2
+    noise[np.diag_indices_from(noise)] += fit.options.bone_extraction_mm**2
     seen = ~organ.reader[:, at].any(axis=1)
     m = len(chosen) + int(seen.sum())
     covariance = np.zeros((m, m))

@@ -40,8 +40,8 @@ def plain_stiffness(fit: PlainFit) -> tuple[FloatArray, FloatArray]:
 
 def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of "unknown"."""
-    slope = found.fit.noise_slope
-    models = {f.trial.effect.id: over_variants(f, slope) for f in found.refits if f.trial.effect is not None}
+    slope, short_by = found.fit.noise_slope, found.fit.options.short_by
+    models = {f.trial.effect.id: over_variants(f, slope, short_by) for f in found.refits if f.trial.effect is not None}
     models[UNKNOWN] = _unnamed(found)
     mean, covariance = mixture(models, found.verdict.probability)
     return _allowed(found.fit, mean - too_stiff_by(covariance)), WIDER**2 * covariance
@@ -66,16 +66,16 @@ def mixture(
     return mean, np.asarray(covariance)
 
 
-def over_variants(best: Refit, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+def over_variants(best: Refit, slope: FloatArray, short_by: float) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their tempered evidence.
 
-    slope (t,) : see `noise_slope`.
+    slope (t,) : see `noise_slope`. short_by : see `tempered`.
     """
     t = len(best.point.theta)
     variants = (best, *best.others)
     each = [(f.point.theta, f.covariance[:t, :t]) for f in variants]
     models = {str(k): (theta - wall_bias(slope, C), C) for k, (theta, C) in enumerate(each)}
-    weight = softmax([tempered(f.own_evidence) for f in variants])
+    weight = softmax([tempered(f.own_evidence, short_by) for f in variants])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
 

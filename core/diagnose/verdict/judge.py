@@ -18,7 +18,6 @@ from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.verdict import REMAINDER_LEVEL, Judged, Verdict, decide, probabilities
 from palpate.core.inference.evidence import projected
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
-from palpate.core.residual.noise_covariance import SHORT_BY
 from palpate.core.residual.plain_fit import FLAT, PlainFit
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 
@@ -48,12 +47,12 @@ class Diagnosis:
     forces: UnknownDiscrepancy
 
 
-def tempered(log_evidence: float) -> float:
-    """What log evidence is worth when standard deviations are SHORT_BY times those it was worked out with: it is quadratic in them.
+def tempered(log_evidence: float, short_by: float) -> float:
+    """What log evidence is worth when standard deviations are short_by times those it was worked out with: it is quadratic in them.
 
     Without it the blind check's wrong names came with probabilities of 0.92 and 0.96. A power likelihood (Bissiri, Holmes & Walker 2016).
     """
-    return log_evidence / SHORT_BY**2
+    return log_evidence / short_by**2
 
 
 def judge(
@@ -87,11 +86,11 @@ def judge(
     if pairs and foretells_more(
         fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0])
     ):
-        pair = (tuple(_name(pairs[0]).split(JOINED)), tempered(pairs[0].log_evidence))
-    verdict = decide(test.detected, all_judged, tempered(unknown), pair)
+        pair = (tuple(_name(pairs[0]).split(JOINED)), tempered(pairs[0].log_evidence, fit.options.short_by))
+    verdict = decide(test.detected, all_judged, tempered(unknown, fit.options.short_by), pair)
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
-        evidence = {s.effect.id: tempered(s.log_evidence) for s in screened}
-        verdict = replace(verdict, probability=probabilities(evidence, tempered(unknown)))
+        evidence = {s.effect.id: tempered(s.log_evidence, fit.options.short_by) for s in screened}
+        verdict = replace(verdict, probability=probabilities(evidence, tempered(unknown, fit.options.short_by)))
     return Diagnosis(
         fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1], forces
     )
@@ -155,7 +154,8 @@ def _judged(
     share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
     J = np.hstack([f.point.in_theta, f.in_phi])
     p_left = gap_test(fit.noise, f.point.residual, J, forces.free, seed=seed).p_value
-    return Judged(_name(f), tempered(f.log_evidence), g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
+    evidence = tempered(f.log_evidence, fit.options.short_by)
+    return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
 
 
 def _name(found: Refit) -> str:

@@ -168,7 +168,9 @@ def _row(found: Diagnosis, screened: Any, fitted: Refit | None) -> dict[str, Any
         "p_value": min(1.0, first.p_value * screened.tried),
         "parameters": parameters,
         "variant": "" if variant is None else variant.name,
-        "log_evidence": tempered(screened.log_evidence if fitted is None else fitted.log_evidence),
+        "log_evidence": tempered(
+            screened.log_evidence if fitted is None else fitted.log_evidence, found.fit.options.short_by
+        ),
         "refitted": fitted is not None,
     }
 

@@ -11,7 +11,7 @@ from scipy.special import softmax
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis
-from palpate.core.residual.noise_covariance import LENGTHS_MM, organ_contours
+from palpate.core.residual.noise_covariance import organ_contours
 
 _DRAWS = 2000
 
@@ -79,7 +79,7 @@ def contours_mm2(found: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]
     reader = found.split.reader[:n, : sight.n_modes]
     of_length = {
         length: np.einsum("ij,jk,ik->", reader, organ_contours(sight, scene.observation.points, sd, length), reader) / n
-        for length in LENGTHS_MM
+        for length in fit.options.lengths_mm
     }
     own = float((reader**2).sum()) / n
     floors = np.array([s.contour**2 * of_length[s.length] + s.own**2 * own for s in fit.noise.sizes])

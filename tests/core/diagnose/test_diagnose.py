@@ -35,7 +35,8 @@ from palpate.core.problem import SurfacePair
 from palpate.core.residual import element_error
 from palpate.core.residual.element_error import GOOD, better_bench, better_residual
 from palpate.core.residual.joint_states import JointLinearisation
-from palpate.core.residual.noise_covariance import SHORT_BY, NoiseParts
+from palpate.core.residual.noise_covariance import NoiseParts
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.wall_error_bias import wall_bias
 from palpate.core.surfaces.surface import Surface
 
@@ -185,7 +186,7 @@ def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.F
 
 def test_a_small_offset_of_the_whole_contour_is_noise(none: Diagnosis) -> None:
     fit = none.fit
-    parts = NoiseParts.of(fit.point.each, fit.bench.sights)
+    parts = NoiseParts.of(fit.point.each, fit.bench.sights, fit.options)
     left = np.zeros((fit.bench.first.sight.n, 1))
     with_it, without = (parts.covariance(replace(fit.sizes, offset=size), left) for size in (0.1, 0.0))
     k = fit.bench.first.sight.n_modes
@@ -226,7 +227,7 @@ def test_the_stiffness_is_told_as_effect_free_cases_calibrate_it(wide: Diagnosis
     np.testing.assert_allclose(biased - told, covariance @ (J.T @ J) @ np.full(2, TOO_STIFF))
     sure = replace(wide.verdict, probability={"contour_bias": 1.0})
     best = next(f for f in wide.refits if f.trial.effect.id == "contour_bias")
-    mean, alone = over_variants(best, wide.fit.noise_slope)
+    mean, alone = over_variants(best, wide.fit.noise_slope, wide.fit.options.short_by)
     told, sd2 = averaged_stiffness(replace(wide, verdict=sure))
     np.testing.assert_allclose(sd2, WIDER**2 * alone)
     np.testing.assert_allclose(mean - told, TOO_STIFF * (1.0 - 0.2 * alone.sum(axis=1)))
@@ -325,12 +326,12 @@ def test_case_data_survive_their_file(posed, tmp_path: Path) -> None:  # type: i
 def test_probabilities_are_of_evidence_with_wider_noise(wide: Diagnosis) -> None:
     """A fit's square sum falls by the square of what its standard deviations grow by, and so does what it says against another fit."""
     r, other = np.array([0.7, -0.4, 1.1]), np.array([0.1, 0.5, -0.2])
-    wider = [stats.norm.logpdf(v, scale=SHORT_BY).sum() for v in (r, other)]
-    assert tempered(0.5 * (other @ other - r @ r)) == pytest.approx(wider[0] - wider[1])
+    wider = [stats.norm.logpdf(v, scale=1.25).sum() for v in (r, other)]
+    assert tempered(0.5 * (other @ other - r @ r), 1.25) == pytest.approx(wider[0] - wider[1])
     first, second = wide.refits[:2]
     names = [f.trial.effect.id for f in (first, second) if f.trial.effect is not None]
     odds = wide.verdict.probability[names[0]] / wide.verdict.probability[names[1]]
-    assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / SHORT_BY**2)
+    assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / NoiseModelOptions().short_by ** 2)
     rows = {row["effect"]: row["log_evidence"] for row in record(wide, "a case")["ranking"]}
     assert np.log(odds) == pytest.approx(rows[names[0]] - rows[names[1]])
 

@@ -26,6 +26,7 @@ from palpate.core.laws.fibre import with_fibres
 from palpate.core.laws.grown import grown
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import PLAIN, Hypothesis, Linearisation, StateModel
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 IDS = {
     "interface_sliding", "inclusion", "fibre_anisotropy", "volume_change", "compressible_organ", "tissue_stiffening",
@@ -54,7 +55,7 @@ def bench() -> StateModel:
     boundary = {**posed.boundary, "rectum": faces[::2], "bladder": faces[1::2]}
     posed = replace(posed, boundary=boundary, walls={"rectum": rectum, "bladder": rectum})
     stage = SharedGeometry.of(posed, "p1p1")
-    sight = DataVector.of(stage.observation, None)
+    sight = DataVector.of(stage.observation, None, NoiseModelOptions())
     return StateModel(stage, sight, Composition(posed), np.zeros(sight.n))
 
 

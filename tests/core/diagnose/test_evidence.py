@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import integrate, stats
@@ -14,6 +16,7 @@ from palpate.core.inference.evidence import allowed, explained, mean_of_exponent
 from palpate.core.inference.heldout import Gain
 from palpate.core.residual.noise_covariance import NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 N, T = 40, 2
 RNG = np.random.default_rng(5)
@@ -22,7 +25,9 @@ S = RNG.standard_normal((N, 3))
 FIELDS = RNG.standard_normal((N, 12))
 SCALES = np.array([0.5, 1.0, 2.0])
 ANYWHERE = np.tile([-np.inf, np.inf], (3, 1))
-WHITE = NoiseGrid([NoiseSizes()], np.eye(N)[None], np.zeros(1))
+NUMBERS = NoiseModelOptions()
+SIZES = NoiseSizes.of(NUMBERS)
+WHITE = NoiseGrid([SIZES], np.eye(N)[None], np.zeros(1), NUMBERS)
 LOOK = {"a": Named([S], SCALES, ANYWHERE)}
 
 
@@ -101,21 +106,22 @@ def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
 def test_p_values_are_uniform_though_nobody_knows_how_large_the_noise_is() -> None:
     """Every case has noise of another size; with the covariance of one size, half of the noisier ones would be alarms."""
     sizes = np.array([0.6, 1.0, 1.6])
-    grid = NoiseGrid([NoiseSizes()] * 3, sizes[:, None, None] ** 2 * np.eye(N), np.log(np.full(3, 1.0 / 3.0)))
+    grid = NoiseGrid([SIZES] * 3, sizes[:, None, None] ** 2 * np.eye(N), np.log(np.full(3, 1.0 / 3.0)), NUMBERS)
     rng, p = np.random.default_rng(11), []
     for k in range(200):
         r = sizes[rng.integers(3)] * rng.standard_normal(N)
         p.append(gap_test(grid, r, J, FIELDS, LOOK, seed=k).p_value)
     assert stats.kstest(p, "uniform").pvalue > 0.05
-    one = NoiseGrid(grid.sizes[:1], grid.covariances[:1], np.zeros(1))
+    one = NoiseGrid(grid.sizes[:1], grid.covariances[:1], np.zeros(1), NUMBERS)
     assert gap_test(one, 1.6 * rng.standard_normal(N), J, FIELDS, LOOK).detected
 
 
 def test_the_most_probable_sizes_of_noise_are_kept() -> None:
     grid = NoiseGrid(
-        [NoiseSizes(contour=c) for c in (0.2, 1.0, 5.0)],
+        [replace(SIZES, contour=c) for c in (0.2, 1.0, 5.0)],
         np.array([0.04, 1.0, 25.0])[:, None, None] * np.eye(N),
         np.log([0.3, 0.3, 0.4]),
+        NUMBERS,
     )
     kept = grid.probable(np.random.default_rng(0).standard_normal(N), J, 0.1 * FIELDS, 1)
     assert [s.contour for s in kept.sizes] == [1.0]

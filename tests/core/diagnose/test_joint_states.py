@@ -102,7 +102,7 @@ def test_the_scan_at_rest_was_read_once(two: Diagnosis) -> None:
     first, second = fit.bench.rows
     k = fit.bench.first.sight.n_modes
     a, b = slice(first.start, first.start + k), slice(second.start, second.start + k)
-    parts = NoiseParts.of(fit.point.each, fit.bench.sights)
+    parts = NoiseParts.of(fit.point.each, fit.bench.sights, fit.options)
     for same in (parts.own, parts.offset):
         np.testing.assert_allclose(same[a, b], 0.5 * same[a, a], atol=1e-12)
     alike = np.trace(parts.contour[2][a, b]) / np.trace(parts.contour[2][a, a])
@@ -119,7 +119,7 @@ def test_landmarks_share_what_was_read_at_rest(
     first = replace(pair[0], landmarks=np.hstack([p, p])[None])
     second = replace(pair[1], landmarks=np.stack([np.hstack([q, q]), np.hstack([p, p])]))
     found = diagnose(CaseData(first, more=((second, None),)), {})
-    marks = NoiseParts.of(found.fit.point.each, found.fit.bench.sights).marks
+    marks = NoiseParts.of(found.fit.point.each, found.fit.bench.sights, found.fit.options).marks
     rows = found.fit.bench.rows
     at = [
         slice(r.start + s.marks.start, r.start + s.marks.stop)

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
-from palpate.core.residual import noise_estimation
 from palpate.core.residual.noise_covariance import NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 FACTORS = (0.4, 0.6, 0.8, 1.0, 1.2)
 X = np.random.default_rng(0).uniform(-20.0, 20.0, (60, 3))
 STIFFNESS = (X[:, :2] / 20.0) ** 2
 GAP = noise_modes(X, 0.6, 11.0, 0.95)
 OWN = 0.2**2 * np.eye(len(X))
+NUMBERS = NoiseModelOptions()
 
 
 def covariance(factor: float) -> np.ndarray:
@@ -24,9 +27,9 @@ def covariance(factor: float) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def grid() -> NoiseGrid:
-    sizes = [NoiseSizes(contour=f) for f in FACTORS]
+    sizes = [replace(NoiseSizes.of(NUMBERS), contour=f) for f in FACTORS]
     even = np.full(len(FACTORS), -np.log(len(FACTORS)))
-    return NoiseGrid(sizes, np.stack([covariance(f) for f in FACTORS]), even)
+    return NoiseGrid(sizes, np.stack([covariance(f) for f in FACTORS]), even, NUMBERS)
 
 
 def fitted(grid: NoiseGrid, gap: float, true: float = 1.0) -> float:
@@ -40,11 +43,11 @@ def fitted(grid: NoiseGrid, gap: float, true: float = 1.0) -> float:
     return float(np.mean(found))
 
 
-def test_without_a_gap_the_noise_is_what_it_is(grid: NoiseGrid, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_gap_the_noise_is_what_it_is(grid: NoiseGrid) -> None:
     found = fitted(grid, 0.0)
     assert found == pytest.approx(1.0, abs=0.1)
-    monkeypatch.setattr(noise_estimation, "GAPS", (1.0,))
-    assert fitted(grid, 0.0) < found - 0.05  # a gap that must be there takes the noise's place
+    there = replace(grid, options=replace(NUMBERS, gap_sizes=(1.0,)))
+    assert fitted(there, 0.0) < found - 0.05  # a gap that must be there takes the noise's place
 
 
 @pytest.mark.parametrize("true", [0.5, 1.0])
@@ -56,7 +59,7 @@ def test_evidence_is_the_marginal_likelihood_of_a_linear_model() -> None:
     """Laplace's is exact there: against the density of what remains once the effect's amplitude is integrated out."""
     rng = np.random.default_rng(3)
     C, S, scale = covariance(0.8), rng.standard_normal((len(X), 2)), np.array([0.7, 1.6])
-    one = NoiseGrid([NoiseSizes()], C[None], np.zeros(1))
+    one = NoiseGrid([NoiseSizes.of(NUMBERS)], C[None], np.zeros(1), NUMBERS)
     r0 = np.linalg.cholesky(C) @ rng.standard_normal(len(X)) - S @ np.array([0.5, -1.0])
     W = np.linalg.inv(C)
     phi = np.linalg.solve(S.T @ W @ S + np.diag(1.0 / scale**2), -S.T @ W @ r0)
@@ -74,5 +77,5 @@ def test_each_model_may_have_the_noise_that_suits_it(grid: NoiseGrid) -> None:
     much = np.linalg.cholesky(covariance(1.2)) @ rng.standard_normal(len(X))
     none = np.zeros((len(X), 1))
     free = grid.log_evidence(little, none, np.ones(1)) - grid.log_evidence(much, none, np.ones(1))
-    wide = NoiseGrid(grid.sizes[-1:], grid.covariances[-1:], np.zeros(1))
+    wide = NoiseGrid(grid.sizes[-1:], grid.covariances[-1:], np.zeros(1), NUMBERS)
     assert free > wide.log_evidence(little, none, np.ones(1)) - wide.log_evidence(much, none, np.ones(1)) + 3.0

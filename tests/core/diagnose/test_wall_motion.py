@@ -8,10 +8,12 @@ import pytest
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.observe.wall_motion import WallMotion
-from palpate.core.observe.wall_motion_prior import SIDEWAYS_MM, likeliest
+from palpate.core.observe.wall_motion_options import WallMotionOptions
+from palpate.core.observe.wall_motion_prior import likeliest
 from palpate.core.observe.wall_rigid_and_growth import WallRigidModes, pushed
 
 RADIUS = np.array([14.0, 10.0, 22.0])
+USUAL = WallMotionOptions()
 
 
 def ellipsoid(x: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -42,14 +44,14 @@ def wall(shift: np.ndarray, radius: np.ndarray) -> SlidingWall:
 
 def test_a_wall_that_moved_as_a_whole_moved_along_itself_too() -> None:
     shift = np.array([1.0, -4.0, 2.0])
-    found = WallMotion.of(wall(shift, RADIUS), at_rest, 0.1).at(points())
+    found = WallMotion.of(wall(shift, RADIUS), at_rest, 0.1, USUAL).at(points())
     assert np.linalg.norm(found - shift, axis=1).mean() < 0.5
     frictionless = np.abs(((found - shift) * shift).sum(axis=1)).mean() / (shift @ shift)
     assert frictionless < 0.15
 
 
 def test_a_wall_that_stayed_did_not_move_and_what_is_unknown_is_small() -> None:
-    motion = WallMotion.of(wall(np.zeros(3), RADIUS), at_rest, 0.1)
+    motion = WallMotion.of(wall(np.zeros(3), RADIUS), at_rest, 0.1, USUAL)
     assert np.abs(motion.at(points())).max() < 0.05
     unknown = (motion.unknown_at(points()) ** 2).sum(axis=(0, 2)).mean()
     assert unknown < 1.0
@@ -59,7 +61,7 @@ def test_a_wall_that_stayed_did_not_move_and_what_is_unknown_is_small() -> None:
 def test_what_is_unknown_covers_what_is_wrong() -> None:
     """A swelling moves every point outwards; the error lies within three of its own standard deviations for nearly all."""
     grown = np.array([1.3, 1.3, 1.1])
-    motion = WallMotion.of(wall(np.zeros(3), RADIUS * grown), at_rest, 0.1)
+    motion = WallMotion.of(wall(np.zeros(3), RADIUS * grown), at_rest, 0.1, USUAL)
     error = motion.at(points()) - points() * (grown - 1.0)
     sd = np.sqrt((motion.unknown_at(points()) ** 2).sum(axis=(0, 2)))
     assert (np.linalg.norm(error, axis=1) < 3.0 * sd + 0.2).mean() > 0.8
@@ -73,7 +75,7 @@ def test_a_wall_that_fills_moves_straight_out() -> None:
         return ellipsoid(x, np.zeros(3), RADIUS + 6.0)
 
     at = PointSet(np.arange(len(X))[:, None], np.ones((len(X), 1)), np.full(len(X), 5.0))
-    found = WallMotion.of(SlidingWall.between(at, X, at_rest, offset, 8000.0), at_rest, 0.1).at(X)
+    found = WallMotion.of(SlidingWall.between(at, X, at_rest, offset, 8000.0), at_rest, 0.1, USUAL).at(X)
     along = (found * out).sum(axis=1)
     sideways = np.linalg.norm(found - along[:, None] * out, axis=1)
     assert np.abs(along - 6.0).mean() < 0.6
@@ -87,9 +89,11 @@ def test_the_likeliest_length_is_about_the_true_one(length: float) -> None:
     distance = np.linalg.norm(X[:, None] - X, axis=2)
     K = 9.0 * np.exp(-0.5 * (distance / length) ** 2) + 1e-6 * np.eye(len(X))
     v = np.linalg.cholesky(K) @ np.random.default_rng(2).standard_normal(len(X))
-    found = likeliest(X, out, out, v, 0.01 * np.eye(len(X)), WallRigidModes(np.eye(3), np.zeros(3), 20.0, np.zeros(3)))
+    found = likeliest(
+        X, out, out, v, 0.01 * np.eye(len(X)), WallRigidModes(np.eye(3), np.zeros(3), 20.0, np.zeros(3), USUAL)
+    )
     assert found.length == pytest.approx(length, rel=0.45)
-    assert np.hypot(found.size, SIDEWAYS_MM) == pytest.approx(3.0, rel=0.6)
+    assert np.hypot(found.size, USUAL.sideways_mm) == pytest.approx(3.0, rel=0.6)
 
 
 def tube(x: np.ndarray, bulge: float) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +113,7 @@ def test_a_tube_that_bulges_does_not_slide_along_its_axis() -> None:
     X = np.column_stack([14.0 * np.cos(phi), 14.0 * np.sin(phi), z])
     at = PointSet(np.arange(len(X))[:, None], np.ones((len(X), 1)), np.full(len(X), 9.0))
     wall = SlidingWall.between(at, X, lambda x: tube(x, 0.0), lambda x: tube(x, 7.0), 8000.0)
-    found = WallMotion.of(wall, lambda x: tube(x, 0.0), 0.2).at(X)
+    found = WallMotion.of(wall, lambda x: tube(x, 0.0), 0.2, USUAL).at(X)
     assert np.abs(found[:, 2]).mean() < 0.5
     assert np.abs(wall.linearised_at(found).shift - (wall.linearised_at(found).normal * found).sum(axis=1)).mean() < 0.3
 
@@ -126,7 +130,7 @@ def test_sections_of_a_tube_that_are_pushed_aside_go_along_together() -> None:
     wall = SlidingWall.between(
         at, X, lambda x: tube(x, 0.0), lambda x: tube(x - pushed_aside(x), 0.0), 8000.0
     )  # to first order in the push's slope
-    found = WallMotion.of(wall, lambda x: tube(x, 0.0), 0.2)
+    found = WallMotion.of(wall, lambda x: tube(x, 0.0), 0.2, USUAL)
     normal, moved = tube(X, 0.0)[1], pushed_aside(X)
     straight = (moved * normal).sum(axis=1)[:, None] * normal
     aside = np.abs(z) < 18.0
@@ -152,6 +156,7 @@ def test_points_at_an_end_where_the_two_surfaces_differ_move_little_else() -> No
             SlidingWall.between(at, X, lambda x: tube(x, 0.0), lambda x, off=off: ending(x, off), 8000.0),  # type: ignore[misc]
             lambda x: tube(x, 0.0),
             0.2,
+            USUAL,
         ).at(X[np.abs(z) < 15.0])
         for off in (0.0, 8.0)
     ]
@@ -171,12 +176,12 @@ def test_a_bag_that_grows_about_its_neck_slides_as_it_grows_and_a_tube_has_no_si
     """Growth about one end of an ellipsoid moves its sides along themselves; its own normals would not."""
     neck = np.array([0.0, 0.0, -22.0])
     moved = 0.25 * (points() - neck)
-    found = WallMotion.of(wall(-0.25 * neck, 1.25 * RADIUS), at_rest, 0.2).at(points())
+    found = WallMotion.of(wall(-0.25 * neck, 1.25 * RADIUS), at_rest, 0.2, USUAL).at(points())
     straight = (moved * at_rest(points())[1]).sum(axis=1)[:, None] * at_rest(points())[1]
     assert np.linalg.norm(found - moved, axis=1).mean() < 0.4 * np.linalg.norm(straight - moved, axis=1).mean()
     phi = np.linspace(0.0, 2.0 * np.pi, 200)[:-1]
     round_tube = np.column_stack([np.cos(phi), np.sin(phi), 0.0 * phi])
-    assert WallRigidModes.of(points(), at_rest(points())[1]).radius == pytest.approx(
+    assert WallRigidModes.of(points(), at_rest(points())[1], USUAL).radius == pytest.approx(
         np.sqrt((points() ** 2).sum(axis=1).mean()), rel=0.01
     )
-    assert np.isinf(WallRigidModes.of(round_tube, round_tube).radius)
+    assert np.isinf(WallRigidModes.of(round_tube, round_tube, USUAL).radius)
