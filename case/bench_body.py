@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import Annotated
 
+import msgspec
 import numpy as np
 import pyvista as pv
+from msgspec import Meta
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import read_landmarks
 from palpate.core.arrays import IntArray
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import typed
 from palpate.core.mesh import TetMesh
 from palpate.meshing.mesh_solid import mesh_solid
 
@@ -21,23 +23,67 @@ MESH = "body_mesh.npz"
 _MARKER_MM = 0.5
 
 
+# Bounds that only keep infinity and NaN out: mm, m/s2, N.
+_Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
+_Vector = tuple[_Number, _Number, _Number]
+_AS_SHOWN = "; write it as docs/case.md shows"
+
+
+class Load(msgspec.Struct, frozen=True):
+    """A force in N that acts at a point of the body, mm."""
+
+    at: _Vector
+    force_n: _Vector
+    name: str = ""
+
+
+class MarkerState(msgspec.Struct, frozen=True):
+    """One state of the body. points : file of its markers, columns as landmarks.csv. gravity : m/s2. points_sd_mm : per axis."""
+
+    name: str
+    points: str
+    gravity: _Vector = (0.0, 0.0, 0.0)
+    loads: tuple[Load, ...] = ()
+    points_sd_mm: Annotated[float, Meta(gt=0.0, le=1e3)] | None = None
+
+
+class Support(msgspec.Struct, frozen=True):
+    """Faces of the body whose corners all lie within tolerance_mm of a plane are held."""
+
+    plane_point: _Vector
+    plane_normal: _Vector
+    tolerance_mm: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.5
+    name: str = ""
+
+
+class BenchBody(msgspec.Struct, frozen=True):
+    """What case.json says of a body on a bench beyond `CaseFacts`. body : file of its surface (STL, OBJ, PLY)."""
+
+    body: str
+    states: Annotated[tuple[MarkerState, ...], Meta(min_length=1, description="a list of states, at least one")]
+    supports: tuple[Support, ...] | None = ()
+    density_kg_m3: Annotated[float, Meta(ge=0.0, lt=1e6, description="a density in kg/m3 from 0 to 1e+06")] = 1000.0
+    model_gravity: bool = True
+
+
 def is_body(case: CaseFolder) -> bool:
     """Whether the case is a body on a bench."""
     return "body" in case.facts.other
 
 
+def bench_body(case: CaseFolder) -> BenchBody:
+    """What case.json says of the body. Raises InputError naming the property that is wrong."""
+    source = str(case.file("case.json"))
+    found = typed(case.facts.other, BenchBody, source, _AS_SHOWN)
+    if not all(name.isprintable() for name in (found.body, *(state.points for state in found.states))):
+        raise InputError(f"{source}: a file's name holds a line break; correct it")
+    return found
+
+
 def body_inputs(case: CaseFolder) -> tuple[str, ...]:
     """Names of the files that such a case consists of. Raises InputError when a state names no points."""
-    states = case.facts.other.get("states") or ()
-    try:
-        names = ("case.json", str(case.facts.other["body"]), *(str(s["points"]) for s in states))
-    except (KeyError, TypeError) as error:
-        raise InputError(
-            f"{case.file('case.json')}: a state names no points file; write it as docs/case.md shows"
-        ) from error
-    if not all(name.isprintable() for name in names):
-        raise InputError(f"{case.file('case.json')}: a file's name holds a line break; correct it")
-    return names
+    found = bench_body(case)
+    return "case.json", found.body, *(state.points for state in found.states)
 
 
 def body_problem(case: CaseFolder) -> BodyProblem:
@@ -45,55 +91,27 @@ def body_problem(case: CaseFolder) -> BodyProblem:
 
     Raises InputError naming the file and what is wrong with it, ConvergenceError when the mesher fails.
     """
-    facts = case.facts.other
-    source = str(case.file("case.json"))
-    states = facts.get("states")
-    if not isinstance(states, list) or not states:
-        raise InputError(f"{source}: a body needs states, at least one; write them as docs/case.md shows")
-    mesh = _mesh(case)
-    held = _held(mesh, facts, source)
-    density = _density(facts, source)
-    modelled = bool(facts.get("model_gravity", True))
-    low, high = case.facts.organ_shear_modulus_bounds_kpa
-    return BodyProblem(mesh, held, tuple(_state(case, s) for s in states), density, (low, high), modelled)
+    found = bench_body(case)
+    mesh = _mesh(case, found.body)
+    held = _held(mesh, found.supports or (), str(case.file("case.json")))
+    states = tuple(_state(case, state) for state in found.states)
+    bounds = case.facts.organ_shear_modulus_bounds_kpa
+    return BodyProblem(mesh, held, states, found.density_kg_m3, bounds, found.model_gravity)
 
 
-def _density(facts: Mapping[str, Any], source: str) -> float:
-    try:
-        density = float(facts.get("density_kg_m3", 1000.0))
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{source}: density_kg_m3 is no number; correct it") from error
-    if not 0.0 <= density < 1e6:
-        raise InputError(f"{source}: density_kg_m3 is {density:g}; give a density in kg/m3")
-    return density
+def _state(case: CaseFolder, state: MarkerState) -> BodyState:
+    points = read_landmarks(case.file(state.points))
+    loads = tuple(PointLoad(load.at, load.force_n) for load in state.loads)
+    sd = state.points_sd_mm or case.facts.boundary_noise_sd_mm or _MARKER_MM
+    rest, deformed = (tuple((float(x), float(y), float(z)) for x, y, z in at) for at in (points.rest, points.deformed))
+    return BodyState(state.name, rest, deformed, sd, state.gravity, loads)
 
 
-def _state(case: CaseFolder, data: Mapping[str, Any]) -> BodyState:
-    """points_sd_mm, per axis, may be given beside what docs/case.md lists."""
-    try:
-        points = read_landmarks(case.file(str(data["points"])))
-        loads = tuple(PointLoad(_vector(x["at"]), _vector(x["force_n"])) for x in data.get("loads", ()))
-        gravity = _vector(data.get("gravity", (0.0, 0.0, 0.0)))
-        sd = float(data.get("points_sd_mm", case.facts.boundary_noise_sd_mm or _MARKER_MM))
-        rest, deformed = (tuple(_vector(x) for x in at) for at in (points.rest, points.deformed))
-        return BodyState(str(data["name"]), rest, deformed, sd, gravity, loads)
-    except (KeyError, TypeError, ValueError) as error:
-        source = case.file("case.json")
-        raise InputError(f"{source}: a state is not written as docs/case.md shows ({error}); correct it") from error
-
-
-def _vector(value: Any) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in value)
-    if not np.isfinite((x, y, z)).all():
-        raise ValueError("a coordinate is not finite")
-    return x, y, z
-
-
-def _mesh(case: CaseFolder) -> TetMesh:
+def _mesh(case: CaseFolder, body: str) -> TetMesh:
     if case.has(MESH):
         kept = case.read_npz(MESH)
         return TetMesh(kept["points"], kept["cells"], np.full(len(kept["cells"]), BODY))
-    path = case.file(str(case.facts.other["body"]))
+    path = case.file(body)
     if not path.is_file():
         raise InputError(f"{path} is not there; case.json names it as the body")
     try:
@@ -110,19 +128,16 @@ def _mesh(case: CaseFolder) -> TetMesh:
     return mesh
 
 
-def _held(mesh: TetMesh, facts: Mapping[str, Any], source: str) -> IntArray:
+def _held(mesh: TetMesh, supports: tuple[Support, ...], source: str) -> IntArray:
     """(f, 3) faces whose corners all lie on a support's plane."""
     faces = mesh.boundary[0]
     X = mesh.points[faces]
     held = np.zeros(len(faces), dtype=bool)
-    try:
-        for support in facts.get("supports") or ():
-            normal = np.array(_vector(support["plane_normal"]))
-            normal = normal / max(np.abs(normal).max(), 1e-300)
-            away = (X - np.array(_vector(support["plane_point"]))) @ (normal / max(np.linalg.norm(normal), 1e-9))
-            held |= (np.abs(away) < float(support.get("tolerance_mm", 0.5))).all(axis=1)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{source}: a support is not written as docs/case.md shows ({error}); correct it") from error
+    for support in supports:
+        normal = np.array(support.plane_normal)
+        normal = normal / max(np.abs(normal).max(), 1e-300)
+        away = (X - np.array(support.plane_point)) @ (normal / max(np.linalg.norm(normal), 1e-9))
+        held |= (np.abs(away) < support.tolerance_mm).all(axis=1)
     if not held.any():
         raise InputError(f"{source}: no face of the body lies on a support's plane; look at supports and tolerance_mm")
     return np.asarray(faces[held])

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Literal
+
+from msgspec import Meta
 
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import refusal, typed
 
 Vector = tuple[float, float, float]
-OUTER_SURFACES = ("fixed", "free")
+# Longest acceleration that a case may state, m/s2: twice the Earth's.
+_GRAVITY_MAX = 20.0
+_Modulus = Annotated[float, Meta(ge=1e-3, le=1e6)]
+_Bounds = Annotated[tuple[_Modulus, _Modulus], Meta(description="two rising numbers from 0.001 to 1e+06")]
+_Component = Annotated[float, Meta(ge=-_GRAVITY_MAX, le=_GRAVITY_MAX)]
+_Gravity = Annotated[
+    tuple[_Component, _Component, _Component], Meta(description="three numbers in m/s^2 of length at most 20")
+]
+_Name = Annotated[str, Meta(pattern=r"^[^\n]*\S[^\n]*$(?!\n)", description="a name of one line")]
 
 
 @dataclass(frozen=True)
@@ -18,103 +29,44 @@ class CaseFacts:
     """What case.json says (docs/case.md).
 
     Moduli in kPa (small-strain shear moduli), noise in mm, gravity in m/s^2 in patient coordinates (LPS), None where
-    unknown. ``other`` keeps the keys that this program does not type (body, supports, states, density_kg_m3,
-    model_gravity and whatever else a person wrote), so that saving loses nothing.
+    unknown. ``other`` keeps the keys that only some cases have (body, supports, states, density_kg_m3, model_gravity:
+    `bench_body`, `deformed_states`) and whatever else a person wrote, so that saving loses nothing.
     """
 
-    name: str
-    tissue_shear_modulus_kpa: float = 20.0
-    tissue_poisson_ratio: float = 0.49
-    organ_shear_modulus_bounds_kpa: tuple[float, float] = (5.0, 500.0)
-    boundary_noise_sd_mm: float | None = None
-    gravity_rest: Vector | None = None
-    gravity_deformed: Vector | None = None
-    outer_surface: str = "fixed"
-    other: Mapping[str, Any] = field(default_factory=dict)
+    name: _Name
+    tissue_shear_modulus_kpa: _Modulus = 20.0
+    tissue_poisson_ratio: Annotated[float, Meta(ge=0.0, le=0.4999)] = 0.49
+    organ_shear_modulus_bounds_kpa: _Bounds = (5.0, 500.0)
+    boundary_noise_sd_mm: Annotated[float, Meta(ge=1e-3, le=20.0)] | None = None
+    gravity_rest: _Gravity | None = None
+    gravity_deformed: _Gravity | None = None
+    outer_surface: Literal["fixed", "free"] = "fixed"
+    other: Mapping[str, object] = field(default_factory=dict)
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any], source: str) -> CaseFacts:
+    def from_dict(cls, data: object, source: str) -> CaseFacts:
         """The facts of a parsed case.json; absent keys take the defaults above.
 
         ``source`` is the file's path. Raises InputError naming the property, its value and what is allowed.
         """
         if not isinstance(data, Mapping):
             raise InputError(f"{source} holds {type(data).__name__}; write one JSON object as docs/case.md shows")
-        check = _Checker(data, source)
-        return cls(
-            name=check.text("name"),
-            tissue_shear_modulus_kpa=check.number("tissue_shear_modulus_kpa", 20.0, 1e-3, 1e6),
-            tissue_poisson_ratio=check.number("tissue_poisson_ratio", 0.49, 0.0, 0.4999),
-            organ_shear_modulus_bounds_kpa=check.bounds("organ_shear_modulus_bounds_kpa", (5.0, 500.0)),
-            boundary_noise_sd_mm=check.optional_number("boundary_noise_sd_mm", 1e-3, 20.0),
-            gravity_rest=check.gravity("gravity_rest"),
-            gravity_deformed=check.gravity("gravity_deformed"),
-            outer_surface=check.choice("outer_surface", OUTER_SURFACES),
-            other={key: value for key, value in data.items() if key not in cls.__dataclass_fields__ or key == "other"},
-        )
+        own = {f.name for f in fields(cls)} - {"other"}
+        other = {key: value for key, value in data.items() if key not in own}
+        facts = typed({key: data[key] for key in data if key in own} | {"other": other}, cls, source)
+        low, high = facts.organ_shear_modulus_bounds_kpa
+        refused = [] if low < high else ["organ_shear_modulus_bounds_kpa"]
+        stated = {"gravity_rest": facts.gravity_rest, "gravity_deformed": facts.gravity_deformed}
+        refused += [key for key, g in stated.items() if g is not None and math.hypot(*g) > _GRAVITY_MAX]
+        for key in refused:
+            raise refusal(cls, key, data[key], source)
+        return facts
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """The JSON object of case.json, unknown keys last."""
-        typed: dict[str, Any] = {
+        own: dict[str, object] = {
             key: list(value) if isinstance(value := getattr(self, key), tuple) else value
             for key in self.__dataclass_fields__
             if key != "other"
         }
-        return typed | dict(self.other)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-class _Checker:
-    """Reads one key at a time and says what is wrong with it in one line."""
-
-    def __init__(self, data: Mapping[str, Any], source: str) -> None:
-        self.data = data
-        self.source = source
-
-    def refuse(self, key: str, allowed: str) -> InputError:
-        return InputError(f"{self.source}: {key} is {self.data.get(key)!r}; it must be {allowed}; correct it there")
-
-    def text(self, key: str) -> str:
-        value = self.data.get(key)
-        if not isinstance(value, str) or not value.strip() or "\n" in value:
-            raise self.refuse(key, "a name of one line")
-        return value
-
-    def number(self, key: str, default: float, low: float, high: float) -> float:
-        value = self.data.get(key, default)
-        if not _is_number(value) or not low <= value <= high:
-            raise self.refuse(key, f"a number from {low:g} to {high:g}")
-        return float(value)
-
-    def optional_number(self, key: str, low: float, high: float) -> float | None:
-        value = self.data.get(key)
-        if value is None:
-            return None
-        if not _is_number(value) or not low <= value <= high:
-            raise self.refuse(key, f"a number from {low:g} to {high:g}, or null when unknown")
-        return float(value)
-
-    def bounds(self, key: str, default: tuple[float, float]) -> tuple[float, float]:
-        value = self.data.get(key, default)
-        pair = isinstance(value, list | tuple) and len(value) == 2 and all(_is_number(v) for v in value)
-        if not pair or not 1e-3 <= value[0] < value[1] <= 1e6:
-            raise self.refuse(key, "two rising numbers from 0.001 to 1e+06")
-        return float(value[0]), float(value[1])
-
-    def gravity(self, key: str) -> Vector | None:
-        value = self.data.get(key)
-        if value is None:
-            return None
-        three = isinstance(value, list | tuple) and len(value) == 3 and all(_is_number(v) for v in value)
-        if not three or math.hypot(*value) > 20.0:
-            raise self.refuse(key, "three numbers in m/s^2 of length at most 20, or null when unknown")
-        return float(value[0]), float(value[1]), float(value[2])
-
-    def choice(self, key: str, allowed: tuple[str, ...]) -> str:
-        value = self.data.get(key, allowed[0])
-        if value not in allowed:
-            raise self.refuse(key, " or ".join(repr(a) for a in allowed))
-        return str(value)
+        return own | dict(self.other)

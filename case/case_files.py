@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from palpate.core.errors import InputError
-from palpate.core.files import atomic
+from palpate.core.files import atomic, json_file
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
+from palpate.core.files.json_file import as_json
+
+T = TypeVar("T")
 
 
 class CaseFiles:
@@ -50,8 +52,8 @@ class CaseFiles:
         """Writes a text file in UTF-8."""
         return self.write_bytes(name, text.encode())
 
-    def write_json(self, name: str, data: Any) -> Path:
-        """Writes a JSON file; numpy numbers and arrays become lists. Raises ValueError for NaN and infinity."""
+    def write_json(self, name: str, data: object) -> Path:
+        """Writes a JSON file (`as_json`). Raises ValueError for NaN and infinity."""
         return self.write_text(name, as_json(data))
 
     def write_npz(self, name: str, **arrays: Any) -> Path:
@@ -67,14 +69,11 @@ class CaseFiles:
 
     def read_json(self, name: str) -> Any:
         """The content of a JSON file. Raises InputError naming the file and the line when it is not JSON."""
-        path = self.file(name)
-        try:
-            return json.loads(path.read_text(encoding="utf-8-sig"))
-        except FileNotFoundError as error:
-            raise InputError(f"{path} is not there; run the step that writes it first") from error
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            where = f" at line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
-            raise InputError(f"{path} is not valid JSON{where}; correct it") from error
+        return json_file.read_json(self.file(name))
+
+    def read(self, name: str, kind: type[T], remedy: str = "; run the step that writes it again") -> T:
+        """The content of a JSON file as a declared type. Raises InputError naming the file and what is wrong in it."""
+        return json_file.read_typed(self.file(name), kind, remedy)
 
     def read_npz(self, name: str) -> dict[str, np.ndarray]:
         """The arrays of a NumPy archive. Raises InputError naming the file when it is missing or damaged."""
@@ -92,16 +91,3 @@ def file_sha256(path: Path) -> str:
     """The SHA-256 of a file's content, in hex."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def as_json(data: Any) -> str:
-    """JSON text; numpy numbers and arrays become lists. Raises ValueError for NaN and infinity."""
-    return json.dumps(data, indent=2, allow_nan=False, default=_plain, ensure_ascii=False) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Path):
-        return value.as_posix()
-    raise TypeError(f"{type(value).__name__} is not JSON")

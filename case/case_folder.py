@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_facts import CaseFacts
-from palpate.case.case_files import CaseFiles, as_json, file_sha256
+from palpate.case.case_files import CaseFiles, file_sha256
 from palpate.case.landmarks import Landmarks, read_landmarks
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files import atomic
+from palpate.core.files.json_file import as_json, write_json
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
 from palpate.imaging.contours.nifti_labels import read_labels, read_nifti, write_labels
 from palpate.imaging.dicom.series import SeriesFacts, read_series
@@ -59,8 +60,7 @@ class CaseFolder(CaseFiles):
         with atomic.writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
         atomic.sweep(folder)
-        with atomic.atomic_path(folder / "case.json") as temporary:
-            temporary.write_text(as_json(facts.to_dict()), encoding="utf-8")
+        write_json(folder / "case.json", facts.to_dict())
         return cls(folder)
 
     def save_facts(self, facts: CaseFacts) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def facts_of(case: CaseFolder) -> Facts:
     )
 
 
-def noise_source(case: CaseFolder) -> str:
+def noise_source(case: CaseFolder) -> Literal["case", "repeats", "assumed"]:
     """Where the contours' error comes from: "case" (stated), "repeats" (measured) or "assumed"."""
     if case.facts.boundary_noise_sd_mm is not None:
         return "case"

@@ -7,12 +7,17 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+
+import msgspec
+from msgspec import UNSET
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.identified import read_result
 from palpate.case.problem import further_files, noise_source, problem_of, state_problems
 from palpate.case.steps import mesh
+from palpate.core.files.json_types import typed
 from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.result_record import IdentificationRecord, ResultRecord
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
@@ -42,7 +47,7 @@ class IdentifyStepOptions:
     cancel: threading.Event | None = None
 
 
-def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: Progress = silent) -> ResultRecord:
     """Write result.json and identify/ of a case; return what result.json says.
 
     Nothing is done when inputs and options are those of the last run; a run that was killed goes on from its checkpoint.
@@ -55,21 +60,29 @@ def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: 
     chosen = {k: v for k, v in asdict(options.identify).items() if k != "workers"}
     inputs = case.inputs_sha256((*INPUTS, *further_files(case)), chosen)
     if case.step_is_done("identify", inputs):
-        done: dict[str, Any] = case.read_json("result.json")
-        return done
+        return read_result(case)
     folder = case.file("identify")
     paths = _write_problems(case, folder)
-    found = run_job(
+    told = run_job(
         _job(case, options.identify, paths), lambda m: _tell(m, progress, options.on_message), options.cancel
     )
-    result = {**found, "versions": versions(), "inputs_sha256": _input_hashes(case)}
-    result["misfit"]["contour_noise_from"] = noise_source(case)
-    if case.facts.other.get("simulated"):
-        result["simulated"] = True
+    result = _of_case(case, typed(told, IdentificationRecord, "the worker's answer", ""))
     case.write_json("result.json", result)
     case.mark_done("identify", inputs, ("result.json", "identify/fields.npz"))
     progress(1.0, "stiffness found")
     return result
+
+
+def _of_case(case: CaseFolder, found: IdentificationRecord) -> ResultRecord:
+    """With what only the case knows."""
+    stated = {name: getattr(found, name) for name in found.__struct_fields__}
+    misfit = msgspec.structs.replace(found.misfit, contour_noise_from=noise_source(case))
+    return ResultRecord(
+        **{**stated, "misfit": misfit},
+        versions=versions(),
+        inputs_sha256=_input_hashes(case),
+        simulated=True if case.facts.other.get("simulated") else UNSET,
+    )
 
 
 def versions() -> dict[str, str]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.identified import identified_regions
 from palpate.case.problem import facts_of
 from palpate.case.steps.plan_loads import LOADS, NOTES
 from palpate.core.arrays import FloatArray
@@ -125,9 +126,9 @@ def _stiffness(case: CaseFolder, options: PlanOptions, names: list[str]) -> tupl
             )
         return {name: float(options.stiffness_kpa[name]) for name in names}, "given"
     if case.has("result.json"):
-        found = case.read_json("result.json")["parameters"]
+        found = {name: region.G_kpa for name, region in identified_regions(case).items() if region.G_kpa is not None}
         if set(names) <= set(found):
-            return {name: float(found[name]["G_kpa"]) for name in names}, "result.json"
+            return {name: found[name] for name in names}, "result.json"
     return dict.fromkeys(names, case.facts.tissue_shear_modulus_kpa), _FROM_TISSUE
 
 

@@ -13,6 +13,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import body_force, traction
 from palpate.core.fem.terms.pressure import FollowerPressure
+from palpate.core.files.json_types import typed
 from palpate.core.forward.known_loads import Loads
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.triangles import area_vectors, areas
@@ -39,7 +40,9 @@ def turned_gravity(case: CaseFolder, problem: IdentificationProblem, amount: flo
     before = np.array(case.facts.gravity_rest or _SUPINE)
     angle = np.radians(amount)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    change = _WEIGHT * float(case.facts.other.get("density_kg_m3", _DENSITY)) * (turn @ before - before)
+    stated = case.facts.other.get("density_kg_m3", _DENSITY)
+    density = typed(stated, float, f"{case.file('case.json')}: density_kg_m3")
+    change = _WEIGHT * density * (turn @ before - before)
     bladder = problem.boundary.get("bladder")
 
     def loads(space: Space) -> list[Term]:

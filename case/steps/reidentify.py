@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -19,6 +19,7 @@ from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.reidentify import FILE, Again, identify_again
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
+from palpate.core.identify.result_record import IdentifiabilityRecord, ReidentificationRecord
 from palpate.core.inference.posterior import verdict
 from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.surfaces.surface import Surface
@@ -31,7 +32,14 @@ from palpate.meshing.label_surfaces import organ_surfaces
 _SCENE = ("mesh.npz", "case.json")
 
 
-def run(case: CaseFolder, path: Path, progress: Progress = silent) -> dict[str, Any]:
+class _MadeFrom(msgspec.Struct):
+    """Of result.json, what the first identification was made from and how; earlier versions do not say how."""
+
+    inputs_sha256: dict[str, str] = {}
+    options: IdentifyOptions | None = None
+
+
+def run(case: CaseFolder, path: Path, progress: Progress = silent) -> ReidentificationRecord:
     """Write again.json of a case that a swarm has identified, from labels drawn on its deformed scan, and return it.
 
     path : of any kind that an import takes, in the deformed scan's own coordinates. Mesh, walls and weights stay those of
@@ -39,12 +47,11 @@ def run(case: CaseFolder, path: Path, progress: Progress = silent) -> dict[str, 
     Raises InputError where there is no identification, it left no reduced model, the case has changed since, or the
     labels cannot be read.
     """
-    earlier = _earlier(case)
+    options = _earlier(case)
     progress(0.1, "reading the labels")
     labels = redrawn_labels(case, "deformed", path)
     progress(0.4, "the organ's surface")
     problem = _with_organ(IdentificationProblem.load(case.file("identify") / "problem.npz"), labels)
-    options = IdentifyOptions(**earlier["options"])
     progress(0.7, "stiffness")
     began = time.perf_counter(), time.process_time()
     limits = one_thread()
@@ -53,30 +60,35 @@ def run(case: CaseFolder, path: Path, progress: Progress = silent) -> dict[str, 
     seconds = time.perf_counter() - began[0], time.process_time() - began[1]
     if found is None:
         raise _no_model(case)
-    result = _result(problem, options, found) | {
-        "seconds": round(seconds[0], 3),
-        "cpu_seconds": round(seconds[1], 3),
-        "labels_sha256": file_sha256(path),
-        "options": earlier["options"],
-        "research_use": True,
-    }
+    names = tuple(problem.region_names[r] for r in problem.regions)
+    parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
+    result = ReidentificationRecord(
+        parameters=parameter_facts(names, parameters, found.posterior),
+        identifiability=_identifiability(names, parameters, found, options),
+        misfit=misfit_figures(problem, found.points, found.region, found.moved),
+        model_error_mm=found.model_error_mm,
+        walls="where the first identification settled them",
+        seconds=round(seconds[0], 3),
+        cpu_seconds=round(seconds[1], 3),
+        labels_sha256=file_sha256(path),
+        options=options,
+    )
     case.write_json("again.json", result)
     progress(1.0, "stiffness found again")
     return result
 
 
-def _earlier(case: CaseFolder) -> dict[str, Any]:
-    """result.json of the first identification, once it is sure that it stands for the case as it is now."""
+def _earlier(case: CaseFolder) -> IdentifyOptions:
+    """Options of the first identification, once it is sure that it stands for the case as it is now."""
     if not (case.has("result.json") and case.has(f"identify/{FILE}")):
         raise _no_model(case)
-    result: dict[str, Any] = case.read_json("result.json")
-    known = result.get("inputs_sha256", {})
-    changed = [name for name in _SCENE if known.get(name) != case.inputs_sha256([name])]
-    if changed or "options" not in result:
+    made = case.read("result.json", _MadeFrom, "; run `palpate identify` first")
+    changed = [name for name in _SCENE if made.inputs_sha256.get(name) != case.inputs_sha256([name])]
+    if changed or made.options is None:
         raise InputError(
             f"{case.file((changed or ['result.json'])[0])} is not that of the last identification; run `palpate identify` first"
         )
-    return result
+    return made.options
 
 
 def _no_model(case: CaseFolder) -> InputError:
@@ -100,18 +112,12 @@ def _with_organ(problem: IdentificationProblem, labels: Volume) -> Identificatio
     return replace(problem, organ=SurfacePair(problem.organ.rest, deformed))
 
 
-def _result(problem: IdentificationProblem, options: IdentifyOptions, found: Again) -> dict[str, Any]:
-    names = tuple(problem.region_names[r] for r in problem.regions)
-    parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
+def _identifiability(
+    names: tuple[str, ...], parameters: StiffnessParameters, found: Again, options: IdentifyOptions
+) -> IdentifiabilityRecord:
     shares = found.posterior.of(parameters.shares) if options.split_mu else None
-    return {
-        "parameters": parameter_facts(names, parameters, found.posterior),
-        "identifiability": {
-            "singular_values": found.posterior.singular_values,
-            "mu1_mu2_separable": separable(parameters, found.posterior),
-            "verdict": verdict(names, found.posterior.of(parameters.stiffness), shares),
-        },
-        "misfit": misfit_figures(problem, found.points, found.region, found.moved),
-        "model_error_mm": found.model_error_mm,
-        "walls": "where the first identification settled them",
-    }
+    return IdentifiabilityRecord(
+        singular_values=found.posterior.singular_values.tolist(),
+        mu1_mu2_separable=separable(parameters, found.posterior),
+        verdict=verdict(names, found.posterior.of(parameters.stiffness), shares),
+    )

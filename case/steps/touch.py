@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.identified import identified_shear
+from palpate.case.identified import identified_regions, identified_shear
 from palpate.case.problem import facts_of
 from palpate.core.errors import InputError
 from palpate.core.touch.body import SUPPORTS, Body
@@ -83,5 +83,6 @@ def organ_in_tissue(labels: Volume) -> Volume:
 
 
 def _intervals(case: CaseFolder, regions: list[int]) -> dict[int, tuple[float, float]]:
-    found = {r: case.read_json("result.json")["parameters"][LABELS[r]].get("ci95_kpa") for r in regions}
-    return {r: (float(ci[0]), float(ci[1])) for r, ci in found.items() if isinstance(ci, list) and len(ci) == 2}
+    named = identified_regions(case)
+    found = {r: named[LABELS[r]].ci95_kpa for r in regions}
+    return {r: interval for r, interval in found.items() if interval is not None}

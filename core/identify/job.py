@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +22,13 @@ from palpate.core.identify.pair.rigid_pair import rigid_pair
 from palpate.core.identify.plain_fit import StateProblem
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
+from palpate.core.identify.result_record import (
+    IdentifiabilityRecord,
+    IdentificationRecord,
+    MapRecord,
+    MisfitRecord,
+    SolverRecord,
+)
 from palpate.core.inference.posterior import verdict
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.checkpoint import save_checkpoint
@@ -33,7 +39,7 @@ from palpate.core.worker.messages import Reporter
 MAP_FILE = "stiffness_map.npz"
 
 
-def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+def run(job: Job, reporter: Reporter) -> IdentificationRecord:
     """Job kind "palpate.core.identify.job:run"; options as `IdentifyOptions`. Writes fields.npz into the job's folder.
 
     paths : "problem", and "problem_2", "problem_3", ... where more than one deformed state of the same mesh was seen.
@@ -51,7 +57,7 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
         result, fields = nothing_found(problems[0], untold[0], options, time.perf_counter() - began)
         save_checkpoint(Path(job.folder) / "fields.npz", fields, fingerprint)
         (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)
-        return {**result, "stiffness_map": None}
+        return result
     found = identify(Path(job.folder), files, options, fingerprint, reporter)
     save_checkpoint(Path(job.folder) / "fields.npz", _fields(found), fingerprint)
     mapped = _mapped(found, options, reporter)
@@ -59,7 +65,7 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
         (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)  # an earlier run's
     else:
         save_checkpoint(Path(job.folder) / MAP_FILE, mapped.arrays(), fingerprint)
-    return {**_result(found, options), "stiffness_map": None if mapped is None else _map_facts(mapped)}
+    return _result(found, options, None if mapped is None else _map_record(mapped))
 
 
 def problem_files(job: Job) -> list[Path]:
@@ -85,73 +91,81 @@ def _mapped(found: Identification, options: IdentifyOptions, reporter: Reporter)
     )
 
 
-def _map_facts(mapped: StiffnessMap) -> dict[str, Any]:
+def _map_record(mapped: StiffnessMap) -> MapRecord:
     share = float(mapped.patches.volumes[mapped.told].sum() / mapped.patches.volumes.sum())
-    return {
-        "file": f"identify/{MAP_FILE}",
-        "patches": mapped.patches.n,
-        "told_share_of_volume": share,
-        "resolved_values": float(np.trace(mapped.resolution)),
-        "blur_mm": float(np.median(mapped.blur_mm)),
-        "steps": mapped.steps,
-        "settled": mapped.settled,
-        "prior_local_sd_ln_G": mapped.prior.local_sd,
-        "prior_length_mm": mapped.prior.length_mm,
-    }
+    return MapRecord(
+        file=f"identify/{MAP_FILE}",
+        patches=mapped.patches.n,
+        told_share_of_volume=share,
+        resolved_values=float(np.trace(mapped.resolution)),
+        blur_mm=float(np.median(mapped.blur_mm)),
+        steps=mapped.steps,
+        settled=mapped.settled,
+        prior_local_sd_ln_G=mapped.prior.local_sd,
+        prior_length_mm=mapped.prior.length_mm,
+    )
 
 
-def _result(found: Identification, options: IdentifyOptions) -> dict[str, Any]:
-    parameters = found.scene.parameters
+def _result(found: Identification, options: IdentifyOptions, mapped: MapRecord | None) -> IdentificationRecord:
+    parameters, posterior = found.scene.parameters, found.posterior
     names = tuple(found.scene.problem.region_names[r] for r in found.scene.problem.regions)
-    misfit = _misfit(found.states[0])
-    return {
-        "parameters": parameter_facts(names, parameters, found.posterior),
-        "identifiability": {
-            "singular_values": found.posterior.singular_values,
-            "mu1_mu2_separable": separable(parameters, found.posterior),
-            "verdict": verdict(
-                names, found.stiffness, found.posterior.of(parameters.shares) if options.split_mu else None
-            ),
-        },
-        "misfit": misfit
-        | {
-            "weighted": float(found.residual @ found.residual),
-            "weighted_from_noise": sum(state.misfit.expected for state in found.states),
-        },
-        "states": [_misfit(state) for state in found.states],
-        "solver": {
-            "forward_solves": found.count.solves,
-            "newton_iterations": found.count.factorisations,
-            "failed": found.count.failed,
-            "reduced_evaluations": found.count.reduced,
-            "seconds": round(found.seconds, 2),
-            "element": options.element,
-            "unknowns": found.scene.assembler.pattern.n,
-            "linear_solver": found.scene.assembler.solver.name,
-        },
-        "method": options.method,
-        "boundary": options.boundary,
-        "seed": options.seed,
-        "options": asdict(options),
-        "convergence": _convergence(found),
-        "agreement": agreement(found, names),
-        "notes": notes(found, names, misfit),
-    }
+    shares = posterior.of(parameters.shares) if options.split_mu else None
+    states = [_misfit(state) for state in found.states]
+    noise_mm = states[0].expected_noise_rms_mm
+    assert isinstance(noise_mm, float)
+    return IdentificationRecord(
+        parameters=parameter_facts(names, parameters, posterior),
+        identifiability=IdentifiabilityRecord(
+            singular_values=posterior.singular_values.tolist(),
+            mu1_mu2_separable=separable(parameters, posterior),
+            verdict=verdict(names, found.stiffness, shares),
+        ),
+        misfit=msgspec.structs.replace(
+            states[0],
+            weighted=float(found.residual @ found.residual),
+            weighted_from_noise=float(sum(state.misfit.expected for state in found.states)),
+        ),
+        states=states,
+        solver=_work(found, options),
+        method=options.method,
+        boundary=options.boundary,
+        seed=options.seed,
+        options=options,
+        convergence=_convergence(found),
+        agreement=agreement(found, names),
+        notes=notes(found, names, states[0].rms_mm, noise_mm),
+        stiffness_map=mapped,
+    )
 
 
-def _misfit(state: StateProblem) -> dict[str, Any]:
+def _work(found: Identification, options: IdentifyOptions) -> SolverRecord:
+    return SolverRecord(
+        forward_solves=found.count.solves,
+        newton_iterations=found.count.factorisations,
+        failed=found.count.failed,
+        reduced_evaluations=found.count.reduced,
+        seconds=round(found.seconds, 2),
+        element=options.element,
+        unknowns=found.scene.assembler.pattern.n,
+        linear_solver=found.scene.assembler.solver.name,
+    )
+
+
+def _misfit(state: StateProblem) -> MisfitRecord:
     """Eqs 10 to 13: every point to its own region's surface, points near the dividing line left out."""
     observation, u = state.scene.observation, state.equilibrium.u
     moved = observation.points + observation.operator @ u
     figures = misfit_figures(state.scene.problem, observation.points, observation.region, moved)
     marks = observation.landmark_residual(u)
     if len(marks):
-        figures["landmarks_rms_mm"] = float(np.sqrt((marks**2).sum(axis=1).mean()))
-    return {**figures, "expected_noise_rms_mm": float(np.sqrt(np.trace(state.misfit.noise) / len(observation.points)))}
+        apart = float(np.sqrt((marks**2).sum(axis=1).mean()))
+        figures = msgspec.structs.replace(figures, landmarks_rms_mm=apart)
+    expected = float(np.sqrt(np.trace(state.misfit.noise) / len(observation.points)))
+    return msgspec.structs.replace(figures, expected_noise_rms_mm=expected)
 
 
-def _convergence(found: Identification) -> list[float]:
-    return found.swarm.history.tolist() if found.swarm is not None else found.optimum.fit.history
+def _convergence(found: Identification) -> list[float | None]:
+    return found.swarm.history.tolist() if found.swarm is not None else [*found.optimum.fit.history]
 
 
 def _fields(found: Identification) -> dict[str, NDArray[np.generic]]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
+from msgspec.structs import replace
 from scipy import stats
 
 from palpate.core.arrays import FloatArray
 from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.identify.result_record import RegionRecord
 from palpate.core.inference.posterior import Posterior, unknown
 
 # Quantiles along each of G and share from which an interval is read.
@@ -20,22 +22,25 @@ def separable(parameters: StiffnessParameters, posterior: Posterior) -> bool:
     return parameters.split_mu and bool((~unknown(posterior.of(parameters.shares))).any())
 
 
-def split_facts(parameters: StiffnessParameters, posterior: Posterior) -> list[dict[str, Any]]:
-    """What result.json says of each region's mu1 and mu2 beyond their values; empty where they were not looked for apart."""
+def with_split(
+    records: Sequence[RegionRecord], parameters: StiffnessParameters, posterior: Posterior
+) -> list[RegionRecord]:
+    """The regions' records with what is known of mu1 and mu2 beyond their values; unchanged where they were not looked for apart."""
     if not parameters.split_mu:
-        return [{} for _ in parameters.regions]
+        return list(records)
     shares = posterior.of(parameters.shares)
     rows = []
-    for k, (ends, untold) in enumerate(zip(shares.ends(), unknown(shares), strict=True)):
-        mu = _mu_intervals(posterior.of(slice(2 * k, 2 * k + 2)))
+    for k, (ends, untold) in enumerate(zip(shares.ends().tolist(), unknown(shares), strict=True)):
+        mu1, mu2 = _mu_intervals(posterior.of(slice(2 * k, 2 * k + 2))).tolist()
         rows.append(
-            {
-                "mu1_share": shares.mean[k],
-                "mu1_share_ci95": ends,
-                "mu1_ci95_kpa": mu[0],
-                "mu2_ci95_kpa": mu[1],
-                "mu1_mu2_separable": not untold,
-            }
+            replace(
+                records[k],
+                mu1_share=float(shares.mean[k]),
+                mu1_share_ci95=(ends[0], ends[1]),
+                mu1_ci95_kpa=(mu1[0], mu1[1]),
+                mu2_ci95_kpa=(mu2[0], mu2[1]),
+                mu1_mu2_separable=not untold,
+            )
         )
     return rows
 

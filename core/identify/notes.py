@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from palpate.core.identify.identify import Identification
 from palpate.core.identify.result_parameters import parameter_facts
+from palpate.core.identify.result_record import AgreementRecord
 
 # Swarm and Gauss-Newton name the same optimum when no region's ln G differs by more than this share of its standard deviation.
 AGREEMENT_SD = 0.25
@@ -16,34 +17,30 @@ AGREEMENT_SD = 0.25
 HARMLESS_SD = 0.5
 
 
-def agreement(found: Identification, names: tuple[str, ...]) -> dict[str, Any]:
+def agreement(found: Identification, names: tuple[str, ...]) -> AgreementRecord:
     """Where swarm and Gauss-Newton ended, kPa, and how far apart in standard deviations of each region's ln G.
 
     in_words : one sentence where they differ by more than AGREEMENT_SD, else empty. harmless : whether by less than HARMLESS_SD.
     """
     parameters = found.scene.parameters
     by = dict(zip(names, parameters.shear_moduli(found.optimum.fit.theta).tolist(), strict=True))
-    facts: dict[str, Any] = {
-        "gauss_newton_G_kpa": by,
-        "starts_agree": found.optimum.agree,
-        "largest_ln_G_difference": found.agreement,
-        "same_optimum": True,
-        "harmless": True,
-        "in_words": "",
-    }
+    facts = AgreementRecord(
+        gauss_newton_G_kpa=by, starts_agree=found.optimum.agree, largest_ln_G_difference=found.agreement
+    )
     if found.swarm is None:
         return facts
     swarm = dict(zip(names, parameters.shear_moduli(found.swarm.theta).tolist(), strict=True))
     difference = (found.swarm.theta - found.optimum.fit.theta)[parameters.stiffness]
     apart = (np.abs(difference) / found.stiffness.sd).tolist()
     same = max(apart) < AGREEMENT_SD
-    return facts | {
-        "swarm_G_kpa": swarm,
-        "difference_sd": dict(zip(names, apart, strict=True)),
-        "same_optimum": same,
-        "harmless": max(apart) < HARMLESS_SD,
-        "in_words": "" if same else different(swarm, by, apart),
-    }
+    return replace(
+        facts,
+        swarm_G_kpa=swarm,
+        difference_sd=dict(zip(names, apart, strict=True)),
+        same_optimum=same,
+        harmless=max(apart) < HARMLESS_SD,
+        in_words="" if same else different(swarm, by, apart),
+    )
 
 
 def different(swarm: Mapping[str, float], gauss_newton: Mapping[str, float], apart: list[float]) -> str:
@@ -69,22 +66,22 @@ def too_large(scale: float, rms_mm: float, expected_mm: float) -> str:
     )
 
 
-def notes(found: Identification, names: tuple[str, ...], misfit: Mapping[str, Any]) -> list[str]:
-    """One line each. misfit : figures of the first state, with rms_mm and expected_noise_rms_mm."""
+def notes(found: Identification, names: tuple[str, ...], rms_mm: float, expected_mm: float) -> list[str]:
+    """One line each. rms_mm, expected_mm : of the first state's misfit, as it is and as noise alone would leave it."""
     out = []
     if len(found.states) > 1:
         out.append(
             f"one stiffness from {len(found.states)} deformed states together; pictures and the map within the organ show the first"
         )
     searches = agreement(found, names)
-    if searches["in_words"]:
-        out.append(searches["in_words"])
+    if searches.in_words:
+        out.append(searches.in_words)
     if not found.optimum.agree:
         out.append(f"Gauss-Newton ends at different stiffnesses from different starts: {_ends(found, names)}")
     if found.posterior.scale > 1.0:
-        out.append(too_large(found.posterior.scale, misfit["rms_mm"], misfit["expected_noise_rms_mm"]))
+        out.append(too_large(found.posterior.scale, rms_mm, expected_mm))
     for name, values in parameter_facts(names, found.scene.parameters, found.posterior).items():
-        if values["at_bound"]:
+        if values.at_bound:
             out.append(
                 f"{name} lies at the edge of the allowed stiffness: it may absorb an effect that is not modelled"
             )

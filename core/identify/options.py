@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from palpate.core.errors import InputError
 from palpate.core.fem.elements import ELEMENTS
@@ -23,8 +24,8 @@ class IdentifyOptions:
     Raises InputError for values out of range.
     """
 
-    method: str = "swarm"
-    boundary: str = "coupled"
+    method: Literal["swarm", "gauss-newton"] = "swarm"
+    boundary: Literal["coupled", "contact-force"] = "coupled"
     element: str = "p2p1"
     particles: int = 40
     iterations: int = 50

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from palpate.core.forward.parameters import StiffnessParameters
-from palpate.core.identify.mu_split import split_facts
+from palpate.core.identify.mu_split import with_split
+from palpate.core.identify.result_record import RegionRecord
 from palpate.core.inference.posterior import Posterior
 
 # A stiffness this close to a bound (in ln G) is reported as at the bound.
@@ -14,24 +13,24 @@ AT_BOUND = 0.02
 
 def parameter_facts(
     names: tuple[str, ...], parameters: StiffnessParameters, posterior: Posterior
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, RegionRecord]:
     """By region name; posterior : of all of theta, its mean the values found."""
     of_G = posterior.of(parameters.stiffness)
     G, mu = parameters.shear_moduli(posterior.mean), parameters.mu(posterior.mean)
-    sd, interval, apart = of_G.sd_kpa(), of_G.interval(), split_facts(parameters, posterior)
+    sd, interval = of_G.sd_kpa(), of_G.interval().tolist()
     low, high = of_G.bounds.T
     near = (of_G.mean < low + AT_BOUND) | (of_G.mean > high - AT_BOUND)
-    return {
-        name: {
-            "G_kpa": float(G[k]),
-            "mu1_kpa": float(mu[k, 0]),
-            "mu2_kpa": float(mu[k, 1]),
-            "mu_mean_kpa": float(mu[k].mean()),
-            "sd_kpa": float(sd[k]),
-            "ci95_kpa": interval[k],
-            "sd_ln_G": float(of_G.sd[k]),
-            "at_bound": bool(near[k]),
-            **apart[k],
-        }
-        for k, name in enumerate(names)
-    }
+    records = [
+        RegionRecord(
+            G_kpa=float(G[k]),
+            mu1_kpa=float(mu[k, 0]),
+            mu2_kpa=float(mu[k, 1]),
+            mu_mean_kpa=float(mu[k].mean()),
+            sd_kpa=float(sd[k]),
+            ci95_kpa=(interval[k][0], interval[k][1]),
+            sd_ln_G=float(of_G.sd[k]),
+            at_bound=bool(near[k]),
+        )
+        for k in range(len(names))
+    ]
+    return dict(zip(names, with_split(records, parameters, posterior), strict=True))

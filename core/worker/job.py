@@ -20,8 +20,8 @@ FORMAT = 1
 # Any dotted name would let a job file run whatever Python finds on its path.
 _KIND = re.compile(r"palpate(\.[A-Za-z_]\w*)+:[A-Za-z_]\w*")
 
-# A kind of job: gets the job and tells through the reporter; what it returns must fit into JSON.
-JobFunction = Callable[["Job", Reporter], dict[str, Any]]
+# A kind of job: gets the job and tells through the reporter; what it returns is JSON data or a declared type (`json_types.plain`).
+JobFunction = Callable[["Job", Reporter], object]
 
 
 @dataclass(frozen=True)

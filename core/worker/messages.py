@@ -20,7 +20,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
+
+from palpate.core.files.json_types import plain
 
 Message = dict[str, Any]
 
@@ -56,7 +59,9 @@ def decode(line: str | bytes) -> Message | None:
     return message if isinstance(message, dict) and message.get("type") in TYPES else None
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
+    if isinstance(value, msgspec.Struct):
+        return _plain(plain(value))
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

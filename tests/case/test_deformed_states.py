@@ -19,6 +19,7 @@ from palpate.case.problem import problem_of, state_problems
 from palpate.case.steps import identify
 from palpate.case.steps.mesh import surface_arrays
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import plain
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.distance_field import signed_distance
@@ -85,11 +86,11 @@ def spread(result: dict[str, Any]) -> np.ndarray:
 
 
 def test_a_second_state_makes_the_stiffness_surer_and_is_noticed(case: CaseFolder, second: Path) -> None:
-    alone = identify.run(case, QUICK)
+    alone = plain(identify.run(case, QUICK))
     added = add_state(case, NewState(second))
     assert (added.labels, further_states(case)) == ("deformed_2.nii.gz", (added,))
     assert add_state(case, NewState(second)) == added and len(further_states(CaseFolder(case.path))) == 1
-    both = identify.run(case, QUICK)
+    both = plain(identify.run(case, QUICK))
     assert (spread(both) < 0.8 * spread(alone)).all()
     for name, found in both["parameters"].items():
         assert found["ci95_kpa"][0] < TRUTH[name] < found["ci95_kpa"][1]
@@ -113,8 +114,8 @@ def test_landmarks_come_along_in_the_rest_frame(case: CaseFolder, second: Path, 
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ({"labels": "../other.nii.gz"}, "is no name of a file in the case folder"),
-        ({"labels": 3}, "3 is no name of a file"),
+        ({"labels": "../other.nii.gz"}, r"labels is .*; it must be the name of a file in the case folder"),
+        ({"labels": 3}, "labels is 3; it must be the name of a file in the case folder"),
         ({"labels": "gone.nii.gz"}, "is not there, but case.json names it as a deformed state"),
     ],
 )

@@ -14,6 +14,7 @@ from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import reidentify
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import plain
 from palpate.core.identify.job import run
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.distance_field import signed_distance
@@ -47,7 +48,7 @@ def identified(problem: IdentificationProblem, tmp_path_factory: pytest.TempPath
     folder = case.file("identify")
     options = {"element": "p1p1", "iterations": 4, "starts": 1, "stiffness_map": False}
     job = Job("palpate.core.identify.job:run", str(folder), {"problem": str(folder / "problem.npz")}, options, seed=1)
-    result = run(job, Reporter(lambda message: None))
+    result = plain(run(job, Reporter(lambda message: None)))
     hashes = {name: case.inputs_sha256([name]) for name in ("mesh.npz", "case.json")}
     case.write_json("result.json", {**result, "inputs_sha256": hashes})
     return case
@@ -69,9 +70,9 @@ def test_softer_contours_give_a_softer_half_within_a_second(
     problem: IdentificationProblem, identified: CaseFolder, tmp_path: Path
 ) -> None:
     first = identified.file("result.json").read_bytes()
-    same = reidentify.run(identified, drawn(problem.organ.deformed, tmp_path / "same.nii.gz"))
+    same = plain(reidentify.run(identified, drawn(problem.organ.deformed, tmp_path / "same.nii.gz")))
     organ = synthetic_case.problem((18.0, 70.0), fine=4).organ.deformed
-    softer = reidentify.run(identified, drawn(organ, tmp_path / "softer.nii.gz"))
+    softer = plain(reidentify.run(identified, drawn(organ, tmp_path / "softer.nii.gz")))
     assert (
         same["parameters"]["prostate_left"]["ci95_kpa"][0] < 30.0 < same["parameters"]["prostate_left"]["ci95_kpa"][1]
     )

@@ -13,6 +13,7 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import identify
 from palpate.case.steps.import_scans.surfaces import SurfaceImportOptions, run_surface_import
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import plain
 from palpate.core.identify.pair.surface_alignment import aligned
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.surface import Surface
@@ -155,7 +156,7 @@ def test_a_pair_becomes_a_case_that_says_what_it_cannot_tell(tmp_path: Path, mon
     assert run_surface_import(*paths, tmp_path / "case", options) == summary
 
     case = CaseFolder(tmp_path / "case")
-    result = identify.run(case)
+    result = plain(identify.run(case))
     assert result["identifiability"]["verdict"].startswith("nothing can be identified: the organ's surface is all")
     assert result["landmarks"] == found
     with pytest.raises(InputError, match="other scans or surfaces"):

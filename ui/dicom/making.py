@@ -89,7 +89,7 @@ def making(case: CaseFolder, kind: str, source: SourceScan, inputs: list[str]) -
     made = _clock(max(int(path.stat().st_mtime) for path in present), timezone)
     entropy = [kind, str(source.header.SeriesInstanceUID), made.isoformat(), version()]
     entropy += [file_sha256(path) for path in present]
-    computed = simulated(case, {})
+    computed = simulated(case, None)
     note = NOT_FOR_DIAGNOSIS + (f" Simulated data: {computed}." if computed else "")
     return Making(
         generate_uid(entropy_srcs=[*entropy, "series"]), generate_uid(entropy_srcs=[*entropy, "object"]),

@@ -90,6 +90,6 @@ def _remark(record: CaseRecord, made: Making) -> sr.TextContentItem:
     tissue = record.facts.tissue_shear_modulus_kpa
     text = (
         f"{made.note} G = 2 (mu1 + mu2) is relative to an assumed shear modulus of {tissue:g} kPa of the surrounding "
-        f"tissue. What this pair can tell: {record.result['identifiability']['verdict']}."
+        f"tissue. What this pair can tell: {record.result.identifiability.verdict}."
     )
     return sr.TextContentItem(codes.DCM.Comment, text, sr.RelationshipTypeValues.CONTAINS)

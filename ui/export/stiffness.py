@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.identified import identified_regions
 from palpate.imaging.labels import LABEL_VALUES
 from palpate.imaging.volume import Volume
 
@@ -14,8 +15,8 @@ _MARGIN = 2
 
 def stiffness_of(case: CaseFolder) -> dict[int, float]:
     """Shear modulus G, kPa, by organ label. Raises InputError when the case has not been identified."""
-    parameters = case.read_json("result.json")["parameters"]
-    return {LABEL_VALUES[name]: float(found["G_kpa"]) for name, found in parameters.items()}
+    found = identified_regions(case)
+    return {LABEL_VALUES[name]: region.G_kpa for name, region in found.items() if region.G_kpa is not None}
 
 
 def stiffness_volume(case: CaseFolder) -> Volume:

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.identified import read_result
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.identify.map.stiffness_map import nearest_patch, painted
+from palpate.core.identify.result_record import RegionRecord
 from palpate.imaging.contours.nifti_labels import write_nifti
 from palpate.imaging.labels import LABEL_VALUES, ORGAN_LABELS
 from palpate.imaging.volume import Volume
@@ -31,9 +33,9 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     which two of three true values lie (exp of the standard deviation of ln G). map_told : 1 where the scans tell more than the
     smoothness that was assumed. The maps are left out where the case has none. Raises InputError when it has no result.
     """
-    labels, result = case.labels("rest"), case.read_json("result.json")
-    volumes = _limits(labels, result["parameters"])
-    if result.get("stiffness_map") and case.has(_MAP):
+    labels, result = case.labels("rest"), read_result(case)
+    volumes = _limits(labels, result.parameters)
+    if result.stiffness_map and case.has(_MAP):
         volumes |= _map(labels, case.read_npz(_MAP))
     if not volumes:
         raise InputError(
@@ -42,8 +44,8 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     return [_write(folder / f"{name}.nii.gz", volume) for name, volume in volumes.items()]
 
 
-def _limits(labels: Volume, parameters: Mapping[str, Any]) -> dict[str, Volume]:
-    ends = {name: found["ci95_kpa"] for name, found in parameters.items() if found.get("ci95_kpa")}
+def _limits(labels: Volume, parameters: Mapping[str, RegionRecord]) -> dict[str, Volume]:
+    ends = {name: found.ci95_kpa for name, found in parameters.items() if found.ci95_kpa is not None}
     out = {}
     for index, end in enumerate(("low", "high")):
         value = np.zeros(labels.array.shape, dtype=np.float32)

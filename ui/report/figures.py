@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.meshed import load_surfaces
+from palpate.core.files.json_types import known
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures import slices, solids
@@ -63,7 +64,7 @@ class Drawn:
 def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], folder: Path, progress: Progress) -> Drawn:
     """All pictures of a case, as PNG files in ``folder``. What this machine cannot draw is listed, not an error."""
     mapped = None
-    if record.result.get("stiffness_map") and case.has("identify/stiffness_map.npz"):
+    if record.result.stiffness_map and case.has("identify/stiffness_map.npz"):
         mapped = case.read_npz("identify/stiffness_map.npz")
     images = _images(case, record, labels, mapped)
     drawn = Drawn()
@@ -122,19 +123,21 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
 
 
 def _map(drawn: Drawn, mapped: Arrays, record: CaseRecord, images: CaseImages, folder: Path) -> None:
-    facts = record.result["stiffness_map"]
+    facts = record.result.stiffness_map
+    assert facts is not None
     figure = map_planes(images, mapped)
     caption = _MAP_CAPTION.format(
-        told=100.0 * facts["told_share_of_volume"], patches=facts["patches"], values=facts["resolved_values"],
-        blur=facts["blur_mm"], factor=np.exp(facts["prior_local_sd_ln_G"]), length=facts["prior_length_mm"],
+        told=100.0 * facts.told_share_of_volume, patches=facts.patches, values=facts.resolved_values,
+        blur=facts.blur_mm, factor=np.exp(facts.prior_local_sd_ln_G), length=facts.prior_length_mm,
     )  # fmt: skip
     says = "Slices in three planes with a smooth map of the shear modulus within the organ, and how well it is known."
     drawn.add("stiffness_map", folder, figure, caption, says)
 
 
 def _search(drawn: Drawn, record: CaseRecord, folder: Path) -> None:
-    best, noise = record.result.get("convergence"), record.result["misfit"].get("weighted_from_noise")
-    if not best or len(best) < 2:
+    best = [value for value in record.result.convergence if value is not None]
+    noise = known(record.result.misfit.weighted_from_noise)
+    if len(best) < 2:
         return
     caption = (
         "Search for the stiffness: the least weighted sum of squared distances after each iteration. It has no unit and is no number of "

@@ -37,10 +37,10 @@ def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
         blocks.append(Paragraph(_CARRIED_NOTE))
     blocks += _alignment(record) + _mesh(record)
     notes = [*record.imported.get("notes", ()), *record.segmentation.get("notes", ())]
-    notes += [*record.alignment.get("notes", ()), *record.result.get("notes", ())]
+    notes += [*record.alignment.get("notes", ()), *record.result.notes]
     if notes:
         blocks.append(
-            Bullets([without_paths(in_words(str(note), record.result["parameters"])) for note in dict.fromkeys(notes)])
+            Bullets([without_paths(in_words(str(note), record.result.parameters)) for note in dict.fromkeys(notes)])
         )
     blocks += [Paragraph(f"Left out: {reason}.", "small") for reason in missing]
     return Section("Quality of what it rests on", blocks)

@@ -12,8 +12,11 @@ import pydicom
 from pydicom.errors import InvalidDicomError
 
 from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
+from palpate.case.identified import read_result
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import known
+from palpate.core.identify.result_record import ResultRecord
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.report.regions import RegionStiffness, region_of
@@ -32,7 +35,7 @@ class CaseRecord:
     """
 
     facts: CaseFacts
-    result: Mapping[str, Any]
+    result: ResultRecord
     alignment: Mapping[str, Any]
     segmentation: Mapping[str, Any]
     mesh: Mapping[str, Any]
@@ -46,7 +49,7 @@ class CaseRecord:
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
         """The regions of result.json, in the order of their labels."""
-        parameters = self.result["parameters"]
+        parameters = self.result.parameters
         found = [region_of(name, p, self.facts, len(parameters) == 1) for name, p in parameters.items()]
         return tuple(sorted(found, key=lambda region: region.label))
 
@@ -64,22 +67,22 @@ class CaseRecord:
     def noise_sd_mm(self) -> float | None:
         """Repeatability of one contour, mm: what the case states, else what identification assumed."""
         stated = self.facts.boundary_noise_sd_mm
-        return stated if stated is not None else self.result["misfit"].get("contour_noise_sd_mm")
+        return stated if stated is not None else known(self.result.misfit.contour_noise_sd_mm)
 
     @property
     def noise_from(self) -> str:
         """Where that figure comes from, in words."""
         if self.facts.boundary_noise_sd_mm is not None:
             return "as the case states"
-        measured = self.result["misfit"].get("contour_noise_from") == "repeats"
+        measured = self.result.misfit.contour_noise_from == "repeats"
         return "measured from contours drawn twice" if measured else "assumed, the case states none"
 
     @property
     def expected_misfit_mm(self) -> float | None:
         """The rms misfit that noise alone would leave, mm; None where the noise is unknown."""
-        expected = self.result["misfit"].get("expected_noise_rms_mm")
+        expected = known(self.result.misfit.expected_noise_rms_mm)
         if expected is not None:
-            return float(expected)
+            return expected
         return None if self.noise_sd_mm is None else TWO_CONTOURS * self.noise_sd_mm
 
 
@@ -96,8 +99,7 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
             else "run `palpate identify` first"
         )
         raise InputError(f"{case.file('result.json')} is not there; {todo}")
-    result = case.read_json("result.json")
-    _check(result, str(case.file("result.json")))
+    result = read_result(case)
     return CaseRecord(
         case.facts,
         result,
@@ -113,9 +115,9 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
     )
 
 
-def simulated(case: CaseFolder, result: Mapping[str, Any]) -> str | None:
+def simulated(case: CaseFolder, result: ResultRecord | None) -> str | None:
     """What of the pair was computed rather than scanned, in words; None for two real scans."""
-    stated = case.facts.other.get("simulated") or result.get("simulated")
+    stated = case.facts.other.get("simulated") or (result is not None and result.simulated)
     note = case.facts.other.get("simulated_note", stated)
     if stated and isinstance(note, str):
         return note
@@ -137,13 +139,6 @@ def _is_simulated_scan(case: CaseFolder, state: str) -> bool:
         raise InputError(f"{first} is not readable as DICOM; run `palpate import` again") from error
     ours = (header.get("Manufacturer"), header.get("ManufacturerModelName")) == ("Palpate", "simulate")
     return ours and "simulated" in str(header.get("SeriesDescription", "")).lower()
-
-
-def _check(result: Any, source: str) -> None:
-    needed = ("parameters", "identifiability", "misfit", "solver", "method", "boundary", "seed", "versions")
-    missing = [key for key in needed if not isinstance(result, Mapping) or key not in result]
-    if missing or not result["parameters"]:
-        raise InputError(f"{source} has no {(missing or ['parameters'])[0]}; run `palpate identify` again")
 
 
 def _optional(case: CaseFolder, name: str) -> Mapping[str, Any]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from palpate.case.case_facts import CaseFacts
+from palpate.core.identify.result_record import RegionRecord
 from palpate.imaging.labels import LABEL_VALUES
 
 
@@ -44,17 +44,13 @@ class RegionStiffness:
         return float(np.log(self.ci[1] / self.ci[0]) / (2.0 * 1.96))
 
 
-def region_of(name: str, p: Mapping[str, Any], facts: CaseFacts, alone: bool) -> RegionStiffness:
+def region_of(name: str, p: RegionRecord, facts: CaseFacts, alone: bool) -> RegionStiffness:
     """A region of result.json by its name and entry. alone : it is the organ's only one."""
-    ci = None if p["ci95_kpa"] is None else (float(p["ci95_kpa"][0]), float(p["ci95_kpa"][1]))
+    ci = p.ci95_kpa
     low, high = facts.organ_shear_modulus_bounds_kpa
     spans = ci is not None and ci[0] < 1.3 * low and ci[1] > high / 1.3
-    mu1, mu2 = float(p["mu1_kpa"]), float(p["mu2_kpa"])
-    sd = None if p["sd_kpa"] is None else float(p["sd_kpa"])
-    mean = float(p.get("mu_mean_kpa", 0.5 * (mu1 + mu2)))
-    at_bound = bool(p["at_bound"])
-    words, told = region_words(name, alone), not (at_bound or spans)
-    return RegionStiffness(name, words, float(p["G_kpa"]), sd, ci, mu1, mu2, mean, at_bound, told)
+    words, told = region_words(name, alone), not (p.at_bound or spans)
+    return RegionStiffness(name, words, p.G_kpa, p.sd_kpa, ci, p.mu1_kpa, p.mu2_kpa, p.mu_mean_kpa, p.at_bound, told)
 
 
 def in_words(text: str, names: Iterable[str]) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from msgspec import UNSET
+
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Drawn
 from palpate.ui.report.gap_section import gap_section
@@ -37,20 +39,18 @@ def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
-    misfit = record.result["misfit"]
+    misfit = record.result.misfit
     rows = [
-        ("rms distance of predicted from observed surface", f"{misfit['rms_mm']:.2f} mm"),
-        ("95 % of the surface is closer than", f"{misfit['p95_mm']:.2f} mm"),
-        ("greatest distance (one-sided Hausdorff)", f"{misfit['hausdorff_mm']:.2f} mm"),
+        ("rms distance of predicted from observed surface", f"{misfit.rms_mm:.2f} mm"),
+        ("95 % of the surface is closer than", f"{misfit.p95_mm:.2f} mm"),
+        ("greatest distance (one-sided Hausdorff)", f"{misfit.hausdorff_mm:.2f} mm"),
         (
             "sum of squared distances (Eq 13 of the MaterialCloning paper)",
-            f"{three_figures(misfit['objective_mm2'])} mm\u00b2",
+            f"{three_figures(misfit.objective_mm2)} mm\u00b2",
         ),
     ]
-    if "rms_before_mm" in misfit:
-        rows.insert(
-            0, ("rms distance of the two observed surfaces, for comparison", f"{misfit['rms_before_mm']:.2f} mm")
-        )
+    if misfit.rms_before_mm is not UNSET:
+        rows.insert(0, ("rms distance of the two observed surfaces, for comparison", f"{misfit.rms_before_mm:.2f} mm"))
     noise, expected = record.noise_sd_mm, record.expected_misfit_mm
     rows.append(
         ("repeatability of one contour (sd)", "not known" if noise is None else f"{noise:.2f} mm, {record.noise_from}"),
@@ -66,18 +66,18 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
 
 def _provenance(record: CaseRecord, date: str, version: str) -> Section:
     result, facts = record.result, record.facts
-    solver = result["solver"]
+    solver = result.solver
     low, high = facts.organ_shear_modulus_bounds_kpa
     rows = [
-        ("method", f"{result['method']}, boundary {result['boundary']}, seed {result['seed']}"),
-        ("work", f"{solver['forward_solves']} equilibria ({solver['failed']} failed), {solver['seconds']:.0f} s"),
+        ("method", f"{result.method}, boundary {result.boundary}, seed {result.seed}"),
+        ("work", f"{solver.forward_solves} equilibria ({solver.failed} failed), {solver.seconds:.0f} s"),
         ("assumed", f"tissue G {facts.tissue_shear_modulus_kpa:g} kPa, Poisson's ratio {facts.tissue_poisson_ratio:g}; "
                     f"organ G within {low:g} to {high:g} kPa"),
-        ("versions", ", ".join(f"{name} {v}" for name, v in result["versions"].items())),
+        ("versions", ", ".join(f"{name} {v}" for name, v in result.versions.items())),
         ("report", f"{date}, Palpate {version}"),
     ]  # fmt: skip
     rows += [("command", _command(entry)) for entry in record.history]
-    rows += [(f"sha256 of {name}", str(value)) for name, value in result["inputs_sha256"].items()]
+    rows += [(f"sha256 of {name}", str(value)) for name, value in result.inputs_sha256.items()]
     return Section("Provenance", [Table(("", ""), rows, numbers=False)])
 
 

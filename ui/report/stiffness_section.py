@@ -33,13 +33,13 @@ def limits(record: CaseRecord) -> str:
 
 def stiffness_section(record: CaseRecord, drawn: Drawn) -> Section:
     """Values, intervals, what the pair tells, and their pictures."""
-    identifiability = record.result["identifiability"]
-    values = ", ".join(f"{v:.3g}" for v in identifiability["singular_values"])
+    identifiability = record.result.identifiability
+    values = ", ".join(f"{v:.3g}" for v in identifiability.singular_values)
     blocks: list[Block] = [
         _values(record.regions),
         Paragraph(MU_NOTE, "small"),
         Paragraph("What this pair can tell:"),
-        Bullets(told(str(identifiability["verdict"]), record.result["parameters"])),
+        Bullets(told(identifiability.verdict, record.result.parameters)),
         Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
         *_shown(drawn.pictures, "stiffness_series", "stiffness_map", "anatomy"),
         *drawn.interactive,

@@ -35,23 +35,23 @@ def summary(record: CaseRecord) -> list[str]:
         sentences.append(
             f"All stiffness is relative to the surrounding tissue, which was taken to have G = {G:g} kPa, not measured."
         )
-    searches = record.result.get("agreement", {})
-    if not searches.get("harmless", True):
-        sentences.append(f"Doubtful: {searches['in_words']}.")
+    searches = record.result.agreement
+    if searches and not searches.harmless:
+        sentences.append(f"Doubtful: {searches.in_words}.")
     sentences.append(misfit_verdict(record))
     return [*sentences, diagnosis_sentence(record)] if record.diagnosis else sentences
 
 
 def misfit_verdict(record: CaseRecord) -> str:
     """Whether the model explains the deformed scan as well as the contours' own error allows."""
-    misfit, expected = record.result["misfit"], record.expected_misfit_mm
-    rms = f"The model meets the deformed organ's surface to {misfit['rms_mm']:.2f} mm rms"
+    misfit, expected = record.result.misfit, record.expected_misfit_mm
+    rms = f"The model meets the deformed organ's surface to {misfit.rms_mm:.2f} mm rms"
     if expected is None:
         return f"{rms}; how repeatable the contours are is not known, so whether this is good enough is not either."
     sd = record.noise_sd_mm
     repeats = "" if sd is None else f" if contours repeat to {sd:.2f} mm, {record.noise_from}"
     size = f"{expected:.2f} mm expected{repeats}"
-    if misfit["rms_mm"] > MISFIT_TOLERANCE * expected:
+    if misfit.rms_mm > MISFIT_TOLERANCE * expected:
         return (
             f"{rms}, more than the contours' own error explains ({size}): something is left out of the model, and the stiffness "
             "may have absorbed it."

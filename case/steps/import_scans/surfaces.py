@@ -19,6 +19,7 @@ from palpate.case.steps import mesh
 from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import plain
 from palpate.core.identify.pair.no_driving_wall import NEXT, moved_by_its_surface
 from palpate.core.identify.pair.surface_alignment import aligned
 from palpate.core.identify.pair.surface_only import transformed
@@ -133,7 +134,7 @@ def _summary(case: CaseFolder, found: list[ReadSurface], matrix: FloatArray) -> 
         "volume_cc": {state: round(v, 3) for state, v in volumes.items()},
         "turned_deg": round(turn, 2),
         "surface_rms_mm": dict(untold.surface_mm or {}),
-        "landmarks": untold.landmarks,
+        "landmarks": untold.landmarks and {way: plain(found) for way, found in untold.landmarks.items()},
         "cannot_tell": untold.in_words,
         "next": NEXT,
         "in_words": list(untold.notes[1:]),

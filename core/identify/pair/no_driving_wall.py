@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.space import Space
 from palpate.core.identify.pair.no_information import SURFACE_MM, NoInformation
 from palpate.core.identify.pair.surface_only import WAYS, SurfaceAlone, explain_surface
+from palpate.core.identify.result_record import LandmarkRecord
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem
@@ -60,12 +59,12 @@ def reason(regions: int) -> str:
     )
 
 
-def landmark_figures(found: SurfaceAlone) -> dict[str, Any] | None:
+def landmark_figures(found: SurfaceAlone) -> dict[str, LandmarkRecord] | None:
     """Distances of the landmarks, mm, by way of moving them; None without landmarks."""
     if not found.landmarks_mm:
         return None
     return {
-        way: {"mm": [round(float(d), 3) for d in distances], "rms_mm": round(_rms(distances), 3)}
+        way: LandmarkRecord([round(float(d), 3) for d in distances], round(_rms(distances), 3))
         for way, distances in found.landmarks_mm.items()
     }
 

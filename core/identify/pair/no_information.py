@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.identify.pair.rigid_pair import RigidPair
+from palpate.core.identify.result_record import LandmarkRecord
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem
 
@@ -31,7 +31,7 @@ class NoInformation:
     displacement: FloatArray
     expected_mm: float
     notes: tuple[str, ...] = ()
-    landmarks: Mapping[str, Any] | None = None
+    landmarks: Mapping[str, LandmarkRecord] | None = None
     surface_mm: Mapping[str, float] | None = None
 
 

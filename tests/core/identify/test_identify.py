@@ -13,6 +13,7 @@ import pytest
 import synthetic_case
 
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import plain
 from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.forward.parameters import middle
 from palpate.core.identify.job import run
@@ -43,7 +44,7 @@ def job_result(problem: IdentificationProblem, tmp_path_factory: pytest.TempPath
 def _run(problem: IdentificationProblem, folder: Path, options: dict[str, Any]) -> dict[str, Any]:
     np.savez(folder / "problem.npz", **problem.arrays())
     job = Job("palpate.core.identify.job:run", str(folder), {"problem": str(folder / "problem.npz")}, options, seed=3)
-    return run(job, Reporter(lambda message: None))
+    return plain(run(job, Reporter(lambda message: None)))
 
 
 def test_taylor_hood_finds_both_stiffnesses_within_five_percent(problem: IdentificationProblem) -> None:

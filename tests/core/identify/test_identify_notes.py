@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from palpate.core.files.json_types import plain
 from palpate.core.identify.notes import agreement, too_large
 
 NAMES = ("prostate_left", "prostate_right")
@@ -30,7 +31,7 @@ def found(swarm: tuple[float, float] | None, sd: tuple[float, float]) -> Any:
     "right, same, harmless", [(60.0 * np.exp(0.05), True, True), (60.0 * np.exp(0.08), False, True), (90.0, False, False)]
 )  # fmt: skip
 def test_searches_are_compared_by_each_regions_own_interval(right: float, same: bool, harmless: bool) -> None:
-    facts = agreement(found((20.0, right), (0.01, 0.25)), NAMES)
+    facts = plain(agreement(found((20.0, right), (0.01, 0.25)), NAMES))
     assert (facts["same_optimum"], facts["harmless"]) == (same, harmless)
     assert facts["difference_sd"]["prostate_left"] == pytest.approx(0.0)
     assert facts["difference_sd"]["prostate_right"] == pytest.approx(np.log(right / 60.0) / 0.25)
@@ -39,12 +40,12 @@ def test_searches_are_compared_by_each_regions_own_interval(right: float, same: 
 
 
 def test_the_sentence_gives_both_values_of_every_region() -> None:
-    words = agreement(found((21.0, 90.0), (0.3, 0.25)), NAMES)["in_words"]
+    words = agreement(found((21.0, 90.0), (0.3, 0.25)), NAMES).in_words
     assert "prostate left 21 and 20 kPa, 0.16 sd" in words and "prostate right 90 and 60 kPa, 1.6 sd" in words
 
 
 def test_one_search_alone_has_nothing_to_differ_from() -> None:
-    facts = agreement(found(None, (0.3, 0.25)), NAMES)
+    facts = plain(agreement(found(None, (0.3, 0.25)), NAMES))
     assert facts["same_optimum"] and facts["harmless"] and facts["in_words"] == ""
 
 

@@ -12,6 +12,7 @@ import pytest
 import synthetic_case
 from scipy.spatial.transform import Rotation
 
+from palpate.core.files.json_types import plain
 from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.job import run
 from palpate.core.identify.misfit import Misfit, wall_response
@@ -47,7 +48,7 @@ def identified(problem: IdentificationProblem, folder: Path) -> dict[str, Any]:
     np.savez(folder / "problem.npz", **problem.arrays())
     options = {"element": "p1p1", "method": "gauss-newton"}
     job = Job("palpate.core.identify.job:run", str(folder), {"problem": str(folder / "problem.npz")}, options, seed=3)
-    return run(job, Reporter(lambda message: None))
+    return plain(run(job, Reporter(lambda message: None)))
 
 
 @pytest.mark.parametrize(

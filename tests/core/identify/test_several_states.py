@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import synthetic_case
 
+from palpate.core.files.json_types import plain
 from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.identify.job import run
 from palpate.core.problem import IdentificationProblem
@@ -35,7 +36,7 @@ def identified(states: Sequence[IdentificationProblem], folder: Path, **options:
         paths[name] = str(folder / f"{name}.npz")
         np.savez(paths[name], **problem.arrays())
     job = Job("palpate.core.identify.job:run", str(folder), paths, OPTIONS | options, seed=2)
-    return run(job, Reporter(lambda message: None))
+    return plain(run(job, Reporter(lambda message: None)))
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import synthetic_case
 
+from palpate.core.files.json_types import plain
 from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
 from palpate.core.forward.parameters import SHARE_BOUNDS, StiffnessParameters
 from palpate.core.identify.job import run
-from palpate.core.identify.mu_split import separable, split_facts
+from palpate.core.identify.mu_split import separable
+from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.inference.posterior import Posterior, verdict
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.job import Job
@@ -33,7 +35,7 @@ def result(problem: IdentificationProblem, tmp_path_factory: pytest.TempPathFact
     np.savez(folder / "problem.npz", **noisy.arrays())
     options = {"element": "p1p1", "starts": 2, "method": "gauss-newton", "stiffness_map": False, "split_mu": True}
     paths = {"problem": str(folder / "problem.npz")}
-    return run(Job("palpate.core.identify.job:run", str(folder), paths, options), Reporter(lambda message: None))
+    return plain(run(Job("palpate.core.identify.job:run", str(folder), paths, options), Reporter(lambda message: None)))
 
 
 def test_a_pair_with_noise_says_that_it_cannot_tell_mu1_from_mu2(result: dict[str, Any]) -> None:
@@ -79,7 +81,7 @@ def test_a_share_that_is_known_is_said_with_its_interval() -> None:
     said = verdict(NAMES, posterior.of(parameters.stiffness), posterior.of(parameters.shares))
     assert "prostate left: mu1 is 19 to 31 % of mu1 + mu2 (95 %)" in said
     assert "prostate right: mu1 and mu2 cannot be told apart" in said
-    left, right = split_facts(parameters, posterior)
-    assert left["mu1_mu2_separable"] and not right["mu1_mu2_separable"]
+    left, right = parameter_facts(NAMES, parameters, posterior).values()
+    assert left.mu1_mu2_separable and not right.mu1_mu2_separable
     # mu1 = share G / 2: relative spreads of 12 and 10 % add up to 16 %.
-    np.testing.assert_allclose(np.log(left["mu1_ci95_kpa"] / 5.0), [-0.32, 0.29], atol=0.03)
+    np.testing.assert_allclose(np.log(np.array(left.mu1_ci95_kpa) / 5.0), [-0.32, 0.29], atol=0.03)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from phantoms import result
+from phantoms import agreement, recorded, result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
@@ -18,7 +18,7 @@ def test_the_console_says_what_the_pair_tells(tmp_path: Path) -> None:
     found["identifiability"]["verdict"] = (
         "nothing can be identified: the second scan shows the same as the first; no more"
     )
-    lines = text_of(case, found)
+    lines = text_of(case, recorded(found))
     assert "says    nothing can be identified: the second scan shows the same as the first" in lines
     assert "says    no more" in lines
 
@@ -26,8 +26,10 @@ def test_the_console_says_what_the_pair_tells(tmp_path: Path) -> None:
 def test_the_console_doubts_a_stiffness_on_which_the_searches_differ(tmp_path: Path) -> None:
     case = CaseFolder.create(tmp_path / "case", CaseFacts("made-up"))
     words = "swarm and Gauss-Newton end at different stiffnesses (prostate left 20 and 60 kPa)"
-    assert f"doubt   {words}" in text_of(case, result(agreement={"harmless": False, "in_words": words}))
-    assert not any(words in line for line in text_of(case, result(agreement={"harmless": True, "in_words": words})))
+    assert f"doubt   {words}" in text_of(case, recorded(result(agreement=agreement(harmless=False, in_words=words))))
+    assert not any(
+        words in line for line in text_of(case, recorded(result(agreement=agreement(harmless=True, in_words=words))))
+    )
 
 
 def test_an_alarm_on_the_console_says_that_it_may_be_a_false_one(tmp_path: Path) -> None:

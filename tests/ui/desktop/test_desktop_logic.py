@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from phantoms import CENTRE, MARKER, result, write_case
+from phantoms import CENTRE, MARKER, map_facts, result, write_case
 
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
@@ -190,7 +190,7 @@ def test_the_map_says_where_it_tells_nothing(controller: Controller, tmp_path: P
     centres = np.array([ORGAN, ORGAN]) + [[3.0, 0.0, 0.0], [3.0, 0.0, 9.0]]
     case.write_npz("identify/stiffness_map.npz", centres=centres, ln_G=np.log([60.0, 60.0]), sd=np.array([0.1, 0.1]),
                    told=np.array([True, False]), prior=np.array([np.log(60.0), 0.5, 0.5, 8.0]), weights=np.zeros(2))  # fmt: skip
-    case.write_json("result.json", result(stiffness_map={"patches": 2}))
+    case.write_json("result.json", result(stiffness_map=map_facts()))
     controller.open_case(case.path)
     wait(controller)
     controller.show(overlay="map", crosshair=ORGAN)

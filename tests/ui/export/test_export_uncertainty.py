@@ -8,7 +8,7 @@ import nibabel as nib
 import numpy as np
 import pytest
 from map_arrays import map_arrays
-from phantoms import CENTRE, result, write_case
+from phantoms import CENTRE, map_facts, result, write_case
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
@@ -18,7 +18,7 @@ from palpate.ui.export import exporter
 @pytest.fixture
 def case(tmp_path: Path) -> CaseFolder:
     case = write_case(tmp_path / "case", ct=False)
-    case.write_json("result.json", result() | {"stiffness_map": {"patches": 2}})
+    case.write_json("result.json", result(stiffness_map=map_facts()))
     case.file("identify").mkdir(exist_ok=True)
     case.write_npz("identify/stiffness_map.npz", **map_arrays(told_left=False))
     return case

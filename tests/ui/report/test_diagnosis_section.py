@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from phantoms import result, write_case
+from phantoms import recorded, result, write_case
 
 from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.ui.pictures.gap_pictures import VIEWS
@@ -75,7 +75,7 @@ def diagnosed(verdict: str, **stiffness: float) -> CaseRecord:
     found = diagnosis(verdict)
     for name, G in stiffness.items():
         found["stiffness"]["without_effect"][name] = {"G_kpa": G, "sd_kpa": 0.2 * G}
-    return CaseRecord(CaseFacts("c", boundary_noise_sd_mm=0.4), result(), {}, {}, {}, {}, diagnosis=found)
+    return CaseRecord(CaseFacts("c", boundary_noise_sd_mm=0.4), recorded(), {}, {}, {}, {}, diagnosis=found)
 
 
 def texts(record: CaseRecord) -> str:

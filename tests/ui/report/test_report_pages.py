@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from phantoms import result
+from phantoms import recorded
 from PIL import Image
 from pypdf import PdfReader
 from reportlab.pdfbase.pdfmetrics import stringWidth
@@ -100,7 +100,7 @@ def test_no_word_of_a_header_is_broken_and_captions_are_there(tmp_path: Path) ->
 def test_alignment_is_one_figure_on_the_console_and_in_the_report() -> None:
     """0.0454 mm is 0.045 in import.json and would be 0.05 in the report, 0.04 on the console."""
     imported = {"case": "c", "residual_mm": 0.045, "notes": [], "sources_sha256": {"rest": "a", "deformed": "b"}}
-    record = CaseRecord(CaseFacts("c"), result(), {"residual_mm": 0.0454}, {}, {}, imported)
+    record = CaseRecord(CaseFacts("c"), recorded(), {"residual_mm": 0.0454}, {}, {}, imported)
     (told,) = [b.text for b in quality(record, []).blocks if isinstance(b, doc.Paragraph)]
     assert "0.04 mm rms" in told and "0.04 mm rms" in import_scans.text_of(imported)[0]
 
@@ -123,11 +123,11 @@ def test_console_gives_the_volumes_of_the_written_labels() -> None:
 def test_the_report_says_what_an_organ_found_near_its_place_is() -> None:
     volumes = {"deformed": {"prostate_left": 32.72, "bladder": 308.99}}
     segmentation = {"states": {"deformed": STATE}}
-    record = CaseRecord(CaseFacts("c"), result(), {}, segmentation, {}, {}, volumes_cc=volumes)
+    record = CaseRecord(CaseFacts("c"), recorded(), {}, segmentation, {}, {}, volumes_cc=volumes)
     blocks = quality(record, []).blocks
     assert isinstance(blocks[0], doc.Table)
     assert blocks[0].rows[0][-1] == "found near its place at rest, confidence 0.63"
     assert any("outline are not carried over" in b.text for b in blocks if isinstance(b, doc.Paragraph))
     by_hand = {**STATE, "organs": {"prostate": {"method": "user", "confidence": 1.0, "volume_cc": 1.0}}}
-    drawn = CaseRecord(CaseFacts("c"), result(), {}, {"states": {"deformed": by_hand}}, {}, {}, volumes_cc=volumes)
+    drawn = CaseRecord(CaseFacts("c"), recorded(), {}, {"states": {"deformed": by_hand}}, {}, {}, volumes_cc=volumes)
     assert not any("carried over" in b.text for b in quality(drawn, []).blocks if isinstance(b, doc.Paragraph))

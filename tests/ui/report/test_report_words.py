@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from phantoms import affine, labels, result
+from phantoms import affine, agreement, labels, recorded, result
 
 from palpate.case.case_folder import CaseFacts
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, SURROUNDING_TISSUE
@@ -23,7 +23,7 @@ from palpate.ui.words.number_words import measured, three_figures
 
 def record(found: dict, covariance: np.ndarray | None = None) -> CaseRecord:
     facts = CaseFacts("c", boundary_noise_sd_mm=0.4)
-    return CaseRecord(facts, found, {}, {}, {}, {}, ln_covariance=covariance)
+    return CaseRecord(facts, recorded(found), {}, {}, {}, {}, ln_covariance=covariance)
 
 
 def test_summary_names_the_stiffer_half_only_when_the_errors_allow() -> None:
@@ -63,9 +63,9 @@ def test_summary_weighs_the_misfit_against_the_noise() -> None:
 
 def test_summary_doubts_a_stiffness_on_which_the_searches_differ() -> None:
     words = "swarm and Gauss-Newton end at different stiffnesses (20 and 60 kPa)"
-    doubtful = summary(record(result(agreement={"harmless": False, "in_words": words})))
+    doubtful = summary(record(result(agreement=agreement(harmless=False, in_words=words))))
     assert f"Doubtful: {words}." in doubtful
-    assert not any(words in s for s in summary(record(result(agreement={"harmless": True, "in_words": words}))))
+    assert not any(words in s for s in summary(record(result(agreement=agreement(harmless=True, in_words=words)))))
 
 
 @pytest.mark.parametrize(

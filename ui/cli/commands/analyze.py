@@ -10,6 +10,7 @@ import time
 from typing import Any
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.files.json_types import plain
 from palpate.ui.cli.commands import further_states, identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
@@ -52,5 +53,5 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
         written = report_step.run(case, None, progress)
     text = [*import_scans.text_of(imported), *states, *segment.text_of(labelled), mesh.text_of(case, meshed)]
     text += [*identify.text_of(case, found), *report.text_of(written)]
-    data = {"case": str(case.path), "import": imported, "segment": labelled, "mesh": meshed, "result": found}
+    data = {"case": str(case.path), "import": imported, "segment": labelled, "mesh": meshed, "result": plain(found)}
     return data | {"report": written}, "\n".join(text)

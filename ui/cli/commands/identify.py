@@ -6,9 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from msgspec import UNSET
+
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.core.fem.elements import ELEMENTS
+from palpate.core.files.json_types import plain
 from palpate.core.identify.options import BOUNDARIES, METHODS, IdentifyOptions
+from palpate.core.identify.result_record import ReidentificationRecord, ResultRecord
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -79,13 +83,13 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     case = CaseFolder(args.case)
     if args.again is not None:
         with recorded(case, args), console.progress(NAME) as progress:
-            result = reidentify.run(case, args.again, progress)
-        return result, "\n".join(text_of(case, result, "again.json"))
+            again = reidentify.run(case, args.again, progress)
+        return plain(again), "\n".join(text_of(case, again, "again.json"))
     if args.repeat:
         measure_contour_noise.run(case, dict(args.repeat))
     with recorded(case, args), console.progress(NAME) as progress:
         result = identify.run(case, identify.IdentifyStepOptions(options_of(args)), progress)
-    return result, "\n".join(text_of(case, result))
+    return plain(result), "\n".join(text_of(case, result))
 
 
 def _repeat(text: str) -> tuple[str, Path]:
@@ -95,23 +99,23 @@ def _repeat(text: str) -> tuple[str, Path]:
     return state, Path(path)
 
 
-def text_of(case: CaseFolder, result: dict[str, Any], written: str = "result.json") -> list[str]:
+def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, written: str = "result.json") -> list[str]:
     """What a person reads of an identification."""
     from palpate.case.meshed import elsewhere_of
 
     lines = []
-    for name, found in result["parameters"].items():
-        ci = found["ci95_kpa"]
+    for name, found in result.parameters.items():
+        ci = found.ci95_kpa
         sure = "error not known" if ci is None else f"95 % interval {three_figures(ci[0])} to {three_figures(ci[1])}"
-        edge = ", at the edge of what was allowed" if found["at_bound"] else ""
-        lines.append(f"found   {name}: G = {three_figures(found['G_kpa'])} kPa, {sure}{edge}")
-    lines.append(f"misfit  {result['misfit']['rms_mm']:.2f} mm rms")
-    searches = result.get("agreement", {})
-    if not searches.get("harmless", True):
-        lines.append(f"doubt   {searches['in_words']}")
+        edge = ", at the edge of what was allowed" if found.at_bound else ""
+        lines.append(f"found   {name}: G = {three_figures(found.G_kpa)} kPa, {sure}{edge}")
+    lines.append(f"misfit  {result.misfit.rms_mm:.2f} mm rms")
+    searches = result.agreement if isinstance(result, ResultRecord) else UNSET
+    if searches and not searches.harmless:
+        lines.append(f"doubt   {searches.in_words}")
     if case.has("noise.json"):
         lines.append(f"noise   {case.read_json('noise.json')['sd_mm']:.2f} mm, from contours drawn twice")
-    lines += [f"says    {part}" for part in str(result["identifiability"]["verdict"]).split("; ")]
+    lines += [f"says    {part}" for part in result.identifiability.verdict.split("; ")]
     elsewhere = elsewhere_of(case) if case.has("mesh.json") else None
     lines += [] if elsewhere is None else [f"note    {elsewhere.words()}"]
     return [*lines, f"result  {case.file(written)}"]

@@ -7,6 +7,7 @@ from html import escape
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
 
+from palpate.core.files.json_types import known
 from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
@@ -89,14 +90,14 @@ def _found(case: OpenCase, old: str) -> str:
         else:
             value = f"<span style='color:{style.WARN}'>not told by this pair</span>"
         rows.append(f"<tr><td style='padding-right:10px'>{escape(region.words)}</td><td>{value}</td></tr>")
-    misfit = case.result.get("misfit", {})
-    expected = misfit.get("expected_noise_rms_mm")
+    misfit = None if case.result is None else case.result.misfit
+    expected = None if misfit is None else known(misfit.expected_noise_rms_mm)
     beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
     # The values stand below it.
     parts = [f"<span style='color:{style.WARN}'>Out of date: {escape(old)}. Found before that:</span>"] if old else []
     parts += [escape(case.first_words.split(": shear modulus G =")[0].rstrip(".") + ".")] if case.first_words else []
     parts += [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
-             f"Misfit {misfit.get('rms_mm', float('nan')):.2f} mm rms{beside}"]  # fmt: skip
+             f"Misfit {float('nan') if misfit is None else misfit.rms_mm:.2f} mm rms{beside}"]  # fmt: skip
     parts += _gap(case)
     parts.append(f"<span style='color:{style.FAINT}'>{_RESEARCH}</span>")
     return "<br>".join(parts)

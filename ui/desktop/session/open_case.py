@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.identified import read_result
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
@@ -77,8 +78,8 @@ class OpenCase:
 
     def read_results(self) -> None:
         """What identify and diagnose have found, as far as they have been run."""
-        result = self._json("result.json")
-        parameters: Mapping[str, Any] = result.get("parameters", {})
+        result = read_result(self.folder) if self.folder.has("result.json") else None
+        parameters = {} if result is None else result.parameters
         facts = self.folder.facts
         found = [region_of(name, p, facts, len(parameters) == 1) for name, p in parameters.items()]
         self.result, self.diagnosis = result, self._json("diagnosis.json")
@@ -159,7 +160,7 @@ class OpenCase:
                 self.folder.write_labels(state, volume)
 
     def _map(self) -> Mapping[str, NDArray[Any]] | None:
-        there = self.result.get("stiffness_map") and self.folder.has(MAP_FILE)
+        there = self.result is not None and self.result.stiffness_map and self.folder.has(MAP_FILE)
         return self.folder.read_npz(MAP_FILE) if there else None
 
     def _gap(self) -> GapMap | None:

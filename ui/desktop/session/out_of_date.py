@@ -14,6 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.core.errors import Cancelled, InputError
 from palpate.ui.desktop.session.steps import BY_COMMAND
@@ -86,9 +88,14 @@ def _mesh(case: CaseFolder, hash_of: Hash) -> str | None:
     return "" if now == noted else "the labels have been changed since"
 
 
+class _MadeFrom(msgspec.Struct):
+    """Of result.json, what it was made from; results made by hand need not say."""
+
+    inputs_sha256: dict[str, str] = {}
+
+
 def _identify(case: CaseFolder, hash_of: Hash) -> str | None:
-    result = case.read_json("result.json")
-    known = result.get("inputs_sha256") if isinstance(result, dict) else None
+    known = case.read("result.json", _MadeFrom).inputs_sha256
     if not known:
         return None
     # The labels act through the mesh and the surfaces, which hold what is used of them.

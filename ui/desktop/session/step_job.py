@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.files.json_types import plain
 from palpate.core.worker.job import Job
 from palpate.core.worker.lifeline import give_way
 from palpate.core.worker.messages import Message, Reporter
@@ -62,4 +63,4 @@ def _identify(args: argparse.Namespace, console: _Telling) -> dict[str, Any]:
     case = CaseFolder(args.case)
     options = identify.IdentifyStepOptions(options_of(args), on_message=pass_on)
     with recorded(case, args):
-        return identify.run(case, options, console.tell)
+        return plain(identify.run(case, options, console.tell))
