@@ -12,11 +12,19 @@ import pytest
 TOP = Path(__file__).parents[2]
 ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
 PAGES = [
-    *("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md", "KNOWN_ISSUES.md"),
+    *(
+        "ARCHITECTURE.md",
+        "CONTRIBUTING.md",
+        "README.md",
+        "KNOWN_ISSUES.md",
+        "plugin/README.md",
+        "sample_dicom/README.md",
+    ),
     *sorted(f"docs/{page.name}" for page in (TOP / "docs").glob("*.md")),
 ]
-# A path of the repository in backticks: at least one slash, begins with a folder at its top.
-_PATH = re.compile(r"`((?:" + "|".join([*ROOMS, "docs", "tests", "plugin", "palpate", r"\.ci"]) + r")/[\w./-]*)`")
+# A path that begins with a folder at the top of the repository.
+_TOPS = "|".join([*ROOMS, "docs", "tests", "plugin", "palpate", "sample_dicom", r"\.ci"])
+_PATH = re.compile(rf"(?<![\w./-])((?:{_TOPS})/[\w./-]*\w)")
 
 
 def drawing() -> ModuleType:
