@@ -51,7 +51,8 @@ def diagnose_body(
     base = base_fit(stage)
     p = p_value(base)
     found = rivals(base, effects, part(progress, 0.1, 0.7))
-    verdict, candidates, probability, why = decide_body(base, found, p < LEVEL)
+    decided = decide_body(base, found, p < LEVEL)
+    verdict, probability = decided.verdict, decided.probability
     best = found[0] if found else None
     named = best if verdict not in (NONE, UNKNOWN, AMBIGUOUS) else None
     cause = _second(named.fit, effects, part(progress, 0.7, 1.0)) if named is not None else None
@@ -60,7 +61,7 @@ def diagnose_body(
         "gap": record.gap(base, p),
         "where": {"map": MAP_FILE, "regions": record.regions(base), "peak_lps_mm": None},
         "verdict": verdict,
-        "candidates": list(candidates),
+        "candidates": list(decided.candidates),
         "ranking": [record.row(base, f, probability[f.effect.id]) for f in found],
         "shrinkage": None if best is None or verdict == NONE else record.shrinkage(best),
         "stiffness": {
@@ -68,7 +69,8 @@ def diagnose_body(
             "with_effect": None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness(best.fit),
         },
         "next_measurement": record.next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
-        "why": why,
+        "why": decided.why,
+        "decided_by": {"name": decided.decided_by, "sentence": decided.why},
         "in_words": record.words(base, verdict, named),
         "probability_unknown": probability.get(UNKNOWN, 0.0),
         "flags": [],

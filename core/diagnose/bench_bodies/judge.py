@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -10,7 +12,16 @@ from scipy import stats
 from palpate.core.diagnose.bench_bodies.fit import BodyFit, BodyModel, fit_body, weighting
 from palpate.core.diagnose.bench_bodies.rivals import Rival
 from palpate.core.diagnose.bench_bodies.scene import BodyStage
-from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, MOST_CANDIDATES, NONE, TIED, UNKNOWN, probabilities
+from palpate.core.diagnose.verdict.rules import Rule, always, first_that_holds
+from palpate.core.diagnose.verdict.verdict import (
+    AMBIGUOUS,
+    MOST_CANDIDATES,
+    NONE,
+    TIED,
+    UNKNOWN,
+    Verdict,
+    probabilities,
+)
 from palpate.core.errors import ConvergenceError
 from palpate.core.inference.evidence import projected, score
 
@@ -52,31 +63,90 @@ def unnamed(base: BodyFit) -> float:
     return score(r, J, weight.whiten(S), np.full(S.shape[1], _UNNAMED_MM)).log_evidence
 
 
-def decide_body(
-    base: BodyFit, found: Sequence[Rival], detected: bool
-) -> tuple[str, tuple[str, ...], dict[str, float], str]:
-    """Verdict, candidates, probabilities and why."""
-    probability = probabilities({f.effect.id: f.log_evidence for f in found}, unnamed(base))
+@dataclass(frozen=True, eq=False)
+class BodyFindings:
+    """What the rules of a body's verdict look at. gravity_unmodelled : gravity is known to act, and the plain model has none."""
+
+    detected: bool
+    rivals: Sequence[Rival]
+    unnamed: float
+    gravity_unmodelled: bool
+
+    @cached_property
+    def probability(self) -> dict[str, float]:
+        """Of every effect and of "unknown", given that there is a gap."""
+        return probabilities({r.effect.id: r.log_evidence for r in self.rivals}, self.unnamed)
+
+    @property
+    def top(self) -> float:
+        """Probability of the most probable effect; 0 where there is none."""
+        return max((self.probability[r.effect.id] for r in self.rivals), default=0.0)
+
+    @cached_property
+    def tied(self) -> list[Rival]:
+        """Effects that cannot be told from the most probable one, itself among them."""
+        return [r for r in self.rivals if self.probability[r.effect.id] * TIED >= self.top]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Ids of the tied effects, at most as many as are named."""
+        return tuple(r.effect.id for r in self.tied[:MOST_CANDIDATES])
+
+    @property
+    def gravity_absorbed(self) -> bool:
+        """Whether gravity is left out and the states, though they show no gap, do not speak against it."""
+        gravity = next((r for r in self.rivals if r.effect.id == GRAVITY), None)
+        return self.gravity_unmodelled and gravity is not None and gravity.log_evidence > -np.log(TIED)
+
+
+BODY_RULES: tuple[Rule[BodyFindings], ...] = (
+    Rule(
+        "gravity_absorbed",
+        lambda f: not f.detected and f.gravity_absorbed,
+        AMBIGUOUS,
+        "gravity is known to act and is not in the model, but the stiffness takes its place in these states",
+        lambda f: (GRAVITY,),
+    ),
+    Rule(
+        "no_gap",
+        lambda f: not f.detected,
+        NONE,
+        "what the plain model leaves is no more than the markers' own error",
+    ),
+    Rule(
+        "nothing_named",
+        lambda f: not f.tied or f.probability[UNKNOWN] > TIED * f.top,
+        UNKNOWN,
+        "no effect of the library explains the gap as well as something unnamed",
+    ),
+    Rule(
+        "several_effects",
+        lambda f: len(f.tied) > 1 or f.probability[UNKNOWN] * TIED > f.top,
+        AMBIGUOUS,
+        "these effects explain the gap about equally well",
+        lambda f: f.names,
+    ),
+    Rule(
+        "not_predicted",
+        lambda f: not f.tied[0].predicts,
+        AMBIGUOUS,
+        "the effect fits best, but not every state is predicted better from the others",
+        lambda f: f.names,
+    ),
+    Rule(
+        "explained",
+        always,
+        lambda f: f.names[0],
+        "the effect explains the gap and predicts the states left out",
+        lambda f: f.names,
+    ),
+)
+
+
+def decide_body(base: BodyFit, rivals: Sequence[Rival], detected: bool) -> Verdict:
+    """The first of `BODY_RULES` that holds decides. rivals : effects refitted, best first. detected : whether there is a gap."""
     problem = base.model.stage.problem
     known = not problem.model_gravity and any(np.linalg.norm(s.gravity) > 0.1 for s in problem.states)
-    if not detected:
-        gravity = next((f for f in found if f.effect.id == GRAVITY), None)
-        if known and gravity is not None and gravity.log_evidence > -np.log(TIED):
-            why = "gravity is known to act and is not in the model, but the stiffness takes its place in these states"
-            return AMBIGUOUS, (GRAVITY,), probability, why
-        return NONE, (), probability, "what the plain model leaves is no more than the markers' own error"
-    top = max((probability[f.effect.id] for f in found), default=0.0)
-    tied = [f for f in found if probability[f.effect.id] * TIED >= top]
-    if not tied or probability[UNKNOWN] > TIED * top:
-        return UNKNOWN, (), probability, "no effect of the library explains the gap as well as something unnamed"
-    names = tuple(f.effect.id for f in tied[:MOST_CANDIDATES])
-    if len(tied) > 1 or probability[UNKNOWN] * TIED > top:
-        return AMBIGUOUS, names, probability, "these effects explain the gap about equally well"
-    if not tied[0].predicts:
-        return (
-            AMBIGUOUS,
-            names,
-            probability,
-            "the effect fits best, but not every state is predicted better from the others",
-        )
-    return names[0], names, probability, "the effect explains the gap and predicts the states left out"
+    findings = BodyFindings(detected, rivals, unnamed(base), known)
+    decision = first_that_holds(BODY_RULES, findings)
+    return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

@@ -15,7 +15,8 @@ from palpate.core.diagnose.detection.placebo import moved_gains, placebo_gains
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.pairs import JOINED, refit_pairs
 from palpate.core.diagnose.refit.refit import Refit
-from palpate.core.diagnose.verdict.verdict import REMAINDER_LEVEL, Judged, Verdict, decide, probabilities
+from palpate.core.diagnose.verdict.decide import decide
+from palpate.core.diagnose.verdict.verdict import REMAINDER_LEVEL, Judged, Verdict, probabilities
 from palpate.core.inference.evidence import projected
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.residual.plain_fit import FLAT, PlainFit

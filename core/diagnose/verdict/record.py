@@ -49,6 +49,7 @@ def record(found: Diagnosis, case: str) -> dict[str, Any]:
         },
         "next_measurement": next_measurement(found),
         "why": found.verdict.why,
+        "decided_by": {"name": found.verdict.decided_by, "sentence": found.verdict.why},
         "in_words": sentence(found),
         "probability_unknown": found.verdict.probability.get(UNKNOWN, 0.0),
         "flags": _flags(found, shown),

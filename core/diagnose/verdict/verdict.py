@@ -1,8 +1,8 @@
-"""From evidence and predictions to an answer, or to a refusal."""
+"""Verdicts, the thresholds they hang on, and what each effect is judged by."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,18 +26,6 @@ MOST_CANDIDATES = 3
 REMAINDER_LEVEL, LEFT_OVER, NEARLY_ALL = 0.01, 0.05, 0.9
 # Less than this of what a free field gains on data left out, and the name explains the smaller part of what can be foretold.
 HALF = 0.5
-
-_NOTHING_NAMED = "no effect of the library explains the gap as well as a free smooth field of forces"
-_TOO_LITTLE = "the best named effect leaves more than noise, and closes less than half of what can be closed"
-_TWO = "no effect alone explains the gap, these two together do"
-_LEFT_OVER = (
-    "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it"
-)
-_UNSURE = "the effect explains the gap best, but less than four times as probably as all others together"
-_SMALLER_PART = (
-    "the effect fits best, but closes less than half of what can be closed: something else may be the larger part"
-)
-_UNCONFIRMED = "the effect fits best, but does not predict what was left out clearly better"
 
 
 @dataclass(frozen=True)
@@ -78,12 +66,16 @@ class Judged:
 
 @dataclass(frozen=True)
 class Verdict:
-    """verdict and candidates as in diagnosis.json; probability of each effect and of "unknown"; why, in words."""
+    """verdict and candidates as in diagnosis.json; probability of each effect and of "unknown"; why, in words.
+
+    decided_by : name of the rule that decided, a row of `decide.RULES`.
+    """
 
     verdict: str
     candidates: tuple[str, ...]
     probability: Mapping[str, float]
     why: str
+    decided_by: str
 
 
 def probabilities(evidence: Mapping[str, float], unknown: float) -> dict[str, float]:
@@ -95,51 +87,3 @@ def probabilities(evidence: Mapping[str, float], unknown: float) -> dict[str, fl
     )
     weight = np.exp(log - log.max())
     return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))
-
-
-def decide(
-    detected: bool, judged: Sequence[Judged], unknown: float, pair: tuple[tuple[str, ...], float] | None = None
-) -> Verdict:
-    """The answer. unknown : log evidence of a free smooth field of forces; pair : two effects together and theirs."""
-    probability = probabilities({j.effect: j.log_evidence for j in judged}, unknown)
-    if not detected:
-        return Verdict(
-            NONE, (), probability, "what the plain model leaves is no more than contours, walls and mesh explain"
-        )
-    alone = max((j.log_evidence for j in judged), default=-np.inf)
-    if pair is not None and pair[1] > max(alone, unknown) + np.log(TIED_TWINS):
-        return Verdict(AMBIGUOUS, pair[0], probability, _TWO)
-    ranked = sorted(judged, key=lambda j: -probability[j.effect])
-    top = max((probability[j.effect] for j in ranked), default=0.0)
-    tied = [j for j in ranked[:1] if top > 0.0]
-    tied += [j for j in ranked[1:] if probability[j.effect] * j.needed_odds >= top]
-    if not tied or probability[UNKNOWN] > TIED * top:
-        return Verdict(UNKNOWN, (), probability, _NOTHING_NAMED)
-    best = tied[0]
-    if best.remainder_p < REMAINDER_LEVEL and best.share_of_ceiling < HALF:
-        return Verdict(UNKNOWN, (), probability, _TOO_LITTLE)
-    names = tuple(j.effect for j in tied[:MOST_CANDIDATES])
-    if len(tied) > 1:
-        return Verdict(AMBIGUOUS, names, probability, "these effects explain the gap about equally well")
-    if probability[UNKNOWN] * TIED > top:
-        return Verdict(
-            AMBIGUOUS, names, probability, "the effect explains the gap no better than something unnamed might"
-        )
-    if not best.confirmed:
-        return Verdict(AMBIGUOUS, names, probability, _UNCONFIRMED)
-    if top < SURE:
-        return Verdict(AMBIGUOUS, _together(ranked, probability), probability, _UNSURE)
-    if best.share_of_ceiling < HALF:
-        return Verdict(AMBIGUOUS, names, probability, _SMALLER_PART)
-    if best.unlike:
-        return Verdict(AMBIGUOUS, names, probability, best.unlike)
-    if best.something_left:
-        return Verdict(AMBIGUOUS, names, probability, _LEFT_OVER)
-    return Verdict(best.effect, names, probability, "the effect explains the gap and predicts what was left out")
-
-
-def _together(ranked: Sequence[Judged], probability: Mapping[str, float]) -> tuple[str, ...]:
-    """The fewest effects, the likeliest first, that are sure together; at most as many as are named."""
-    total = np.cumsum([probability[j.effect] for j in ranked])
-    count = int(np.searchsorted(total, SURE)) + 1
-    return tuple(j.effect for j in ranked[: min(count, MOST_CANDIDATES)])

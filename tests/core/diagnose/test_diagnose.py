@@ -25,6 +25,7 @@ from palpate.core.diagnose.verdict.averaged_stiffness import (
     plain_stiffness,
     too_stiff_by,
 )
+from palpate.core.diagnose.verdict.decide import RULES
 from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretells_more, tempered
 from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.diagnose.verdict.shrinkage import contours_mm2
@@ -172,6 +173,8 @@ def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.F
     found: Diagnosis = request.getfixturevalue(which)
     written = record(found, "a case")
     assert set(written) >= KEYS
+    assert written["decided_by"]["name"] in {rule.name for rule in RULES}
+    assert written["decided_by"]["sentence"] == written["why"]
     assert (written["shrinkage"] is None) == (which == "none")
     assert (written["stiffness"]["with_effect"] is None) == (which == "none")
     assert set(written["stiffness"]["without_effect"]) == {"prostate_left", "prostate_right"}

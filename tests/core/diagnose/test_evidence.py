@@ -11,7 +11,8 @@ from scipy import integrate, stats
 from palpate.core.diagnose.detection import gap_test as detect
 from palpate.core.diagnose.detection.gap_test import Named, gap_test
 from palpate.core.diagnose.effects import library
-from palpate.core.diagnose.verdict.verdict import Judged, decide, probabilities
+from palpate.core.diagnose.verdict.decide import decide
+from palpate.core.diagnose.verdict.verdict import Judged, probabilities
 from palpate.core.inference.evidence import allowed, explained, mean_of_exponentials, projected, score
 from palpate.core.inference.heldout import Gain
 from palpate.core.residual.noise_covariance import NoiseSizes

@@ -1,0 +1,208 @@
+"""The verdict on a case: rules over evidence and predictions, tried in order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from palpate.core.diagnose.verdict.rules import Rule, always, first_that_holds
+from palpate.core.diagnose.verdict.verdict import (
+    AMBIGUOUS,
+    HALF,
+    MOST_CANDIDATES,
+    NONE,
+    REMAINDER_LEVEL,
+    SURE,
+    TIED,
+    TIED_TWINS,
+    UNKNOWN,
+    Judged,
+    Verdict,
+    probabilities,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What the rules of a verdict look at.
+
+    detected : outcome of the gap test. judged : effects after their refits. unknown : log evidence of a free smooth field of forces.
+    pair : two effects together, and the log evidence of both; None where no pair predicts more than the better one alone.
+    """
+
+    detected: bool
+    judged: Sequence[Judged]
+    unknown: float
+    pair: tuple[tuple[str, ...], float] | None = None
+
+    @cached_property
+    def probability(self) -> dict[str, float]:
+        """Of every effect and of "unknown", given that there is a gap."""
+        return probabilities({j.effect: j.log_evidence for j in self.judged}, self.unknown)
+
+    @cached_property
+    def ranked(self) -> list[Judged]:
+        """Effects, the most probable one first."""
+        return sorted(self.judged, key=lambda j: -self.probability[j.effect])
+
+    @property
+    def top(self) -> float:
+        """Probability of the most probable effect; 0 where there is none."""
+        return max((self.probability[j.effect] for j in self.ranked), default=0.0)
+
+    @property
+    def p_unknown(self) -> float:
+        """Probability that no effect of the library is the cause."""
+        return self.probability[UNKNOWN]
+
+    @cached_property
+    def tied(self) -> list[Judged]:
+        """The most probable effect and all that cannot be told from it; empty where its probability is 0."""
+        best = [j for j in self.ranked[:1] if self.top > 0.0]
+        return best + [j for j in self.ranked[1:] if self.probability[j.effect] * j.needed_odds >= self.top]
+
+    @property
+    def best(self) -> Judged:
+        """The most probable effect. Precondition: `tied` is not empty."""
+        return self.tied[0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Ids of the tied effects, at most as many as are named."""
+        return tuple(j.effect for j in self.tied[:MOST_CANDIDATES])
+
+    @property
+    def pair_names(self) -> tuple[str, ...]:
+        """Ids of the pair's effects; empty where there is no pair."""
+        return () if self.pair is None else self.pair[0]
+
+    @property
+    def fewest_sure(self) -> tuple[str, ...]:
+        """The fewest effects, the most probable first, that are sure together; at most as many as are named."""
+        total = np.cumsum([self.probability[j.effect] for j in self.ranked])
+        count = int(np.searchsorted(total, SURE)) + 1
+        return tuple(j.effect for j in self.ranked[: min(count, MOST_CANDIDATES)])
+
+    @property
+    def pair_explains_more(self) -> bool:
+        """Whether two effects together are far likelier than any one alone, and than something unnamed."""
+        alone = max((j.log_evidence for j in self.judged), default=-np.inf)
+        return self.pair is not None and self.pair[1] > max(alone, self.unknown) + np.log(TIED_TWINS)
+
+    @property
+    def unnamed_wins(self) -> bool:
+        """Whether something unnamed is clearly more probable than every effect."""
+        return not self.tied or self.p_unknown > TIED * self.top
+
+    @property
+    def unnamed_ties(self) -> bool:
+        """Whether something unnamed cannot be told from the best effect."""
+        return self.p_unknown * TIED > self.top
+
+    @property
+    def little_closed(self) -> bool:
+        """Whether the best effect closes less than half of what a free field closes on data left out."""
+        return self.best.share_of_ceiling < HALF
+
+    @property
+    def much_left(self) -> bool:
+        """Whether the best effect leaves what is certainly no noise."""
+        return self.best.remainder_p < REMAINDER_LEVEL
+
+
+RULES: tuple[Rule[Findings], ...] = (
+    Rule(
+        "no_gap",
+        lambda f: not f.detected,
+        NONE,
+        "what the plain model leaves is no more than contours, walls and mesh explain",
+    ),
+    Rule(
+        "two_effects",
+        lambda f: f.pair_explains_more,
+        AMBIGUOUS,
+        "no effect alone explains the gap, these two together do",
+        lambda f: f.pair_names,
+    ),
+    Rule(
+        "nothing_named",
+        lambda f: f.unnamed_wins,
+        UNKNOWN,
+        "no effect of the library explains the gap as well as a free smooth field of forces",
+    ),
+    Rule(
+        "too_little_closed",
+        lambda f: f.much_left and f.little_closed,
+        UNKNOWN,
+        "the best named effect leaves more than noise, and closes less than half of what can be closed",
+    ),
+    Rule(
+        "several_effects",
+        lambda f: len(f.tied) > 1,
+        AMBIGUOUS,
+        "these effects explain the gap about equally well",
+        lambda f: f.names,
+    ),
+    Rule(
+        "unnamed_as_likely",
+        lambda f: f.unnamed_ties,
+        AMBIGUOUS,
+        "the effect explains the gap no better than something unnamed might",
+        lambda f: f.names,
+    ),
+    Rule(
+        "not_predicted",
+        lambda f: not f.best.confirmed,
+        AMBIGUOUS,
+        "the effect fits best, but does not predict what was left out clearly better",
+        lambda f: f.names,
+    ),
+    Rule(
+        "not_sure",
+        lambda f: f.top < SURE,
+        AMBIGUOUS,
+        "the effect explains the gap best, but less than four times as probably as all others together",
+        lambda f: f.fewest_sure,
+    ),
+    Rule(
+        "smaller_part",
+        lambda f: f.little_closed,
+        AMBIGUOUS,
+        "the effect fits best, but closes less than half of what can be closed: something else may be the larger part",
+        lambda f: f.names,
+    ),
+    Rule(
+        "unlike_its_name",
+        lambda f: f.best.unlike != "",
+        AMBIGUOUS,
+        "what fits best is not what the effect's name means",
+        lambda f: f.names,
+        lambda f: f.best.unlike,
+    ),
+    Rule(
+        "something_left",
+        lambda f: f.best.something_left,
+        AMBIGUOUS,
+        "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it",
+        lambda f: f.names,
+    ),
+    Rule(
+        "explained",
+        always,
+        lambda f: f.best.effect,
+        "the effect explains the gap and predicts what was left out",
+        lambda f: f.names,
+    ),
+)
+
+
+def decide(
+    detected: bool, judged: Sequence[Judged], unknown: float, pair: tuple[tuple[str, ...], float] | None = None
+) -> Verdict:
+    """The first of `RULES` that holds decides. Arguments as in `Findings`."""
+    findings = Findings(detected, judged, unknown, pair)
+    decision = first_that_holds(RULES, findings)
+    return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

@@ -1,0 +1,147 @@
+"""Every row of the tables of rules, by a case that it decides and one, changed in a single fact, that it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from palpate.core.diagnose.bench_bodies.judge import BODY_RULES, BodyFindings
+from palpate.core.diagnose.bench_bodies.rivals import Rival
+from palpate.core.diagnose.verdict.decide import RULES, Findings, decide
+from palpate.core.diagnose.verdict.rules import first_that_holds
+from palpate.core.diagnose.verdict.verdict import Judged
+from palpate.core.inference.heldout import Gain
+
+GOOD = Gain(1.0, 0.5, 0.75, 0.2, 0.75)
+NO_GAIN = Gain(1.0, 0.98, 0.04, 0.05, 0.04)
+PAIR = ("prestress", "volume_change")
+
+
+def judged(effect: str = "prestress", evidence: float = 20.0, **changes: object) -> Judged:
+    facts = {"gain": GOOD, "placebo_p": 0.0, "share_of_ceiling": 1.0, "remainder_p": 0.5} | changes
+    return Judged(effect, evidence, **facts)  # type: ignore[arg-type]
+
+
+CLEAR = Findings(True, [judged()], 5.0)
+MANY = [judged(), judged("bone_motion", 18.3), *(judged(f"rival{k}", 17.5) for k in range(3))]
+
+# Rule -> findings that it decides, verdict, candidates, and findings with one fact changed that it does not decide.
+CASES: dict[str, tuple[Findings, str, tuple[str, ...], Findings]] = {
+    "no_gap": (replace(CLEAR, detected=False), "none", (), CLEAR),
+    "two_effects": (replace(CLEAR, pair=(PAIR, 24.0)), "ambiguous", PAIR, replace(CLEAR, pair=(PAIR, 22.0))),
+    "nothing_named": (replace(CLEAR, unknown=24.0), "unknown", (), replace(CLEAR, unknown=21.0)),
+    "too_little_closed": (
+        replace(CLEAR, judged=[judged(share_of_ceiling=0.4, remainder_p=0.001)]),
+        "unknown",
+        (),
+        replace(CLEAR, judged=[judged(share_of_ceiling=0.4, remainder_p=0.1)]),
+    ),
+    "several_effects": (
+        replace(CLEAR, judged=[judged(), judged("inclusion", 19.0)]),
+        "ambiguous",
+        ("prestress", "inclusion"),
+        replace(CLEAR, judged=[judged(), judged("inclusion", 18.0)]),
+    ),
+    "unnamed_as_likely": (replace(CLEAR, unknown=21.0), "ambiguous", ("prestress",), replace(CLEAR, unknown=19.0)),
+    "not_predicted": (
+        replace(CLEAR, judged=[judged(gain=NO_GAIN)]),
+        "ambiguous",
+        ("prestress",),
+        replace(CLEAR, judged=[judged(gain=GOOD)]),
+    ),
+    "not_sure": (
+        replace(CLEAR, judged=MANY),
+        "ambiguous",
+        PAIR[:1] + ("bone_motion",),
+        replace(CLEAR, judged=MANY[:2]),
+    ),
+    "smaller_part": (
+        replace(CLEAR, judged=[judged(share_of_ceiling=0.4)]),
+        "ambiguous",
+        ("prestress",),
+        replace(CLEAR, judged=[judged(share_of_ceiling=0.6)]),
+    ),
+    "unlike_its_name": (replace(CLEAR, judged=[judged(unlike="it pulls")]), "ambiguous", ("prestress",), CLEAR),
+    "something_left": (
+        replace(CLEAR, judged=[judged(remainder_p=0.03, share_of_ceiling=0.7)]),
+        "ambiguous",
+        ("prestress",),
+        replace(CLEAR, judged=[judged(remainder_p=0.03, share_of_ceiling=0.95)]),
+    ),
+    "explained": (CLEAR, "prestress", ("prestress",), replace(CLEAR, detected=False)),
+}
+
+
+def test_every_row_has_a_case_and_a_name_of_its_own() -> None:
+    assert [rule.name for rule in RULES] == list(CASES)
+    assert [rule.name for rule in BODY_RULES] == list(BODY_CASES)
+    assert len({rule.sentence for rule in RULES}) == len(RULES)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_row_decides(name: str) -> None:
+    findings, verdict, candidates, otherwise = CASES[name]
+    found = decide(findings.detected, findings.judged, findings.unknown, findings.pair)
+    assert (found.decided_by, found.verdict, found.candidates) == (name, verdict, candidates)
+    assert found.why == ("it pulls" if name == "unlike_its_name" else {r.name: r.sentence for r in RULES}[name])
+    assert first_that_holds(RULES, otherwise).rule != name
+
+
+def test_rows_are_tried_in_order() -> None:
+    """Findings that every row but the last but one would decide, mended one after the other."""
+    worst = [
+        judged(gain=NO_GAIN, share_of_ceiling=0.4, remainder_p=0.001, unlike="it pulls"),
+        judged("inclusion", 19.9),
+    ]
+    findings = Findings(False, worst, 30.0, (PAIR, 40.0))
+    asked = []
+    mends: list[Callable[[Findings], Findings]] = [
+        lambda f: replace(f, detected=True),
+        lambda f: replace(f, pair=None),
+        lambda f: replace(f, unknown=21.0),
+        lambda f: replace(f, judged=[replace(worst[0], remainder_p=0.03), worst[1]]),
+        lambda f: replace(f, judged=f.judged[:1]),
+        lambda f: replace(f, unknown=5.0),
+        lambda f: replace(f, judged=[replace(f.judged[0], gain=GOOD)]),
+        lambda f: replace(f, judged=[replace(f.judged[0], share_of_ceiling=0.7)]),
+        lambda f: replace(f, judged=[replace(f.judged[0], unlike="")]),
+        lambda f: replace(f, judged=[replace(f.judged[0], remainder_p=0.5)]),
+    ]
+    for mend in mends:
+        asked.append(first_that_holds(RULES, findings).rule)
+        findings = mend(findings)
+    asked.append(first_that_holds(RULES, findings).rule)
+    assert asked == [name for name in CASES if name != "not_sure"]
+
+
+def rival(effect: str = "inclusion", evidence: float = 20.0, predicts: bool = True) -> Rival:
+    return cast(Rival, SimpleNamespace(effect=SimpleNamespace(id=effect), log_evidence=evidence, predicts=predicts))
+
+
+BODY = BodyFindings(True, [rival()], 5.0, False)
+HEAVY = BodyFindings(False, [rival("gravity_change", 0.0)], 0.0, True)
+BODY_CASES: dict[str, tuple[BodyFindings, str, tuple[str, ...], BodyFindings]] = {
+    "gravity_absorbed": (HEAVY, "ambiguous", ("gravity_change",), replace(HEAVY, gravity_unmodelled=False)),
+    "no_gap": (replace(BODY, detected=False), "none", (), BODY),
+    "nothing_named": (replace(BODY, unnamed=24.0), "unknown", (), replace(BODY, unnamed=21.0)),
+    "several_effects": (
+        replace(BODY, rivals=[rival(), rival("bone_motion", 19.0)]),
+        "ambiguous",
+        ("inclusion", "bone_motion"),
+        replace(BODY, rivals=[rival(), rival("bone_motion", 18.0)]),
+    ),
+    "not_predicted": (replace(BODY, rivals=[rival(predicts=False)]), "ambiguous", ("inclusion",), BODY),
+    "explained": (BODY, "inclusion", ("inclusion",), replace(BODY, detected=False)),
+}
+
+
+@pytest.mark.parametrize("name", BODY_CASES)
+def test_a_row_decides_on_a_body(name: str) -> None:
+    findings, verdict, candidates, otherwise = BODY_CASES[name]
+    found = first_that_holds(BODY_RULES, findings)
+    assert (found.rule, found.verdict, found.candidates) == (name, verdict, candidates)
+    assert first_that_holds(BODY_RULES, otherwise).rule != name
