@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.observe.contour_noise import noise_modes
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
@@ -18,7 +16,7 @@ _LENGTH_MM, _SHARE = 7.0, 0.99
 
 
 def achieved(
-    maps: Mapping[str, NDArray[Any]], true: Mapping[str, NDArray[Any]], effect: str
+    maps: Mapping[str, FloatArray], true: Mapping[str, FloatArray | IntArray], effect: str
 ) -> tuple[float, float, float] | None:
     """Share of the plain model's true error that `effect` takes away, and both errors, rms mm; None when it was not refitted.
 
@@ -44,7 +42,7 @@ def achieved(
     return 1.0 - left / max(before, 1e-12), before, left
 
 
-def _states(maps: Mapping[str, NDArray[Any]], true: Mapping[str, NDArray[Any]], effect: str) -> dict[str, str]:
+def _states(maps: Mapping[str, FloatArray], true: Mapping[str, FloatArray | IntArray], effect: str) -> dict[str, str]:
     """Prefix in maps -> name in true of every deformed state's surface."""
     found = {"": "points"}
     for name in true:
@@ -54,8 +52,8 @@ def _states(maps: Mapping[str, NDArray[Any]], true: Mapping[str, NDArray[Any]], 
     return found
 
 
-def _tree(true: Mapping[str, NDArray[Any]], points: str) -> TriangleTree:
-    return TriangleTree.of(np.asarray(true[points]), np.asarray(true["faces"]))
+def _tree(true: Mapping[str, FloatArray | IntArray], points: str) -> TriangleTree:
+    return TriangleTree.of(np.asarray(true[points], dtype=np.float64), np.asarray(true["faces"], dtype=np.int64))
 
 
 def _modes(points: FloatArray) -> FloatArray:

@@ -10,17 +10,17 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.validate.blind.noise_floor import noise_floor_mm, noise_whose_floor_is
 from palpate.validate.blind.patient import Made, Pose, carried_walls
 from palpate.validate.blind.recipe import Recipe
+from palpate.validate.blind.records import Truth
 from palpate.validate.blind.simulator.effects import LIBRARY
 from palpate.validate.blind.simulator.fem import Body
 from palpate.validate.blind.simulator.patients import Patient
@@ -68,7 +68,7 @@ def _noise_mm(recipe: Recipe, made: Made) -> float:
     return round(float(max(wished, best)), 3)
 
 
-def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None) -> dict[str, Any]:
+def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path | None = None) -> Truth:
     """Write a label case and, in another folder, what is true of it. Returns the truth.
 
     Raises, and writes nothing: ConvergenceError when the deformation asked for has no equilibrium, InputError when the bladder cannot give
@@ -85,12 +85,11 @@ def make_case(recipe: Recipe, case_path: Path, answers: Path, mesh_cache: Path |
     return truth
 
 
-def _truth(recipe: Recipe, made: Made) -> dict[str, Any]:
+def _truth(recipe: Recipe, made: Made) -> Truth:
     done, left = (0.0, 0.0)
     if recipe.effects:
         done, left = made.effect_mm
-    more = {"states": 1 + len(made.more), "shares": [dict(state.shares) for state in made.more]} if made.more else {}
-    return {
+    truth: Truth = {
         "name": recipe.name,
         "effects": list(recipe.effects) or ["none"],
         "sizes": dict(recipe.effects),
@@ -102,11 +101,13 @@ def _truth(recipe: Recipe, made: Made) -> dict[str, Any]:
         "effect_left_mm": left,
         "noise_mm": recipe.noise_mm,
         "centre_mm": None if made.hidden.centre is None else made.hidden.centre.tolist(),
-        **more,
     }
+    if made.more:
+        truth["states"], truth["shares"] = 1 + len(made.more), [dict(state.shares) for state in made.more]
+    return truth
 
 
-def _surfaces(made: Made) -> dict[str, NDArray[Any]]:
+def _surfaces(made: Made) -> dict[str, FloatArray | IntArray]:
     """See `true_surfaces`; points_2 and so on of further states."""
     surface = true_surfaces(made.hidden, made.rest, made.deformed)
     found = {name: surface[name] for name in ("points", "at_rest", "faces")}

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 from scipy.stats import kstest
 
 from palpate.validate.blind.noise_floor import noise_floor_mm
+from palpate.validate.blind.records import Diagnosis, Modulus, Truth
+from palpate.validate.blind.score_table import (
+    LargeEffects,
+    LargeOutside,
+    NothingHidden,
+    ScoreRow,
+    Scores,
+    ShrinkageScore,
+)
 
-Truth: TypeAlias = Mapping[str, Any]
-Found: TypeAlias = Mapping[str, Any] | None
+Pair = tuple[Truth, Diagnosis | None]
+Which = Literal["without_effect", "with_effect"]
 _MOST = 3
 _TWO_SIDED_95 = 1.96
 # What the two stiffnesses leave of an effect that the shared cases call identifiable, rms mm.
 IDENTIFIABLE_MM = 0.3
 
 
-def scores(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+def scores(pairs: Sequence[Pair]) -> Scores:
     """Accuracy, refusals, false alarms, Brier score, stiffness, two baselines, the confusion and one row a case.
 
     A case whose diagnosis failed counts as wrong everywhere. gave_place : effects drawn first that no patient showed, and how often.
@@ -63,13 +72,13 @@ def _kind(truth: Truth) -> str:
     return "single" if len(truth["effects"]) == 1 else "double"
 
 
-def _rate(pairs: Sequence[tuple[Truth, Found]], right: Callable[[Truth, Mapping[str, Any]], bool]) -> float | None:
+def _rate(pairs: Sequence[Pair], right: Callable[[Truth, Diagnosis], bool]) -> float | None:
     if not pairs:
         return None
     return float(np.mean([d is not None and bool(right(t, d)) for t, d in pairs]))
 
 
-def _nothing_hidden(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any] | None:
+def _nothing_hidden(pairs: Sequence[Pair]) -> NothingHidden | None:
     """What the test and the stiffness do where there is nothing to find: p-values against a uniform distribution (median, and the p of
     Kolmogorov and Smirnov), and the error of ln G in its standard deviations (mean, rms, share within 1.96).
     """
@@ -88,7 +97,7 @@ def _nothing_hidden(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any] | No
     }
 
 
-def _errors(truth: Truth, stiffness: Mapping[str, Any] | None) -> dict[str, float]:
+def _errors(truth: Truth, stiffness: dict[str, Modulus] | None) -> dict[str, float]:
     """Of each part's ln G, in its standard deviations."""
     return {
         name: float(np.log(s["G_kpa"] / truth["true_G_kpa"][name]) / s["sd_ln_G"])
@@ -96,7 +105,7 @@ def _errors(truth: Truth, stiffness: Mapping[str, Any] | None) -> dict[str, floa
     }
 
 
-def _brier(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
+def _brier(pairs: Sequence[Pair]) -> float | None:
     """Mean squared error of the probabilities of all effects; 0 best, 2 worst."""
     values = []
     for truth, found in pairs:
@@ -108,7 +117,7 @@ def _brier(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
     return float(np.mean(values)) if values else None
 
 
-def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
+def _coverage(pairs: Sequence[Pair], which: Which) -> float | None:
     """Share of true stiffnesses within 1.96 standard deviations of ln G."""
     inside = []
     for truth, found in pairs:
@@ -117,18 +126,18 @@ def _coverage(pairs: Sequence[tuple[Truth, Found]], which: str) -> float | None:
     return float(np.mean(inside)) if inside else None
 
 
-def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+def _large(pairs: Sequence[Pair]) -> dict[str, LargeEffects]:
     """Top-1 and set accuracy of effects that move the surface by more than twice one contour's noise, of those that do by more than
     twice the noise floor, and of those of which the two stiffnesses leave what the shared cases call identifiable.
     """
-    least: dict[str, tuple[str, Callable[[float], float]]] = {
-        "twice_noise": ("effect_mm", lambda noise: 2.0 * noise),
-        "twice_floor": ("effect_mm", lambda noise: 2.0 * noise_floor_mm(noise)),
-        "identifiable": ("effect_left_mm", lambda noise: IDENTIFIABLE_MM),
+    large: dict[str, Callable[[Truth], bool]] = {
+        "twice_noise": lambda t: t.get("effect_mm", 0.0) > 2.0 * t.get("noise_mm", 0.0),
+        "twice_floor": lambda t: t.get("effect_mm", 0.0) > 2.0 * noise_floor_mm(t.get("noise_mm", 0.0)),
+        "identifiable": lambda t: t.get("effect_left_mm", 0.0) > IDENTIFIABLE_MM,
     }
-    out: dict[str, Any] = {}
-    for name, (key, more_than) in least.items():
-        few = [p for p in pairs if p[0].get(key, 0.0) > more_than(p[0].get("noise_mm", 0.0))]
+    out: dict[str, LargeEffects] = {}
+    for name, is_large in large.items():
+        few = [p for p in pairs if is_large(p[0])]
         out[name] = {
             "cases": len(few),
             "top1": _rate(few, lambda t, d: d["verdict"] == t["effects"][0]),
@@ -137,19 +146,19 @@ def _large(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
     return out
 
 
-def _large_outside(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+def _large_outside(pairs: Sequence[Pair]) -> dict[str, LargeOutside]:
     """Refusals of effects outside the library that move the surface by more than twice one contour's noise, and by more than the noise
     floor: of what no scan shows, `none` is the right answer.
     """
     least: dict[str, Callable[[float], float]] = {"twice_noise": lambda noise: 2.0 * noise, "floor": noise_floor_mm}
-    out: dict[str, Any] = {}
+    out: dict[str, LargeOutside] = {}
     for name, more_than in least.items():
         few = [p for p in pairs if p[0].get("effect_mm", 0.0) > more_than(p[0].get("noise_mm", 0.0))]
         out[name] = {"cases": len(few), "refused": _rate(few, lambda t, d: d["verdict"] in ("unknown", "ambiguous"))}
     return out
 
 
-def _shrinkage(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
+def _shrinkage(pairs: Sequence[Pair]) -> ShrinkageScore:
     """What is said of the shrinkage against what the true effect achieves (`gap_achieved`), where there is both."""
     errors, inside = [], []
     for truth, found in pairs:
@@ -162,33 +171,37 @@ def _shrinkage(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, Any]:
     return {"cases": len(errors), "error": float(np.median(errors)) if errors else None, "ci95_covers": rate}
 
 
-def _location(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
+def _location(pairs: Sequence[Pair]) -> float | None:
     """Median distance (mm) from where the gap is said to come from to the true centre, of effects that have one."""
     away = []
     for truth, found in pairs:
         peak = None if found is None else found["where"]["peak_lps_mm"]
-        if peak is not None and truth.get("centre_mm") is not None:
-            away.append(float(np.linalg.norm(np.subtract(peak, truth["centre_mm"]))))
+        centre = truth.get("centre_mm")
+        if peak is not None and centre is not None:
+            away.append(float(np.linalg.norm(np.subtract(peak, centre))))
     return float(np.median(away)) if away else None
 
 
-def _bias_ratio(pairs: Sequence[tuple[Truth, Found]]) -> float | None:
+def _bias_ratio(pairs: Sequence[Pair]) -> float | None:
     """Median over cases of the stiffness' largest error, in its own standard deviations, with the effect over without."""
     ratios = []
     for truth, found in pairs:
-        both = {} if found is None else found["stiffness"]
-        with_effect, without = (_largest_z(truth, both.get(which)) for which in ("with_effect", "without_effect"))
+        if found is None:
+            continue
+        with_effect, without = (
+            _largest_z(truth, found["stiffness"][which]) for which in ("with_effect", "without_effect")
+        )
         if with_effect is not None and without:
             ratios.append(with_effect / without)
     return float(np.median(ratios)) if ratios else None
 
 
-def _largest_z(truth: Truth, stiffness: Mapping[str, Any] | None) -> float | None:
+def _largest_z(truth: Truth, stiffness: dict[str, Modulus] | None) -> float | None:
     zs = [abs(z) for z in _errors(truth, stiffness).values()]
     return max(zs) if zs else None
 
 
-def _confusion(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, dict[str, int]]:
+def _confusion(pairs: Sequence[Pair]) -> dict[str, dict[str, int]]:
     """True effects (joined by +) -> verdict -> how often."""
     out: dict[str, dict[str, int]] = {}
     for truth, found in pairs:
@@ -198,11 +211,23 @@ def _confusion(pairs: Sequence[tuple[Truth, Found]]) -> dict[str, dict[str, int]
     return out
 
 
-def _row(truth: Truth, found: Found) -> dict[str, Any]:
-    row = {"case": truth["name"], "truth": truth["effects"], "sizes": truth["sizes"], "verdict": None, "candidates": []}
-    row |= {key: truth.get(key) for key in ("effect_mm", "effect_left_mm", "noise_mm", "instead_of", "achieved")}
+def _row(truth: Truth, found: Diagnosis | None) -> ScoreRow:
+    row: ScoreRow = {
+        "case": truth["name"],
+        "truth": truth["effects"],
+        "sizes": truth["sizes"],
+        "verdict": None,
+        "candidates": [],
+        "effect_mm": truth.get("effect_mm"),
+        "effect_left_mm": truth.get("effect_left_mm"),
+        "noise_mm": truth.get("noise_mm"),
+        "instead_of": truth.get("instead_of"),
+        "achieved": truth.get("achieved"),
+    }
     if found is not None:
-        row |= {"verdict": found["verdict"], "candidates": found["candidates"], "p_value": found["gap"]["p_value"]}
-        said = found.get("shrinkage") or {}
-        row |= {"shrinkage": said.get("noise_corrected_fraction"), "shrinkage_ci95": said.get("ci95")}
+        row["verdict"], row["candidates"] = found["verdict"], found["candidates"]
+        row["p_value"] = found["gap"]["p_value"]
+        said = found.get("shrinkage")
+        row["shrinkage"] = said["noise_corrected_fraction"] if said else None
+        row["shrinkage_ci95"] = said["ci95"] if said else None
     return row

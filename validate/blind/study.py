@@ -13,7 +13,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from palpate.validate.blind.achieved import achieved
 from palpate.validate.blind.cases import make_case
 from palpate.validate.blind.recipe import Recipe
 from palpate.validate.blind.recipes import StudyOptions, another, easier, instead, recipes_of
+from palpate.validate.blind.records import Diagnosis, Truth
+from palpate.validate.blind.score_table import Scores
 from palpate.validate.blind.scores import scores
 from palpate.validate.blind.simulator.strength import Hopeless, TooWeak
 
@@ -39,7 +41,30 @@ _CHILD = (
 )
 
 
-def run(folder: Path, options: StudyOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+class Kind(TypedDict):
+    """What all cases of one study have in common."""
+
+    states: int
+    effect_free: bool
+
+
+class Ledger(TypedDict, total=False):
+    """Kind of the study, which an old ledger lacks; once it is sealed SHA-256 of answers and diagnoses (None: there is none), by case."""
+
+    states: int
+    effect_free: bool
+    answers: dict[str, str]
+    diagnoses: dict[str, str | None]
+
+
+class BlindTable(Scores, Kind):
+    """The scores, the kind of study, and where its ledger is."""
+
+    seed: int
+    ledger: str
+
+
+def run(folder: Path, options: StudyOptions | None = None, progress: Progress = silent) -> BlindTable:
     """Make cases in folder/cases, answers in folder/answers, the ledger in folder/ledger.json; return figures and rows.
 
     A run that was stopped goes on. Raises InputError when the folder holds another study.
@@ -54,7 +79,7 @@ def run(folder: Path, options: StudyOptions | None = None, progress: Progress = 
     _diagnose_all(folder, ledger, options, part(progress, 0.4, 0.98))
     _unchanged(answers, ledger["answers"])
     pairs = [_pair(cases / name, answers / f"{name}.json") for name in ledger["answers"]]
-    return scores(pairs) | _kind(options) | {"seed": options.seed, "ledger": str(folder / "ledger.json")}
+    return {**scores(pairs), **_kind(options), "seed": options.seed, "ledger": str(folder / "ledger.json")}
 
 
 def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
@@ -100,7 +125,7 @@ def _made_of(recipe: Recipe, folder: Path) -> None:
                 raise
 
 
-def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, progress: Progress) -> None:
+def _diagnose_all(folder: Path, ledger: Ledger, options: StudyOptions, progress: Progress) -> None:
     """Every case that has no diagnosis yet; the ledger gets each one's hash as it is written."""
     cases = {name: folder / "cases" / name for name in ledger["answers"]}
     with ThreadPoolExecutor(options.workers) as pool:
@@ -117,24 +142,27 @@ def _diagnose_all(folder: Path, ledger: dict[str, Any], options: StudyOptions, p
         _note(folder, ledger, name)
 
 
-def _note(folder: Path, ledger: dict[str, Any], name: str) -> None:
+def _note(folder: Path, ledger: Ledger, name: str) -> None:
     diagnosis = folder / "cases" / name / "diagnosis.json"
     ledger["diagnoses"][name] = file_sha256(diagnosis) if diagnosis.exists() else None
     _write(folder / "ledger.json", ledger)
 
 
-def _kind(options: StudyOptions) -> dict[str, Any]:
-    """What all cases of one study have in common."""
+def _kind(options: StudyOptions) -> Kind:
     return {"states": options.states, "effect_free": options.effect_free}
 
 
 def _begun(folder: Path, options: StudyOptions) -> None:
     """Start the ledger, with the kind of study it is of. Raises InputError where the folder's is of another kind."""
     path, asked, first = folder / "ledger.json", _kind(options), _kind(StudyOptions())
-    ledger: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    ledger: Ledger = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     # from before there were other kinds, or ledgers that began before the answers
     of_old = bool(ledger) or any((folder / "answers").glob("*.json"))
-    held = first | {key: ledger[key] for key in first if key in ledger} if of_old else asked
+    told: Kind = {
+        "states": ledger.get("states", first["states"]),
+        "effect_free": ledger.get("effect_free", first["effect_free"]),
+    }
+    held = told if of_old else asked
     if held != asked:
         raise InputError(
             f"the study in {folder} was made with {_flags(held)}; give that, or an empty folder for one with {_flags(asked)}"
@@ -143,20 +171,20 @@ def _begun(folder: Path, options: StudyOptions) -> None:
         _write(path, asked)
 
 
-def _flags(kind: Mapping[str, Any]) -> str:
+def _flags(kind: Kind) -> str:
     return f"--states {kind['states']}" + (" --effect-free" if kind["effect_free"] else "")
 
 
-def _sealed(folder: Path, names: Sequence[str]) -> dict[str, Any]:
+def _sealed(folder: Path, names: Sequence[str]) -> Ledger:
     """The ledger with the answers' hashes, written once. Raises InputError when one there is of other answers."""
     hashes = {name: file_sha256(folder / "answers" / f"{name}.json") for name in names}
     path = folder / "ledger.json"
-    ledger: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    ledger: Ledger = json.loads(path.read_text(encoding="utf-8"))
     if "answers" in ledger:
         if ledger["answers"] != hashes:
             raise InputError(f"{path} seals other answers than those beside it; give an empty folder for a new study")
         return ledger
-    ledger |= {"answers": hashes, "diagnoses": {}}
+    ledger["answers"], ledger["diagnoses"] = hashes, {}
     _write(path, ledger)
     return ledger
 
@@ -186,12 +214,12 @@ def _unchanged(answers: Path, hashes: Mapping[str, str]) -> None:
             )
 
 
-def _pair(case: Path, answer: Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
+def _pair(case: Path, answer: Path) -> tuple[Truth, Diagnosis | None]:
     diagnosis = case / "diagnosis.json"
-    truth = json.loads(answer.read_text(encoding="utf-8"))
+    truth: Truth = json.loads(answer.read_text(encoding="utf-8"))
     if not diagnosis.exists():
         return truth, None
-    found = json.loads(diagnosis.read_text(encoding="utf-8"))
+    found: Diagnosis = json.loads(diagnosis.read_text(encoding="utf-8"))
     surface, maps = answer.with_name(f"{answer.stem}_surface.npz"), case / str(found["where"]["map"])
     if surface.exists() and maps.exists() and len(truth["effects"]) == 1:
         with np.load(surface) as true, np.load(maps) as seen:
@@ -199,6 +227,6 @@ def _pair(case: Path, answer: Path) -> tuple[dict[str, Any], dict[str, Any] | No
     return truth, found
 
 
-def _write(path: Path, data: Any) -> None:
+def _write(path: Path, data: Ledger | Kind) -> None:
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -34,7 +33,7 @@ _REACH_MM = 6.0
 def write_case(recipe: Recipe, made: Made, path: Path) -> None:
     """The case folder: labels of every state, case.json, and points where the recipe has them; each scan with errors of its own."""
     rng, numbers = recipe.random(9), range(2, 2 + len(made.more))
-    other: dict[str, Any] = {"simulated": True}
+    other: dict[str, object] = {"simulated": True}
     if made.more:
         other["states"] = [_entry(k, recipe.marks) for k in numbers]
     case = CaseFolder.create(path, CaseFacts(recipe.name, boundary_noise_sd_mm=recipe.noise_mm, other=other))

@@ -29,6 +29,7 @@ from palpate.ui.cli.studies import paper, touch
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from palpate.validate.blind.study import BlindTable
     from palpate.validate.forward.study import ForwardTable
     from palpate.validate.meshing_study import MeshingTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
@@ -143,7 +144,7 @@ def _forward_picture(found: ForwardTable) -> Figure:
     return element_errors(found)
 
 
-def _gap(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def _gap(args: argparse.Namespace, progress: Progress) -> BlindTable:
     from palpate.validate.blind.recipes import StudyOptions
     from palpate.validate.blind.study import run as gap_study
 

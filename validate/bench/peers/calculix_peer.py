@@ -13,10 +13,9 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from protocol import Arrays, Solver, Timed, serve
+from protocol import Arrays, FloatArray, Solver, Timed, serve
 
 
 def deck(scene: Arrays, rtol: float, analyse: bool) -> str:
@@ -67,7 +66,7 @@ def load(scene: Arrays) -> Solver:
     finally:
         shutil.rmtree(folder)
 
-    def solve(steps: int, rtol: float) -> tuple[Any, Any]:
+    def solve(steps: int, rtol: float) -> tuple[FloatArray, Timed]:
         folder = Path(tempfile.mkdtemp(prefix="palpate-ccx-"))
         try:
             (folder / "job.inp").write_text(deck(scene, rtol, True))
@@ -85,7 +84,7 @@ def load(scene: Arrays) -> Solver:
     return solve
 
 
-def displacements(text: str, n: int) -> Any:
+def displacements(text: str, n: int) -> FloatArray:
     """(n, 3) of the last increment in a .dat file."""
     table = text[text.rindex("displacements") :].splitlines()[1:]
     rows = [line.split() for line in table if len(line.split()) == 4]

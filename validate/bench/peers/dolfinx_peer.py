@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import dolfinx
 import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem.petsc import NonlinearProblem
-from dolfinx.mesh import create_mesh
+from dolfinx.mesh import Mesh, create_mesh
 from dolfinx.nls.petsc import NewtonSolver
 from mpi4py import MPI
 from petsc4py import PETSc
-from protocol import Arrays, Solver, serve
+from protocol import Arrays, FloatArray, Solver, serve
 from scipy.spatial import cKDTree
 
 
-def _mesh(scene: Arrays) -> Any:
+def _mesh(scene: Arrays) -> Mesh:
     cell = ufl.Cell("tetrahedron", geometric_dimension=3)
     domain = ufl.Mesh(ufl.VectorElement("Lagrange", cell, 1))
     corners = int(scene["corners"])
     return create_mesh(MPI.COMM_SELF, scene["cells"][:, :4].astype(np.int64), scene["nodes"][:corners], domain)
 
 
-def _per_cell(mesh: Any, values: Any) -> Any:
+def _per_cell(mesh: Mesh, values: FloatArray) -> fem.Function:
     function = fem.Function(fem.FunctionSpace(mesh, ("DG", 0)))
     function.x.array[:] = values[np.asarray(mesh.topology.original_cell_index)]
     return function
@@ -48,7 +46,7 @@ def load(scene: Arrays) -> Solver:
     bc = fem.dirichletbc(boundary, np.flatnonzero(fixed).astype(np.int32))
     problem = _WithForces(residual, u, [bc], scene["force"][node].ravel())
 
-    def solve(steps: int, rtol: float) -> tuple[Any, int]:
+    def solve(steps: int, rtol: float) -> tuple[FloatArray, int]:
         u.x.array[:] = 0.0
         iterations = 0
         for k in range(1, steps + 1):
@@ -65,12 +63,12 @@ def load(scene: Arrays) -> Solver:
 class _WithForces(NonlinearProblem):
     """The residual less dead nodal forces."""
 
-    def __init__(self, F: Any, u: Any, bcs: Any, force: Any) -> None:
+    def __init__(self, F: ufl.Form, u: fem.Function, bcs: list[fem.DirichletBCMetaClass], force: FloatArray) -> None:
         super().__init__(F, u, bcs)
         self.force, self.share = force, 1.0
         self.held = np.concatenate([3 * b.dof_indices()[0][:, None] // 3 for b in bcs]).ravel()
 
-    def F(self, x: Any, b: Any) -> None:
+    def F(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         super().F(x, b)
         with b.localForm() as local:
             values = self.share * self.force.copy()
@@ -78,7 +76,7 @@ class _WithForces(NonlinearProblem):
             local.array[:] = local.array - values
 
 
-def _newton(problem: Any, rtol: float, u: Any) -> int:
+def _newton(problem: _WithForces, rtol: float, u: fem.Function) -> int:
     solver = NewtonSolver(MPI.COMM_SELF, problem)
     solver.rtol, solver.atol, solver.max_it, solver.convergence_criterion = rtol, 1e-12, 30, "residual"
     solver.error_on_nonconvergence = True

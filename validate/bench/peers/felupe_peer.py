@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from collections.abc import Callable
 
 import felupe as fem
 import numpy as np
-from protocol import Arrays, Solver, serve
+import scipy.sparse as sp
+from protocol import Arrays, FloatArray, IntArray, Solver, serve
 
 
 def load(scene: Arrays) -> Solver:
     quadratic = scene["cells"].shape[1] == 10
     kind, make_region = ("tetra10", fem.RegionQuadraticTetra) if quadratic else ("tetra", fem.RegionTetra)
 
-    def field_of(cells: Any) -> Any:
+    def field_of(cells: IntArray) -> fem.FieldContainer:
         region = make_region(fem.Mesh(scene["nodes"], cells, kind))
         return fem.FieldContainer([fem.Field(region, dim=3)])
 
@@ -28,13 +29,13 @@ def load(scene: Arrays) -> Solver:
     dof0, dof1 = np.flatnonzero(fixed), np.flatnonzero(~fixed)
     loaded = np.flatnonzero(scene["force"].any(axis=1))
     load = fem.PointLoad(whole, loaded) if len(loaded) else None
-    options: dict[str, Any] = {}
+    options: dict[str, Callable[[sp.csr_matrix, FloatArray], FloatArray]] = {}
     if "pardiso" in sys.argv:
         import pypardiso
 
         options["solver"] = pypardiso.spsolve
 
-    def solve(steps: int, rtol: float) -> tuple[Any, int]:
+    def solve(steps: int, rtol: float) -> tuple[FloatArray, int]:
         field, iterations = whole.copy(), 0
         field[0].values[:] = 0.0
         for k in range(1, steps + 1):

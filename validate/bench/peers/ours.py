@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.terms.loads import nodal_force
 from palpate.core.laws import NEO_HOOKEAN
 from palpate.core.mesh import TetMesh
-from palpate.validate.bench.peers.protocol import Arrays, Solver, serve
+from palpate.validate.bench.peers.protocol import Arrays, FloatArray, Solver, serve
 
 
 def load(scene: Arrays) -> Solver:
@@ -32,7 +31,7 @@ def load(scene: Arrays) -> Solver:
     materials = {int(r): Material(NEO_HOOKEAN, values[regions == r][0]) for r in np.unique(regions)}
     prescribed = scene["prescribed"].ravel()
 
-    def solve(steps: int, rtol: float) -> tuple[Any, int]:
+    def solve(steps: int, rtol: float) -> tuple[FloatArray, int]:
         options = NewtonOptions(rtol=rtol, stability=certify)
         found = solve_equilibrium(assembler, materials, prescribed, options=options)
         if not found.converged:

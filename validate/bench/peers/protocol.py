@@ -11,14 +11,47 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from typing import TypedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
-Arrays = Mapping[str, Any]
-# (steps, rtol) -> displacements (n, 3) mm and iterations. Load in so many equal steps; raises ArithmeticError or ValueError.
-Solver = Callable[[int, float], tuple[Any, int]]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+class Arrays(TypedDict):
+    """The scene file; `corners`, `mixed` and `element` are arrays without an axis."""
+
+    nodes: FloatArray
+    cells: IntArray
+    regions: IntArray
+    G: FloatArray
+    K: FloatArray
+    fixed: BoolArray
+    prescribed: FloatArray
+    force: FloatArray
+    corners: IntArray
+    mixed: BoolArray
+    element: NDArray[np.str_]
+
+
+class Request(TypedDict):
+    """One solve: load steps, relative residual, and the file for its displacements, if they are wanted."""
+
+    steps: int
+    rtol: float
+    out: str | None
+
+
+class Cost(TypedDict):
+    """What one solve took; memory is that of the process so far."""
+
+    seconds: float
+    cpu_seconds: float
+    memory_mb: float | None
 
 
 class Timed:
@@ -28,20 +61,36 @@ class Timed:
         self.iterations, self.seconds, self.cpu_seconds = iterations, seconds, cpu_seconds
 
 
+# (steps, rtol) -> displacements (n, 3) mm and iterations. Load in so many equal steps; raises ArithmeticError or ValueError.
+Solver = Callable[[int, float], tuple[FloatArray, int | Timed]]
+
+
 def serve(load: Callable[[Arrays], Solver], version: str) -> None:
     """Answer requests {"steps", "rtol", "out"} until standard input ends. What libraries print goes to standard error."""
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
     start = time.perf_counter()
     with np.load(sys.argv[1], allow_pickle=False) as data:
-        arrays = {k: data[k] for k in data.files}
+        arrays: Arrays = {
+            "nodes": data["nodes"],
+            "cells": data["cells"],
+            "regions": data["regions"],
+            "G": data["G"],
+            "K": data["K"],
+            "fixed": data["fixed"],
+            "prescribed": data["prescribed"],
+            "force": data["force"],
+            "corners": data["corners"],
+            "mixed": data["mixed"],
+            "element": data["element"],
+        }
     solve = load(arrays)
     print(json.dumps({"setup_seconds": time.perf_counter() - start, "version": version}), file=answers)
     for line in sys.stdin:
         print(json.dumps(_answer(solve, json.loads(line))), file=answers)
 
 
-def _answer(solve: Solver, request: dict[str, Any]) -> dict[str, Any]:
+def _answer(solve: Solver, request: Request) -> dict[str, object]:
     start, cpu = time.perf_counter(), time.process_time()
     try:
         with np.errstate(all="ignore"):
@@ -49,13 +98,17 @@ def _answer(solve: Solver, request: dict[str, Any]) -> dict[str, Any]:
     except (ArithmeticError, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
         lines = str(error).strip().splitlines() or [type(error).__name__]
         return {"reason": lines[0][:200], "seconds": time.perf_counter() - start, "memory_mb": memory_mb()}
-    cost = {"seconds": time.perf_counter() - start, "cpu_seconds": time.process_time() - cpu, "memory_mb": memory_mb()}
+    cost: Cost = {
+        "seconds": time.perf_counter() - start,
+        "cpu_seconds": time.process_time() - cpu,
+        "memory_mb": memory_mb(),
+    }
     if isinstance(iterations, Timed):
         cost = {"seconds": iterations.seconds, "cpu_seconds": iterations.cpu_seconds, "memory_mb": None}
         iterations = iterations.iterations
     if not np.isfinite(u).all():
         return {"reason": "the solution is not finite", **cost}
-    if request.get("out"):
+    if request["out"]:
         np.save(request["out"], np.asarray(u))
     return {"reason": "", "iterations": int(iterations), **cost}
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 import scipy.sparse as sp
 import skfem
-from protocol import Arrays, Solver, serve
+from protocol import Arrays, FloatArray, IntArray, Solver, serve
 from scipy.spatial import cKDTree
 from skfem.helpers import ddot, grad, mul, transpose
+
+if TYPE_CHECKING:
+    from skfem.assembly.form.form import FormExtraParams
+    from skfem.element.discrete_field import DiscreteField
 
 MAX_ITERATIONS = 30
 
 
-def kinematics(F: Any) -> tuple[Any, Any]:
+def kinematics(F: FloatArray) -> tuple[FloatArray, FloatArray]:
     J = (
         F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
         - F[0, 1] * (F[1, 0] * F[2, 2] - F[1, 2] * F[2, 0])
@@ -25,17 +30,17 @@ def kinematics(F: Any) -> tuple[Any, Any]:
     return J, iFT
 
 
-def iso_stress(F: Any, iFT: Any, J: Any, G: Any) -> Any:
+def iso_stress(F: FloatArray, iFT: FloatArray, J: FloatArray, G: FloatArray) -> FloatArray:
     return G * J ** (-2 / 3) * (F - ddot(F, F) / 3 * iFT)
 
 
 @skfem.LinearForm
-def internal(v: Any, w: Any) -> Any:
+def internal(v: DiscreteField, w: FormExtraParams) -> FloatArray:
     return ddot(w["P"], grad(v))
 
 
 @skfem.BilinearForm
-def stiffness(u: Any, v: Any, w: Any) -> Any:
+def stiffness(u: DiscreteField, v: DiscreteField, w: FormExtraParams) -> FloatArray:
     """Derivative of the stress; `p` and `dp` are d(volumetric energy)/dJ and its derivative in J."""
     H, F, iFT, J, G = grad(u), w["F"], w["iFT"], w["J"], w["G"]
     t, I1 = ddot(iFT, H), ddot(F, F)
@@ -46,17 +51,17 @@ def stiffness(u: Any, v: Any, w: Any) -> Any:
 
 
 @skfem.BilinearForm
-def coupling(u: Any, q: Any, w: Any) -> Any:
+def coupling(u: DiscreteField, q: DiscreteField, w: FormExtraParams) -> FloatArray:
     return q * w["J"] * ddot(w["iFT"], grad(u))
 
 
 @skfem.BilinearForm
-def compliance(p: Any, q: Any, w: Any) -> Any:
+def compliance(p: DiscreteField, q: DiscreteField, w: FormExtraParams) -> FloatArray:
     return -p * q / w["K"]
 
 
 @skfem.LinearForm
-def volume(q: Any, w: Any) -> Any:
+def volume(q: DiscreteField, w: FormExtraParams) -> FloatArray:
     return q * (w["J"] - 1.0 - w["pressure"] / w["K"])
 
 
@@ -87,7 +92,7 @@ class Problem:
         if self.pressure is not None:
             self.free = np.concatenate([self.free, self.basis.N + np.arange(self.pressure.N)])
 
-    def residual(self, u: Any, p: Any, share: float) -> tuple[Any, dict[str, Any]]:
+    def residual(self, u: FloatArray, p: FloatArray, share: float) -> tuple[FloatArray, dict[str, FloatArray]]:
         F = np.array(grad(self.basis.interpolate(u)))
         F[[0, 1, 2], [0, 1, 2]] += 1.0
         J, iFT = kinematics(F)
@@ -105,7 +110,7 @@ class Problem:
             r = np.concatenate([r, volume.assemble(self.pressure, J=J, K=fields["K"], pressure=pressure)])
         return r, fields
 
-    def tangent(self, fields: dict[str, Any]) -> Any:
+    def tangent(self, fields: dict[str, FloatArray]) -> sp.csr_matrix:
         K = stiffness.assemble(self.basis, **fields)
         if self.pressure is None:
             return K
@@ -114,7 +119,7 @@ class Problem:
         return sp.bmat([[K, B.T], [B, C]], "csr")
 
 
-def _components(basis: Any) -> list[Any]:
+def _components(basis: skfem.Basis) -> list[IntArray]:
     out = []
     for i in range(3):
         parts = [basis.nodal_dofs[i]]
@@ -124,7 +129,7 @@ def _components(basis: Any) -> list[Any]:
     return out
 
 
-def _pressure_basis(mesh: Any, regions: Any, basis: Any) -> Any:
+def _pressure_basis(mesh: skfem.MeshTet, regions: IntArray, basis: skfem.Basis) -> skfem.Basis:
     """Linear pressure, its own in every region: the same cells with the vertices of each region counted apart."""
     _, number = np.unique(regions, return_inverse=True)
     keys = number[None, :] * mesh.p.shape[1] + mesh.t
@@ -133,15 +138,19 @@ def _pressure_basis(mesh: Any, regions: Any, basis: Any) -> Any:
     return skfem.Basis(opened, skfem.ElementTetP1(), quadrature=basis.quadrature)
 
 
+class _Linear(TypedDict, total=False):
+    solver: Callable[..., FloatArray]
+
+
 def load(scene: Arrays) -> Solver:
     problem = Problem(scene)
-    linear: dict[str, Any] = {}
+    linear: _Linear = {}
     if "pardiso" in sys.argv:
         import pypardiso
 
         linear["solver"] = lambda A, b, **_: pypardiso.spsolve(A.tocsr(), b)
 
-    def newton(u: Any, p: Any, share: float, rtol: float) -> tuple[Any, Any, int]:
+    def newton(u: FloatArray, p: FloatArray, share: float, rtol: float) -> tuple[FloatArray, FloatArray, int]:
         for k in range(MAX_ITERATIONS):
             r, fields = problem.residual(u, p, share)
             free_r = np.linalg.norm(r[problem.free])
@@ -155,7 +164,7 @@ def load(scene: Arrays) -> Solver:
             u, p = u + d[: len(u)], p + d[len(u) :]
         raise ArithmeticError(f"no convergence in {MAX_ITERATIONS} iterations")
 
-    def solve(steps: int, rtol: float) -> tuple[Any, int]:
+    def solve(steps: int, rtol: float) -> tuple[FloatArray, int]:
         u = np.zeros(problem.basis.N)
         p = np.zeros(0 if problem.pressure is None else problem.pressure.N)
         iterations = 0
