@@ -2,88 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import msgspec
 import numpy as np
 import pyvista as pv
-from msgspec import Meta
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import read_landmarks
+from palpate.case.stated_files import MarkerState, Support, bench_body
 from palpate.core.arrays import IntArray
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
 from palpate.core.errors import InputError
-from palpate.core.files.json_types import typed
 from palpate.core.mesh import TetMesh
 from palpate.meshing.mesh_solid import mesh_solid
 
 MESH = "body_mesh.npz"
 # Standard deviation of a marker where the case does not say, mm per axis.
 _MARKER_MM = 0.5
-
-
-# Bounds that only keep infinity and NaN out: mm, m/s2, N.
-_Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
-_Vector = tuple[_Number, _Number, _Number]
-_AS_SHOWN = "; write it as docs/case.md shows"
-
-
-class Load(msgspec.Struct, frozen=True):
-    """A force in N that acts at a point of the body, mm."""
-
-    at: _Vector
-    force_n: _Vector
-    name: str = ""
-
-
-class MarkerState(msgspec.Struct, frozen=True):
-    """One state of the body. points : file of its markers, columns as landmarks.csv. gravity : m/s2. points_sd_mm : per axis."""
-
-    name: str
-    points: str
-    gravity: _Vector = (0.0, 0.0, 0.0)
-    loads: tuple[Load, ...] = ()
-    points_sd_mm: Annotated[float, Meta(gt=0.0, le=1e3)] | None = None
-
-
-class Support(msgspec.Struct, frozen=True):
-    """Faces of the body whose corners all lie within tolerance_mm of a plane are held."""
-
-    plane_point: _Vector
-    plane_normal: _Vector
-    tolerance_mm: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.5
-    name: str = ""
-
-
-class BenchBody(msgspec.Struct, frozen=True):
-    """What case.json says of a body on a bench beyond `CaseFacts`. body : file of its surface (STL, OBJ, PLY)."""
-
-    body: str
-    states: Annotated[tuple[MarkerState, ...], Meta(min_length=1, description="a list of states, at least one")]
-    supports: tuple[Support, ...] | None = ()
-    density_kg_m3: Annotated[float, Meta(ge=0.0, lt=1e6, description="a density in kg/m3 from 0 to 1e+06")] = 1000.0
-    model_gravity: bool = True
-
-
-def is_body(case: CaseFolder) -> bool:
-    """Whether the case is a body on a bench."""
-    return "body" in case.facts.other
-
-
-def bench_body(case: CaseFolder) -> BenchBody:
-    """What case.json says of the body. Raises InputError naming the property that is wrong."""
-    source = str(case.file("case.json"))
-    found = typed(case.facts.other, BenchBody, source, _AS_SHOWN)
-    if not all(name.isprintable() for name in (found.body, *(state.points for state in found.states))):
-        raise InputError(f"{source}: a file's name holds a line break; correct it")
-    return found
-
-
-def body_inputs(case: CaseFolder) -> tuple[str, ...]:
-    """Names of the files that such a case consists of. Raises InputError when a state names no points."""
-    found = bench_body(case)
-    return "case.json", found.body, *(state.points for state in found.states)
 
 
 def body_problem(case: CaseFolder) -> BodyProblem:

@@ -151,14 +151,16 @@ class CaseFolder(CaseFiles):
         same = entry.get("done") is True and entry.get("inputs_sha256") == inputs_sha256
         return same and all(self.has(name) for name in entry.get("outputs", []))
 
-    def noted_inputs(self, step: str) -> str | None:
-        """The hash of the inputs that the step last ran to its end on; None where it never did."""
-        entry = self._state().get(step, {})
-        return str(entry["inputs_sha256"]) if entry.get("done") is True and "inputs_sha256" in entry else None
+    def step_record(self, step: str) -> Mapping[str, Any]:
+        """What state.json notes of a step that ran to its end; empty where it never did."""
+        entry = self._state().get(step)
+        return entry if isinstance(entry, dict) and entry.get("done") is True else {}
 
-    def mark_done(self, step: str, inputs_sha256: str, outputs: Iterable[str]) -> None:
-        """Notes in state.json that the step ran to its end; call it after its last file is written."""
-        entry = {"inputs_sha256": inputs_sha256, "outputs": list(outputs), "done": True}
+    def mark_done(
+        self, step: str, inputs_sha256: str, outputs: Iterable[str], more: Mapping[str, Any] | None = None
+    ) -> None:
+        """Notes in state.json that the step ran to its end; call it after its last file is written. more : further keys to note."""
+        entry = {"inputs_sha256": inputs_sha256, "outputs": list(outputs), "done": True, **(more or {})}
         self.write_json("state.json", {**self._state(), step: entry})
 
     def _state(self) -> Mapping[str, Any]:

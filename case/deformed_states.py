@@ -7,21 +7,18 @@ All lie in the frame of the scan at rest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.landmarks import Landmarks, landmarks_csv, read_landmarks
 from palpate.case.rigid_offset import RigidOffset, elsewhere_in
+from palpate.case.stated_files import FurtherState, checked_state, state_entries, stated_states
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
-from palpate.core.files.json_types import plain, typed
+from palpate.core.files.json_types import plain
 from palpate.imaging.contours.itksnap_labels import label_values
 from palpate.imaging.contours.nifti_labels import read_labels, write_labels
 from palpate.imaging.contours.user_labels import files_of, read_label_volume, read_user_labels
@@ -30,58 +27,6 @@ from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_ct, align_labels
 from palpate.imaging.volume import Volume
-
-# A file that lies in the case folder itself: no folder before it.
-_FileName = Annotated[
-    str, Meta(pattern=r"^(?!\.{1,2}$)[^/\\\x00-\x1f]+$(?!\n)", description="the name of a file in the case folder")
-]
-
-
-class FurtherState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """name : for people. labels, landmarks : files of the case; landmarks None where there are none.
-
-    source_sha256 : of the files that it was made from, where `add_state` did.
-    """
-
-    labels: _FileName
-    name: str = ""
-    source_sha256: tuple[str, ...] = ()
-    landmarks: _FileName | None = None
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        """Of the case, that this state consists of."""
-        return (self.labels,) if self.landmarks is None else (self.labels, self.landmarks)
-
-
-def further_states(case: CaseFolder) -> tuple[FurtherState, ...]:
-    """Those of case.json that have labels; none for a case of one pair. Raises InputError naming what is wrong with an entry."""
-    return tuple(_checked(case, state) for state in _stated(case))
-
-
-def _entries(case: CaseFolder) -> list[object]:
-    found = case.facts.other.get("states") or []
-    if not isinstance(found, list):
-        raise InputError(f"{case.file('case.json')}: states is no list; write states as docs/case.md shows")
-    return found
-
-
-def _stated(case: CaseFolder) -> list[FurtherState]:
-    """As case.json says; a state of a body on a bench has no labels and is left out."""
-    source = str(case.file("case.json"))
-    return [
-        typed(entry, FurtherState, f"{source}: states[{k}]", "; write states as docs/case.md shows")
-        for k, entry in enumerate(_entries(case))
-        if isinstance(entry, Mapping) and "labels" in entry
-    ]
-
-
-def _checked(case: CaseFolder, state: FurtherState) -> FurtherState:
-    """The state, named. Raises InputError where a file is not there."""
-    for name in state.files:
-        if not case.file(name).is_file():
-            raise InputError(f"{case.file(name)} is not there, but case.json names it as a deformed state")
-    return state if state.name else msgspec.structs.replace(state, name=state.labels)
 
 
 def state_labels(case: CaseFolder, state: FurtherState) -> Volume:
@@ -132,10 +77,10 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
     """
     drawn = new.labels or new.scan
     read = [*(files_of(drawn) if drawn.is_file() else ()), *([] if new.landmarks is None else [new.landmarks])]
-    source, known = tuple(file_sha256(path) for path in read if path.is_file()), _stated(case)
+    source, known = tuple(file_sha256(path) for path in read if path.is_file()), stated_states(case)
     for state in known:
         if state.source_sha256 == source:
-            return _checked(case, state)
+            return checked_state(case, state)
     volume, matrix = _aligned(case, new)
     if case.has_labels("deformed") and np.array_equal(in_lps_order(volume).array, case.labels("deformed").array):
         raise InputError(
@@ -149,7 +94,7 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
     if points is not None and marks is not None:
         case.write_text(marks, landmarks_csv(points, matrix))
     state = FurtherState(labels, f"deformed {number}", source, marks)
-    entries = [*_entries(case), plain(state)]
+    entries = [*state_entries(case), plain(state)]
     case.save_facts(replace(case.facts, other={**case.facts.other, "states": entries}))
     return state
 

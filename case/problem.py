@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.deformed_states import further_states, state_labels, state_landmarks
-from palpate.case.measured_noise import FILE as NOISE_FILE
+from palpate.case.deformed_states import state_labels, state_landmarks
 from palpate.case.measured_noise import measured_noise
 from palpate.case.meshed import ORGAN_NAME, elsewhere_of, load_meshed, load_surfaces
+from palpate.case.stated_files import further_states
 from palpate.core.errors import InputError
 from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
 from palpate.imaging.labels import LABELS
@@ -60,12 +60,6 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
         landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
         out.append(replace(first, walls=walls, organ=organ, landmarks=landmarks))
     return out
-
-
-def further_files(case: CaseFolder) -> list[str]:
-    """What only some cases have: further deformed states, and how well contours repeat."""
-    noise = [NOISE_FILE] if case.has(NOISE_FILE) else []
-    return [*(name for state in further_states(case) for name in state.files), *noise]
 
 
 def facts_of(case: CaseFolder) -> Facts:

@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from palpate.core.errors import InputError
+from palpate.core.worker.executors import cores
 from palpate.core.worker.progress import Progress, silent
-from palpate.ui.cli.arguments import cores
 
 MIN_PYTHON = (3, 11)
 MIN_MEMORY_GIB = 4.0

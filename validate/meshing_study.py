@@ -15,7 +15,8 @@ import numpy as np
 from scipy import ndimage
 
 from palpate.case.drawn_labels import drawn_of_volume
-from palpate.case.steps.segment import SegmentOptions, labels_of
+from palpate.case.steps.segment import labels_of
+from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from palpate.case.bench_body import body_inputs, body_problem, is_body
+from palpate.case.bench_body import body_problem
 from palpate.case.case_folder import CaseFolder, file_sha256
-from palpate.case.deformed_states import further_states, state_elsewhere, state_labels
+from palpate.case.deformed_states import state_elsewhere, state_labels
 from palpate.case.meshed import elsewhere_of, load_surfaces
-from palpate.case.problem import further_files, problem_of, state_problems
+from palpate.case.problem import problem_of, state_problems
+from palpate.case.stated_files import further_states, is_body
 from palpate.case.steps import mesh
+from palpate.case.steps.declarations import DIAGNOSE
 from palpate.core.diagnose.case_data import CaseData, arrays
 from palpate.core.errors import ConvergenceError
 from palpate.core.problem import SurfacePair
 from palpate.core.residual.remeshing import Remeshed
 from palpate.core.surfaces.surface import Surface
+from palpate.core.worker.inline import DoJob
 from palpate.core.worker.job import Job
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, part, silent
@@ -25,7 +27,6 @@ from palpate.imaging.labels import BONE
 from palpate.meshing.label_surfaces import wall_surface
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 
-INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 DIAGNOSIS = "diagnosis.json"
 _FOLDER = "diagnose"
 _KIND, _BODY_KIND = "palpate.core.diagnose.job:run", "palpate.core.diagnose.bench_bodies.diagnose:run"
@@ -33,22 +34,21 @@ _KIND, _BODY_KIND = "palpate.core.diagnose.job:run", "palpate.core.diagnose.benc
 
 @dataclass(frozen=True)
 class DiagnoseOptions:
-    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : how many to average over.
-
-    cancel : set it to stop.
-    """
+    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : how many to average over."""
 
     effects: Path | None = None
     seed: int = 1
     meshes: int = 1
-    cancel: threading.Event | None = None
 
 
-def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def run(
+    case: CaseFolder, options: DiagnoseOptions | None = None, progress: Progress = silent, do_job: DoJob = run_job
+) -> dict[str, Any]:
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
     The plain model is fitted here, with the noise model of the diagnosis: result.json is neither needed nor changed. A case that
     has labels but no mesh yet is meshed first; a body on a bench (`bench_body`) has its own way. Nothing is done when nothing has changed.
+    do_job : who is a worker process already gives `run_inline`.
     Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
     """
     options = options or DiagnoseOptions()
@@ -57,8 +57,8 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
         mesh.run(case, progress=part(progress, 0.0, 0.2))
     own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
     chosen = {"seed": options.seed, "effects": own, "meshes": options.meshes}
-    inputs = case.inputs_sha256(body_inputs(case) if body else (*INPUTS, *further_files(case)), chosen)
-    if case.step_is_done("diagnose", inputs):
+    made_from = DIAGNOSE.made_from(case, chosen)
+    if DIAGNOSE.is_done(case, made_from):
         done: dict[str, Any] = case.read_json(DIAGNOSIS)
         return done
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
@@ -67,16 +67,14 @@ def run(case: CaseFolder, options: DiagnoseOptions | None = None, progress: Prog
     else:
         given = arrays(replace(data_of(case), remeshed=remeshed(case, options.meshes - 1, part(progress, 0.2, 0.4))))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
-    found = run_job(
-        _job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)), options.cancel
-    )
+    found = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
     if not body:
         found["flags"] += laid_on_bones(case)
     found["where"]["map"] = f"{_FOLDER}/{found['where']['map']}"
     if case.facts.other.get("simulated"):
         found["simulated"] = True
     case.write_json(DIAGNOSIS, found)
-    case.mark_done("diagnose", inputs, (DIAGNOSIS, found["where"]["map"]))
+    DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, found["where"]["map"]))
     return found
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 
@@ -13,17 +11,18 @@ from msgspec import UNSET
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
-from palpate.case.problem import further_files, noise_source, problem_of, state_problems
+from palpate.case.problem import noise_source, problem_of, state_problems
 from palpate.case.steps import mesh
+from palpate.case.steps.declarations import IDENTIFY
 from palpate.core.files.json_types import typed
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.result_record import IdentificationRecord, ResultRecord
+from palpate.core.worker.inline import DoJob
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, silent
 
-INPUTS = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
 _PACKAGES = (
     "palpate",
     "numpy",
@@ -38,37 +37,28 @@ _PACKAGES = (
 )
 
 
-@dataclass(frozen=True)
-class IdentifyStepOptions:
-    """identify : what the worker does. on_message : sees every message of the worker. cancel : set it to stop."""
-
-    identify: IdentifyOptions = field(default_factory=IdentifyOptions)
-    on_message: Callable[[Message], None] | None = None
-    cancel: threading.Event | None = None
-
-
-def run(case: CaseFolder, options: IdentifyStepOptions | None = None, progress: Progress = silent) -> ResultRecord:
+def run(
+    case: CaseFolder, options: IdentifyOptions | None = None, progress: Progress = silent, do_job: DoJob = run_job
+) -> ResultRecord:
     """Write result.json and identify/ of a case; return what result.json says.
 
     Nothing is done when inputs and options are those of the last run; a run that was killed goes on from its checkpoint.
-    A case that has labels but no mesh yet is meshed first.
+    A case that has labels but no mesh yet is meshed first. do_job : who is a worker process already gives `run_inline`.
     Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
     """
-    options = options or IdentifyStepOptions()
+    options = options or IdentifyOptions()
     if not case.has("mesh.json"):
         mesh.run(case, progress=lambda f, m: progress(0.1 * f, m))
-    chosen = {k: v for k, v in asdict(options.identify).items() if k != "workers"}
-    inputs = case.inputs_sha256((*INPUTS, *further_files(case)), chosen)
-    if case.step_is_done("identify", inputs):
+    chosen = {k: v for k, v in asdict(options).items() if k != "workers"}
+    made_from = IDENTIFY.made_from(case, chosen)
+    if IDENTIFY.is_done(case, made_from):
         return read_result(case)
     folder = case.file("identify")
     paths = _write_problems(case, folder)
-    told = run_job(
-        _job(case, options.identify, paths), lambda m: _tell(m, progress, options.on_message), options.cancel
-    )
+    told = do_job(_job(case, options, paths), lambda m: _tell(m, progress))
     result = _of_case(case, typed(told, IdentificationRecord, "the worker's answer", ""))
     case.write_json("result.json", result)
-    case.mark_done("identify", inputs, ("result.json", "identify/fields.npz"))
+    IDENTIFY.mark_done(case, made_from)
     progress(1.0, "stiffness found")
     return result
 
@@ -130,13 +120,11 @@ def overall(fraction: float) -> float:
     return 0.1 + 0.88 * float(fraction)
 
 
-def _tell(message: Message, progress: Progress, on_message: Callable[[Message], None] | None) -> None:
+def _tell(message: Message, progress: Progress) -> None:
     if message.get("type") == "progress":
         progress(overall(message["fraction"]), str(message["message"]))
-    if on_message is not None:
-        on_message(message)
 
 
 def _input_hashes(case: CaseFolder) -> dict[str, str]:
-    names = ("rest.nii.gz", "deformed.nii.gz", *INPUTS, *further_files(case))
+    names = ("rest.nii.gz", "deformed.nii.gz", *IDENTIFY.inputs(case))
     return {name: case.inputs_sha256([name]) for name in names if case.has(name)}

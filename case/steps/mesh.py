@@ -12,6 +12,7 @@ from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.imported import holds_rest_alone
 from palpate.case.meshed import ORGAN_NAME, load_meshed
 from palpate.case.rigid_offset import elsewhere_in
+from palpate.case.steps.declarations import MESH
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
@@ -20,8 +21,6 @@ from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.mesh_file import Recipe, mesh_arrays, recipe_hash
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.meshing.partition import HOLE_NAMES
-
-OUTPUTS = ("mesh.npz", "surfaces.npz", "mesh.json", "mesh.vtu")
 
 
 def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
@@ -34,8 +33,8 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     Raises InputError when labels are missing or cannot be meshed, ConvergenceError when the mesher fails.
     """
     options = options or MeshOptions()
-    inputs = case.inputs_sha256(["rest.nii.gz", "deformed.nii.gz", "labels.txt"], asdict(options))
-    if case.step_is_done("mesh", inputs):
+    made_from = MESH.made_from(case, asdict(options))
+    if MESH.is_done(case, made_from):
         report: dict[str, Any] = case.read_json("mesh.json")
         return report
     for state in ("rest", "deformed"):
@@ -59,14 +58,14 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     with case.atomic_path("mesh.vtu") as path:
         _view(meshed.mesh).save(path)
     report = meshed.quality | {
-        "inputs_sha256": inputs,
+        "inputs_sha256": made_from.sha256,
         "mesh_sha256": file_sha256(case.file("mesh.npz")),
         "options": asdict(options),
         "laid_elsewhere": None if elsewhere is None else elsewhere.to_dict(),
         "surface_faces": {key[: -len("_faces")]: len(a) for key, a in arrays.items() if key.endswith("_faces")},
     }
     case.write_json("mesh.json", report)
-    case.mark_done("mesh", inputs, OUTPUTS)
+    MESH.mark_done(case, made_from)
     progress(1.0, f"{len(meshed.mesh.cells)} cells")
     return report
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import identified_regions
 from palpate.case.problem import facts_of
+from palpate.case.steps.declarations import PLAN
 from palpate.case.steps.plan_loads import LOADS, NOTES
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
@@ -60,6 +61,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
     ConvergenceError when not even the smallest amount has an equilibrium.
     """
     options = options or PlanOptions()
+    made_from = PLAN.made_from(case, asdict(options))
     unit, amounts = _asked(options)
     if not case.has_labels("rest"):
         raise InputError(f"{case.file('rest.nii.gz')} is not there; segment the scan at rest first")
@@ -87,6 +89,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
     }  # fmt: skip
     plan = about | _told(options, rows, list(names.values()))
     case.write_json("plan.json", plan)
+    PLAN.mark_done(case, made_from)
     progress(1.0, "planned")
     return plan
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,8 @@ import numpy as np
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.drawn_labels import drawn_labels
 from palpate.case.imported import holds_rest_alone
+from palpate.case.steps.declarations import SEGMENT
+from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -25,40 +26,10 @@ from palpate.segmentation.prompts import Prompts, check_inside
 from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
 from palpate.segmentation.tissue import cropped, label_array, region_of_interest
 
-STEP = "segment"
-OUTPUTS = (
-    *("rest.nii.gz", "deformed.nii.gz", "labels.txt", "segmentation.json"),
-    *("rest_bones.nii.gz", "deformed_bones.nii.gz", "bones.txt"),
-)
-INPUTS = ("rest_ct", "deformed_ct", "alignment.json", "rest_user.nii.gz", "deformed_user.nii.gz", "user_labels.json")
 # The deformed labels reach this far beyond the region that is modelled at rest, so that every surface is whole there.
 DEFORMED_ROOM_MM = 10.0
 # How far, mm, an organ may lie from where it was at rest when only the scan at rest has been clicked on.
 CARRIED_SD_MM = 8.0
-
-
-@dataclass(frozen=True)
-class SegmentOptions:
-    """How to segment.
-
-    prompts : what a person pointed at in the scan at rest, LPS mm. prompts_deformed : in the deformed scan's own
-    coordinates. margin_mm : tissue that is modelled around the prostate, along x, y, z. model : a learned model that is
-    installed, for what nobody drew or pointed at.
-    """
-
-    prompts: Prompts = field(default_factory=Prompts)
-    prompts_deformed: Prompts = field(default_factory=Prompts)
-    margin_mm: tuple[float, float, float] = (36.0, 52.0, 62.0)
-    model: str | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-able form, for the hash of the step's inputs."""
-        return {
-            "prompts": self.prompts.to_dict(),
-            "prompts_deformed": self.prompts_deformed.to_dict(),
-            "margin_mm": list(self.margin_mm),
-            "model": self.model,
-        }
 
 
 def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
@@ -72,8 +43,8 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
     Raises InputError when there is nothing to segment, the scans show no pelvis, or no prostate is found.
     """
     options = options or SegmentOptions()
-    inputs = case.inputs_sha256(INPUTS, options.to_dict())
-    if case.step_is_done(STEP, inputs):
+    made_from = SEGMENT.made_from(case, options.to_dict())
+    if SEGMENT.is_done(case, made_from):
         report: dict[str, Any] = case.read_json("segmentation.json")
         return report
     alone = holds_rest_alone(case)
@@ -83,7 +54,7 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
         return _labels_alone(case, progress, states)
     found = _found(case, options, progress, alone)
     report = _write(case, found, options)
-    case.mark_done(STEP, inputs, [name for name in OUTPUTS if not (alone and name.startswith("deformed"))])
+    SEGMENT.mark_done(case, made_from, [n for n in SEGMENT.writes if not (alone and n.startswith("deformed"))])
     progress(1.0, "labels written")
     return report
 

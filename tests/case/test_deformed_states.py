@@ -14,8 +14,9 @@ import synthetic_case
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
-from palpate.case.deformed_states import NewState, add_state, further_states
+from palpate.case.deformed_states import NewState, add_state
 from palpate.case.problem import problem_of, state_problems
+from palpate.case.stated_files import further_states
 from palpate.case.steps import identify
 from palpate.case.steps.mesh import surface_arrays
 from palpate.core.errors import InputError
@@ -32,9 +33,7 @@ from palpate.ui.cli.arguments import Parser, UsageError
 from palpate.ui.cli.commands import further_states as options
 
 TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
-QUICK = identify.IdentifyStepOptions(
-    IdentifyOptions(method="gauss-newton", element="p1p1", starts=1, stiffness_map=False)
-)
+QUICK = IdentifyOptions(method="gauss-newton", element="p1p1", starts=1, stiffness_map=False)
 
 
 def voxels(organ: Surface, depth: float) -> Volume:

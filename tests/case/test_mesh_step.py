@@ -13,6 +13,7 @@ from voxel_shapes import ball, grid, paint, tube
 from palpate.case import meshed as meshed_case
 from palpate.case.case_folder import CaseFacts, CaseFolder, file_sha256
 from palpate.case.steps import mesh as mesh_step
+from palpate.case.steps.declarations import MESH
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
@@ -62,7 +63,7 @@ def test_files_and_figures(case: CaseFolder, calls: list[MeshOptions]) -> None:
     report = mesh_step.run(case, progress=lambda fraction, message: told.append((fraction, message)))
     assert [fraction for fraction, _ in told] == sorted(fraction for fraction, _ in told)
     assert told[-1] == (1.0, "1 cells")
-    assert all(case.has(name) for name in mesh_step.OUTPUTS)
+    assert all(case.has(name) for name in MESH.writes)
     assert report == case.read_json("mesh.json")
     assert report["mesh_sha256"] == file_sha256(case.file("mesh.npz"))
     view = pv.read(case.file("mesh.vtu"))

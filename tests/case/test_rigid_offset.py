@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 from voxel_shapes import Shape, ball, grid, paint, tube
 
 from palpate.case.case_folder import CaseFacts, CaseFolder
-from palpate.case.deformed_states import further_states, state_labels, state_landmarks
+from palpate.case.deformed_states import state_labels, state_landmarks
 from palpate.case.problem import problem_of
 from palpate.case.rigid_offset import laid_elsewhere
+from palpate.case.stated_files import further_states
 from palpate.case.steps import diagnose
 from palpate.case.steps import mesh as mesh_step
 from palpate.core.arrays import FloatArray

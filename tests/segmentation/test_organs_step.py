@@ -12,7 +12,8 @@ from organ_scans import found, scan, truth, truth_of
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import segment
-from palpate.case.steps.segment import SegmentOptions, run_segment
+from palpate.case.steps.segment import run_segment
+from palpate.case.steps.segment_options import SegmentOptions
 from palpate.core.errors import InputError
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume

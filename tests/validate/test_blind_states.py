@@ -13,9 +13,10 @@ import synthetic_case
 from synthetic_case import HALF, RADIUS
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.deformed_states import further_states, state_labels, state_landmarks
+from palpate.case.deformed_states import state_labels, state_landmarks
 from palpate.case.landmarks import read_landmarks
 from palpate.case.problem import state_problems
+from palpate.case.stated_files import further_states
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.surfaces.surface import Surface

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 from silicone_beam import make_case
 
-from palpate.case.bench_body import body_problem, is_body
+from palpate.case.bench_body import body_problem
 from palpate.case.case_folder import CaseFolder
+from palpate.case.stated_files import is_body
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.effects import library
 

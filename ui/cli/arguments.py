@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn, TypeVar
+
+from palpate.core.worker.executors import cores
 
 N = TypeVar("N", int, float)
 
@@ -116,11 +117,6 @@ def no_points(args: argparse.Namespace) -> None:
 def workers(args: argparse.Namespace) -> int:
     """Processes to use."""
     return int(args.workers or cores())
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
 def add_case(parser: argparse.ArgumentParser) -> None:

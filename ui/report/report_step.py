@@ -13,18 +13,13 @@ from palpate.case.meshed import elsewhere_of
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
-from palpate.ui.report.drawn_by import drawn_by
+from palpate.ui.report.declaration import REPORT
 from palpate.ui.report.figures import draw
 from palpate.ui.report.html_page import html
 from palpate.ui.report.pdf import write_pdf
 from palpate.ui.report.record import read_record
 from palpate.ui.report.sections import document
 
-STEP = "report"
-INPUTS = (
-    "case.json", "rest.nii.gz", "deformed.nii.gz", "rest_ct", "alignment.json", "segmentation.json", "mesh.json",
-    "import.json", "result.json", "surfaces.npz", "identify/fields.npz", "identify/stiffness_map.npz", "diagnosis.json",
-)  # fmt: skip
 FOLDER = "report"
 
 
@@ -43,8 +38,8 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
     """
     options = options or ReportOptions()
     version = __version__
-    inputs = case.inputs_sha256(INPUTS, [asdict(options), drawn_by()])
-    if case.step_is_done(STEP, inputs) and not _written(case)["missing"]:
+    made_from = REPORT.made_from(case, asdict(options))
+    if REPORT.is_done(case, made_from) and not _written(case)["missing"]:
         progress(1.0, "the report is up to date")
         return _written(case)
     if not case.has_labels("rest"):
@@ -60,7 +55,7 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
         if options.pdf:
             write_pdf(pages, Path(folder, "report.pdf"))
     case.write_json(f"{FOLDER}/missing.json", drawn.missing)
-    case.mark_done(STEP, inputs, [f"{FOLDER}/report.html", *([f"{FOLDER}/report.pdf"] if options.pdf else [])])
+    REPORT.mark_done(case, made_from, [f"{FOLDER}/report.html", *([f"{FOLDER}/report.pdf"] if options.pdf else [])])
     progress(1.0, "report written")
     return _written(case)
 

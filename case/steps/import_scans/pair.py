@@ -13,6 +13,7 @@ from palpate.case.aligned_labels import in_own_frame
 from palpate.case.case_facts import Vector
 from palpate.case.case_folder import STATES, CaseFolder, check_new_case
 from palpate.case.landmarks import read_landmarks
+from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.options import (
     ImportOptions,
     check_kinds,
@@ -36,8 +37,6 @@ from palpate.imaging.dicom.series import read_series
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import Alignment, align_ct, align_labels
 from palpate.imaging.volume import Volume
-
-STEP = "import"
 
 
 @dataclass(frozen=True)
@@ -163,7 +162,7 @@ def _finish(
         "notes": notes + list(alignment.notes if alignment else ()),
     }
     case.write_json("import.json", summary)
-    case.mark_done(STEP, job.inputs, [*outputs, "import.json"])
+    case.mark_done(IMPORT.name, job.inputs, [*outputs, "import.json"])
     job.progress(1.0, "imported")
     return summary
 
@@ -183,7 +182,7 @@ def _earlier(job: _Job) -> dict[str, Any] | None:
         return None
     if known != job.sources:
         raise InputError(f"{job.folder} is the case of other scans; choose a new folder for the case with -o")
-    if case.step_is_done(STEP, job.inputs):
+    if case.step_is_done(IMPORT.name, job.inputs):
         return summary
     # Else contours that a result stands on would be gone because an option was forgotten.
     forgotten = [

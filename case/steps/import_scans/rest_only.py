@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder, check_new_case, file_sha256
+from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.options import ImportOptions, content_of, described_by, scan_sha256
-from palpate.case.steps.import_scans.pair import STEP
 from palpate.case.steps.import_scans.write import gravity_of, open_or_create, write_scan, write_user_labels
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
@@ -41,7 +41,7 @@ def import_alone(
     case, notes, outputs = (_from_ct if rest.is_dir() else _from_labels)(rest, folder, options)
     summary = {"case": str(case.path), "sources_sha256": sources, "residual_mm": None, "notes": notes}
     case.write_json("import.json", summary)
-    case.mark_done(STEP, inputs, [*outputs, "import.json"])
+    case.mark_done(IMPORT.name, inputs, [*outputs, "import.json"])
     progress(1.0, "imported")
     return summary
 
@@ -80,4 +80,4 @@ def _earlier(folder: Path, sources: dict[str, str], inputs: str) -> dict[str, An
     summary: dict[str, Any] = case.read_json("import.json") if case.has("import.json") else {}
     if summary.get("sources_sha256") != sources:
         raise InputError(f"{folder} is the case of other scans; choose a new folder for the case with -o")
-    return summary if case.step_is_done(STEP, inputs) else None
+    return summary if case.step_is_done(IMPORT.name, inputs) else None

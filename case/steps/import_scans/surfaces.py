@@ -16,6 +16,7 @@ from palpate.case.case_folder import STATES, CaseFolder, check_new_case, file_sh
 from palpate.case.landmarks import Landmarks, read_landmarks
 from palpate.case.problem import problem_of
 from palpate.case.steps import mesh
+from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -31,7 +32,6 @@ from palpate.imaging.surfaces.surface_files import ReadSurface, read_closed_surf
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshOptions
 
-STEP = "import"
 SUMMARY = "surfaces.json"
 # Voxels across an organ, and between what edges, mm.
 _ACROSS, _FINEST_MM, _COARSEST_MM = 55, 0.5, 2.0
@@ -92,7 +92,7 @@ def run_surface_import(
     summary = _summary(case, found, matrix) | {"landmarks_as_given_rms_mm": _as_given(points)}
     case.write_json(SUMMARY, summary)
     case.write_json("import.json", {"case": str(case.path), "sources_sha256": inputs, "notes": summary["notes"]})
-    case.mark_done(STEP, _hash(inputs), [*outputs, SUMMARY, "import.json"])
+    case.mark_done(IMPORT.name, _hash(inputs), [*outputs, SUMMARY, "import.json"])
     progress(1.0, "imported")
     return summary
 
@@ -178,7 +178,7 @@ def _earlier(path: Path, inputs: dict[str, str]) -> dict[str, Any] | None:
     if not (path / "case.json").exists():
         return None
     case = CaseFolder(path)
-    if case.step_is_done(STEP, _hash(inputs)):
+    if case.step_is_done(IMPORT.name, _hash(inputs)):
         summary: dict[str, Any] = case.read_json(SUMMARY)
         return summary
     ours = case.has("import.json") and case.read_json("import.json").get("sources_sha256") == inputs

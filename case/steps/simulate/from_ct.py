@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from palpate.case.drawn_labels import drawn_of
-from palpate.case.steps.segment import SegmentOptions, labels_of
+from palpate.case.steps.segment import labels_of
+from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.contours.user_labels import read_user_labels

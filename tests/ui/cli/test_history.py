@@ -7,19 +7,20 @@ from pathlib import Path
 import pytest
 from phantoms import write_case
 
+from palpate.case import history
 from palpate.core.errors import ConvergenceError
 from palpate.ui.cli import main as cli
-from palpate.ui.cli.steps import HISTORY, record, recorded
+from palpate.ui.cli.steps import record, recorded
 
 
 def test_history_holds_options_and_no_paths(tmp_path: Path) -> None:
     case = write_case(tmp_path / "case")
     line = ["import", "/scans/Doe^Jane/rest", "/scans/Doe^Jane/full", "-o", str(case.path), "--seed", "4", "--no-align"]
     record(case, cli.parser().parse_args([*line, "--rest-labels", "/scans/Doe^Jane/rs.dcm"]), 12.34)
-    (entry,) = case.read_json(HISTORY)["commands"]
+    (entry,) = case.read_json(history.FILE)["commands"]
     assert entry["command"] == "import" and entry["seconds"] == 12.3
     assert "--no-align" in entry["options"] and "--seed 4" in entry["options"]
-    assert "Doe" not in case.file(HISTORY).read_text()
+    assert "Doe" not in case.file(history.FILE).read_text()
 
 
 def test_history_keeps_the_last_hundred_and_only_what_ended_well(tmp_path: Path) -> None:
@@ -29,5 +30,5 @@ def test_history_keeps_the_last_hundred_and_only_what_ended_well(tmp_path: Path)
         record(case, args, float(seconds))
     with pytest.raises(ConvergenceError, match="no"), recorded(case, args):
         raise ConvergenceError("no")
-    kept = case.read_json(HISTORY)["commands"]
+    kept = case.read_json(history.FILE)["commands"]
     assert len(kept) == 100 and kept[-1]["seconds"] == 102.0

@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 from phantoms import result, write_case
 
+from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
 from palpate.ui.desktop.scripting.commands_script import Driver, parse
 from palpate.ui.desktop.scripting.script_runner import names_of
-from palpate.ui.desktop.session import commands, steps
+from palpate.ui.desktop.session import steps
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.dropped_files import Pair, case_beside
 from palpate.ui.desktop.session.jobs import JobControl
 from palpate.ui.desktop.session.open_case import GapMap, OpenCase
 from palpate.ui.desktop.session.recent import recent_cases, remember
+from palpate.ui.desktop.session.step_requests import StepRequest, import_request, step_request
 from palpate.ui.desktop.touch import script
 
 EVERYTHING = frozenset(step.command for step in steps.STEPS)
@@ -77,10 +79,12 @@ def test_seeds_of_the_deformed_scan_are_told_in_its_own_coordinates() -> None:
     own = np.array([10.0, 20.0, 30.0])
     at_rest = turn[:3, :3] @ own + turn[:3, 3]
     seeds = {"rest": {"prostate": [-1.0, 2.0, 3.0]}, "deformed": {"rectum": at_rest.tolist()}}
-    made = commands.step_command("segment", Path("/c"), seeds, turn)
-    assert made == ["segment", "/c", "--seed", "prostate=-1.000,2.000,3.000", "--deformed-seed",
-                    "rectum=10.000,20.000,30.000"]  # fmt: skip
-    assert commands.step_command("mesh", Path("/c"), seeds, turn) == ["mesh", "/c"]
+    made = step_request("segment", Path("/c"), seeds, turn)
+    assert made.typed == "CASE --seed prostate=-1.000,2.000,3.000 --deformed-seed rectum=10.000,20.000,30.000"
+    assert made.options.prompts_deformed.to_dict()["seeds"] == {"rectum": [10.0, 20.0, 30.0]}
+    assert step_request("mesh", Path("/c"), seeds, turn).to_dict() == {
+        "step": "mesh", "case": "/c", "options": None, "typed": "CASE", "scans": None,
+    }  # fmt: skip
 
 
 def test_dropped_folders_find_their_places(tmp_path: Path) -> None:
@@ -166,8 +170,9 @@ def _gap_of(folder: Path) -> GapMap | None:
 
 def test_contours_go_to_the_import(tmp_path: Path) -> None:
     a, b, case = tmp_path / "a", tmp_path / "b", tmp_path / "case"
-    command = commands.import_command(a, b, case, (None, tmp_path / "rs.dcm"))
-    assert command[-2:] == ["--deformed-labels", str(tmp_path / "rs.dcm")] and "--rest-labels" not in command
+    request = StepRequest.from_dict(import_request(a, b, case, (None, tmp_path / "rs.dcm")).to_dict())
+    assert request.options == ImportOptions(labels=(None, tmp_path / "rs.dcm")) and request.scans == (a, b)
+    assert request.typed == "REST DEFORMED -o CASE --deformed-labels FILE"
 
 
 def test_the_pages_tell_every_command_and_every_field_of_the_display() -> None:

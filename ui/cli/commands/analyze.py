@@ -31,7 +31,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     from palpate.case.steps import identify as identify_step
     from palpate.case.steps import mesh as mesh_step
     from palpate.case.steps.import_scans.pair import run_import
-    from palpate.case.steps.segment import SegmentOptions, run_segment
+    from palpate.case.steps.segment import run_segment
+    from palpate.case.steps.segment_options import SegmentOptions
     from palpate.ui.report import report_step
 
     began = time.monotonic()
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     with console.progress(mesh.NAME) as progress:
         meshed = mesh_step.run(case, mesh.options_of(args), progress)
     with console.progress(identify.NAME) as progress:
-        found = identify_step.run(case, identify_step.IdentifyStepOptions(search), progress)
+        found = identify_step.run(case, search, progress)
     record(case, args, time.monotonic() - began)
     with console.progress(report.NAME) as progress:
         written = report_step.run(case, None, progress)

@@ -88,7 +88,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     if args.repeat:
         measure_contour_noise.run(case, dict(args.repeat))
     with recorded(case, args), console.progress(NAME) as progress:
-        result = identify.run(case, identify.IdentifyStepOptions(options_of(args)), progress)
+        result = identify.run(case, options_of(args), progress)
     return plain(result), "\n".join(text_of(case, result))
 
 

@@ -57,7 +57,8 @@ def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
     """Segments; see `run_segment`."""
-    from palpate.case.steps.segment import SegmentOptions, run_segment  # here: it takes a second to load
+    from palpate.case.steps.segment import run_segment  # here: it takes a second to load
+    from palpate.case.steps.segment_options import SegmentOptions
 
     options = SegmentOptions(*prompts_of(args), model=args.model)
     case = CaseFolder(args.case)

@@ -13,7 +13,6 @@ from typing import Any
 
 from palpate.case.case_folder import STATES
 from palpate.imaging.volume import Volume
-from palpate.ui.cli.main import COMMANDS
 from palpate.ui.desktop.session import steps
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.editing import Editing
@@ -39,7 +38,7 @@ class Controller:
         self.jobs = JobControl()
         self._opening, self._running = Opening(self), Running(self)
         self.editing, self.freshness = Editing(self), Freshness()
-        self.available = frozenset(COMMANDS)
+        self.available = frozenset(steps.BY_COMMAND)
         self.said = ""
         self.listeners: list[Callable[[str], None]] = []
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.core.errors import InputError
-from palpate.ui.desktop.session import commands, steps
+from palpate.ui.desktop.session import read_scans, step_job, steps
 from palpate.ui.desktop.session.crosshair import first_place
 from palpate.ui.desktop.session.jobs import JobControl
 from palpate.ui.desktop.session.read_scans import Scan, mapped_labels, mapped_scan
+from palpate.ui.desktop.session.step_requests import import_request
 
 if TYPE_CHECKING:
     from palpate.ui.desktop.session.controller import Controller
@@ -72,7 +73,7 @@ class Opening:
         self._number += 1
         case = self._controller.case
         folder = None if case is None else case.folder.path
-        job = commands.scans_job(sources, folder, self._scratch / f"read{self._number}")
+        job = read_scans.scans_job(sources, folder, self._scratch / f"read{self._number}")
         self.reader.start(job, "Reading the scans" if sources else "Reading the labels")
         self._controller.notify("job")
 
@@ -91,8 +92,8 @@ class Opening:
         self._controller.notify("job")
 
     def _import(self, pair: ScanPair) -> None:
-        asked = commands.import_command(pair.rest, pair.deformed, pair.case, pair.labels)
-        job = commands.steps_job([asked], self._scratch / "import")
+        request = import_request(pair.rest, pair.deformed, pair.case, pair.labels)
+        job = step_job.steps_job([request], self._scratch / "import")
         self._controller.jobs.start(job, steps.BY_COMMAND["import"].title)
         self._controller.notify("job")
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.core.worker.executors import make_executor
+from palpate.core.worker.executors import cores, make_executor
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 from palpate.imaging.dicom.series import read_series
@@ -28,6 +28,12 @@ class Scan:
 
     volume: Volume
     file: Path
+
+
+def scans_job(sources: Mapping[str, Path], case: Path | None, folder: Path) -> Job:
+    """The job that reads scans, and the labels of a case; folder : where their voxels go."""
+    options = {"sources": {s: str(p) for s, p in sources.items()}, "case": None if case is None else str(case)}
+    return Job(KIND, str(folder), options=options, workers=cores())
 
 
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.ui.desktop.session import commands, steps
+from palpate.ui.desktop.session import step_job, steps
+from palpate.ui.desktop.session.step_requests import step_request
 
 if TYPE_CHECKING:
     from palpate.ui.desktop.session.controller import Controller
@@ -30,8 +31,8 @@ class Running:
             case.keep_corrected()
         self.names = names
         controller.say("")
-        asked = [commands.step_command(name, case.folder.path, case.seeds, case.deformed_to_rest) for name in names]
-        job = commands.steps_job(asked, case.folder.file("desktop/job"))
+        requests = [step_request(name, case.folder.path, case.seeds, case.deformed_to_rest) for name in names]
+        job = step_job.steps_job(requests, case.folder.file("desktop/job"))
         controller.jobs.start(job, steps.BY_COMMAND[names[0]].title)
         controller.notify("job")
 

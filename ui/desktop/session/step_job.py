@@ -1,66 +1,74 @@
-"""A job that runs commands of the command line, one after the other, in the worker: the window does what a terminal does."""
+"""A job that runs steps of a case, one after the other, in the window's worker: what a terminal does, without a command line."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
+from palpate.case import history
 from palpate.case.case_folder import CaseFolder
-from palpate.core.files.json_types import plain
+from palpate.core.worker.executors import cores
+from palpate.core.worker.inline import run_inline
 from palpate.core.worker.job import Job
 from palpate.core.worker.lifeline import give_way
 from palpate.core.worker.messages import Message, Reporter
-from palpate.core.worker.progress import Progress
-from palpate.ui.cli.console import Console
-from palpate.ui.cli.main import parser
-from palpate.ui.cli.steps import recorded
+from palpate.ui.desktop.session.step_requests import StepRequest
 
 KIND = "palpate.ui.desktop.session.step_job:run"
+# What a step's own sums tell beside how far they are.
+_DETAILS = ("best", "iteration", "particles")
 
 
-class _Telling(Console):
-    """A console whose progress goes out as messages. Each has `step`, `step_fraction` and the fraction of all steps."""
+class _Teller:
+    """A step's progress as messages. Each has `step`, `step_fraction` and the fraction of all steps."""
 
     def __init__(self, reporter: Reporter, number: int, count: int, step: str) -> None:
-        super().__init__(as_json=False, quiet=True)
         self._reporter, self._number, self._count, self._step = reporter, number, count, step
+        self._details: dict[str, Any] = {}
 
-    @contextmanager
-    def progress(self, title: str) -> Iterator[Progress]:
-        yield self.tell
-
-    def tell(self, fraction: float, message: str, **details: Any) -> None:
+    def __call__(self, fraction: float, message: str) -> None:
         """One progress message."""
         whole = (self._number + min(max(fraction, 0.0), 1.0)) / self._count
-        self._reporter.progress(whole, message, step=self._step, step_fraction=fraction, **details)
+        self._reporter.progress(whole, message, step=self._step, step_fraction=fraction, **self._details)
+
+    def do_job(self, job: Job, on_message: Callable[[Message], None]) -> dict[str, Any]:
+        """Does a step's job in this process; particles and objective go along with the step's own progress."""
+
+        def hear(message: Message) -> None:
+            self._details = {key: message[key] for key in _DETAILS} if "particles" in message else {}
+            on_message(message)
+            self._details = {}
+
+        return run_inline(job, hear)
+
+
+def steps_job(requests: Sequence[StepRequest], folder: Path) -> Job:
+    """The job that runs steps. folder : for its messages and log."""
+    return Job(KIND, str(folder), options={"steps": [request.to_dict() for request in requests]}, workers=cores())
 
 
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:
-    """Options: commands, a list of argument lists such as ["mesh", "CASE"]. Returns what each command returned, by its name."""
+    """Options: steps, a list of `StepRequest.to_dict`. Returns what each step returned, by its name."""
     give_way()
-    commands = [list(command) for command in job.options["commands"]]
+    requests = [StepRequest.from_dict(given) for given in job.options["steps"]]
     results = {}
-    for number, given in enumerate(commands):
-        args = parser(given).parse_args(given)
-        console = _Telling(reporter, number, len(commands), given[0])
-        console.tell(0.0, "starting")
-        results[given[0]] = _identify(args, console) if given[0] == "identify" else args._module.run(args, console)[0]
+    for number, request in enumerate(requests):
+        teller = _Teller(reporter, number, len(requests), request.step.name)
+        teller(0.0, "starting")
+        results[request.step.name] = _import(request, teller) if request.scans else _on_case(request, teller)
     return results
 
 
-def _identify(args: argparse.Namespace, console: _Telling) -> dict[str, Any]:
-    """As the command does, but particles and objective are told too."""
-    from palpate.case.steps import identify  # here, because VTK takes seconds to load
-    from palpate.ui.cli.commands.identify import options_of
+def _import(request: StepRequest, teller: _Teller) -> dict[str, Any]:
+    assert request.scans is not None
+    found = request.step.function()(*request.scans, request.case, request.options, teller)
+    with history.recorded(CaseFolder(request.case), request.step.name, request.typed):
+        return found
 
-    def pass_on(message: Message) -> None:
-        if message.get("type") == "progress" and "particles" in message:
-            details = {key: message[key] for key in ("best", "iteration", "particles")}
-            console.tell(identify.overall(message["fraction"]), str(message["message"]), **details)
 
-    case = CaseFolder(args.case)
-    options = identify.IdentifyStepOptions(options_of(args), on_message=pass_on)
-    with recorded(case, args):
-        return plain(identify.run(case, options, console.tell))
+def _on_case(request: StepRequest, teller: _Teller) -> dict[str, Any]:
+    case = CaseFolder(request.case)
+    more = {"do_job": teller.do_job} if request.step.has_job else {}
+    with history.recorded(case, request.step.name, request.typed):
+        return request.step.function()(case, request.options, teller, **more)

@@ -6,39 +6,45 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from palpate.case.steps.declarations import DIAGNOSE, IDENTIFY, IMPORT, MESH, SEGMENT
+from palpate.case.steps.step import Step
+from palpate.ui.report.declaration import REPORT
+
 DONE, OUT_OF_DATE, READY, BLOCKED, CHECKING = "done", "out of date", "ready", "blocked", "checking"
 
 
 @dataclass(frozen=True)
-class Step:
-    """command : of the command line. title : on the button. makes : the file of the case that is there when it has run. made_from : files
-    by whose times it is seen to be out of date where it does not say what it was made from. optional : a report can be made without it."""
+class StepButton:
+    """declared : the step behind it. title : on the button. optional : a report can be made without it."""
 
-    command: str
+    declared: Step
     title: str
     explanation: str
-    made_from: tuple[str, ...]
-    makes: str
     optional: bool = False
+
+    @property
+    def command(self) -> str:
+        """Of the command line."""
+        return self.declared.name
 
 
 STEPS = (
-    Step("import", "Open", "Choose the scan at rest and the deformed one", (), "case.json"),
-    Step("segment", "Segment", "Find prostate, bladder, rectum and bone in both scans", (), "rest.nii.gz"),
-    Step("mesh", "Mesh", "Make surfaces and the finite element mesh", ("rest.nii.gz", "deformed.nii.gz"), "mesh.json"),
-    Step("identify", "Stiffness", "Find the stiffness that explains the deformation", ("mesh.npz", "surfaces.npz"), "result.json"),
-    Step("diagnose", "Diagnose", "Where the model is still wrong, and why", ("result.json",), "diagnosis.json", True),
-    Step("report", "Report", "Write the report as a page and as a PDF", ("result.json",), "report/report.html"),
-)  # fmt: skip
-_FIRST = ("import", "segment")  # which do not depend on labels, and are not asked whether they are out of date
-BY_COMMAND: Mapping[str, Step] = {step.command: step for step in STEPS}
+    StepButton(IMPORT, "Open", "Choose the scan at rest and the deformed one"),
+    StepButton(SEGMENT, "Segment", "Find prostate, bladder, rectum and bone in both scans"),
+    StepButton(MESH, "Mesh", "Make surfaces and the finite element mesh"),
+    StepButton(IDENTIFY, "Stiffness", "Find the stiffness that explains the deformation"),
+    StepButton(DIAGNOSE, "Diagnose", "Where the model is still wrong, and why", True),
+    StepButton(REPORT, "Report", "Write the report as a page and as a PDF"),
+)
+FIRST = ("import", "segment")  # which do not depend on labels, and are not asked whether they are out of date
+BY_COMMAND: Mapping[str, StepButton] = {step.command: step for step in STEPS}
 
 
 @dataclass(frozen=True)
 class StepState:
     """state : one of DONE, OUT_OF_DATE, READY, BLOCKED, CHECKING. reason : why it cannot be run, or what is out of date."""
 
-    step: Step
+    step: StepButton
     state: str
     reason: str = ""
 
@@ -47,13 +53,11 @@ def step_states(
     case: Path | None, available: frozenset[str], edited: bool = False, judged: Mapping[str, str] | None = None
 ) -> list[StepState]:
     """The state of every step. available : commands that this version of Palpate has. edited : labels have unsaved corrections.
-    judged : command -> why it is out of date by its own inputs, or "" (`freshness.judged`), as far as that is known yet."""
+    judged : command -> why it is out of date by its own inputs, or "" (`out_of_date.judged`), as far as that is known yet."""
     found: list[StepState] = []
     fresh = True  # whether everything before is up to date
     for step in STEPS:
-        state = _state(
-            case, step, found, fresh and not (edited and step.command not in _FIRST), judged or {}, available
-        )
+        state = _state(case, step, found, fresh and not (edited and step.command not in FIRST), judged or {}, available)
         found.append(state)
         if not step.optional:
             fresh = fresh and state.state in (DONE, CHECKING)
@@ -70,7 +74,7 @@ def next_step(states: list[StepState]) -> StepState | None:
 
 def _state(
     case: Path | None,
-    step: Step,
+    step: StepButton,
     before: list[StepState],
     fresh: bool,
     judged: Mapping[str, str],
@@ -84,11 +88,11 @@ def _state(
     needed = [state for state in before if not state.step.optional]
     if needed and needed[-1].state in (READY, BLOCKED):
         return StepState(step, BLOCKED, f"run {needed[-1].step.title} first")
-    if not (case / step.makes).exists():
+    if not (case / step.declared.result).exists():
         return StepState(step, READY)
     if not fresh:
         return StepState(step, OUT_OF_DATE, "an earlier step has been changed since")
-    if step.command in _FIRST:
+    if step.command in FIRST:
         return StepState(step, DONE)
     if step.command not in judged:
         return StepState(step, CHECKING, "being compared with what it was made from")

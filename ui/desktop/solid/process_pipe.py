@@ -16,8 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from palpate.core.worker.executors import ONE_THREAD
-from palpate.ui.cli.arguments import cores
+from palpate.core.worker.executors import ONE_THREAD, cores
 
 
 @dataclass(frozen=True, eq=False)
