@@ -18,5 +18,5 @@ def run_inline(job: Job, on_message: Callable[[Message], None]) -> dict[str, Any
 
     Raises what the job raises.
     """
-    result: dict[str, Any] = json.loads(encode(job.function()(job, Reporter(on_message))))
-    return result
+    result = {"result": job.function()(job, Reporter(on_message))}
+    return dict(json.loads(encode(result))["result"])
