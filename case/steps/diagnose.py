@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from palpate.case.stated_files import further_states, is_body
 from palpate.case.steps import mesh
 from palpate.case.steps.declarations import DIAGNOSE
 from palpate.core.diagnose.case_data import CaseData, arrays
+from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import ConvergenceError
 from palpate.core.problem import SurfacePair
 from palpate.core.residual.remeshing import Remeshed
@@ -34,11 +35,15 @@ _KIND, _BODY_KIND = "palpate.core.diagnose.job:run", "palpate.core.diagnose.benc
 
 @dataclass(frozen=True)
 class DiagnoseOptions:
-    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : how many to average over."""
+    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : how many to average over.
+
+    numbers : that the diagnosis hangs on.
+    """
 
     effects: Path | None = None
     seed: int = 1
     meshes: int = 1
+    numbers: DiagnosisOptions = field(default_factory=DiagnosisOptions)
 
 
 def run(
@@ -56,7 +61,9 @@ def run(
     if not body and not case.has("mesh.json"):
         mesh.run(case, progress=part(progress, 0.0, 0.2))
     own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
-    chosen = {"seed": options.seed, "effects": own, "meshes": options.meshes}
+    chosen: dict[str, Any] = {"seed": options.seed, "effects": own, "meshes": options.meshes}
+    if options.numbers != DiagnosisOptions():
+        chosen["numbers"] = options.numbers.to_json()
     made_from = DIAGNOSE.made_from(case, chosen)
     if DIAGNOSE.is_done(case, made_from):
         done: dict[str, Any] = case.read_json(DIAGNOSIS)
@@ -128,7 +135,7 @@ def _job(case: CaseFolder, options: DiagnoseOptions, kind: str) -> Job:
         kind,
         str(folder),
         {"data": str(folder / "data.npz")},
-        {"case": case.facts.name, "effects": effects},
+        {"case": case.facts.name, "effects": effects, "numbers": options.numbers.to_json()},
         options.seed,
         1,
     )

@@ -12,6 +12,7 @@ from palpate.core.diagnose.detection.gap_test import CLEAR, Named, gap_test
 from palpate.core.diagnose.detection.location import look
 from palpate.core.diagnose.detection.score_test import Screened, screen
 from palpate.core.diagnose.effects import Effect, Surroundings
+from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.element_error_of_effects import with_own_error
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.refit.variants import refit_variants
@@ -26,9 +27,20 @@ from palpate.core.worker.progress import Progress, part, silent
 _HOPELESS = 12.0
 
 
-def diagnose(data: CaseData, effects: Mapping[str, Effect], progress: Progress = silent, seed: int = 1) -> Diagnosis:
-    """Diagnose a case. Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved."""
-    fit = fit_plain(data.pairs, data.remeshed, part(progress, 0.0, 0.45))
+def diagnose(
+    data: CaseData,
+    effects: Mapping[str, Effect],
+    progress: Progress = silent,
+    seed: int = 1,
+    options: DiagnosisOptions | None = None,
+) -> Diagnosis:
+    """Diagnose a case, with the program's own numbers where no options are given.
+
+    Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
+    """
+    options = options or DiagnosisOptions()
+    told = part(progress, 0.0, 0.45)
+    fit = fit_plain(data.pairs, data.remeshed, told, options.noise_model, options.wall_motion)
     forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights, fit.options)
     r, J, R = fit.point.residual, fit.point.in_theta, forces.free
     progress(0.46, "score test of every effect")

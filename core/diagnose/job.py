@@ -8,6 +8,7 @@ from typing import Any
 from palpate.core.diagnose.case_data import load
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.effects import library
+from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.verdict.record import MAP_FILE, maps, record
 from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread
@@ -18,7 +19,8 @@ from palpate.core.worker.messages import Reporter
 def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     """Job kind "palpate.core.diagnose.job:run".
 
-    paths: data (npz of `case_data.arrays`). options: case (its name), effects (folder or null).
+    paths: data (npz of `case_data.arrays`). options: case (its name), effects (folder or null), numbers (of
+    `DiagnosisOptions.to_json`).
 
     Writes the maps into the job's folder and returns diagnosis.json.
     """
@@ -26,6 +28,7 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     data = load(Path(job.paths["data"]))
     folder = job.options.get("effects")
     effects = library(None if folder is None else Path(folder))
-    found = diagnose(data, effects, reporter.progress, job.seed)
+    options = DiagnosisOptions.from_json(job.options.get("numbers", {}))
+    found = diagnose(data, effects, reporter.progress, job.seed, options)
     save_checkpoint(Path(job.folder) / MAP_FILE, maps(found), job.fingerprint())
     return record(found, str(job.options["case"]))

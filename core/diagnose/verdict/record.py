@@ -8,6 +8,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.location import DiscrepancyMaps, look, regions, residuals
+from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.averaged_stiffness import averaged_stiffness, plain_stiffness
 from palpate.core.diagnose.verdict.judge import Diagnosis, tempered
@@ -53,7 +54,13 @@ def record(found: Diagnosis, case: str) -> dict[str, Any]:
         "in_words": sentence(found),
         "probability_unknown": found.verdict.probability.get(UNKNOWN, 0.0),
         "flags": _flags(found, shown),
+        "options": _options(found).to_json(),
     }
+
+
+def _options(found: Diagnosis) -> DiagnosisOptions:
+    """The numbers in force."""
+    return DiagnosisOptions(noise_model=found.fit.options, wall_motion=found.fit.bench.first.stage.walls)
 
 
 def _peak(found: Diagnosis) -> list[float] | None:

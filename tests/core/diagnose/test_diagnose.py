@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from triangle_shapes import ball
 from palpate.core.diagnose.case_data import CaseData, arrays, load
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.effects import Surroundings, library
+from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.pairs import refit_pairs
 from palpate.core.diagnose.refit.variants import capped
 from palpate.core.diagnose.verdict.averaged_stiffness import (
@@ -29,15 +31,18 @@ from palpate.core.diagnose.verdict.decide import RULES
 from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretells_more, tempered
 from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.diagnose.verdict.shrinkage import contours_mm2
+from palpate.core.errors import InputError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import SurfacePair
 from palpate.core.residual import element_error
 from palpate.core.residual.element_error import GOOD, better_bench, better_residual
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.noise_covariance import NoiseParts
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.residual.plain_fit import fit_plain
 from palpate.core.residual.wall_error_bias import wall_bias
 from palpate.core.surfaces.surface import Surface
 
@@ -354,3 +359,27 @@ def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:
     assert len(wide.refits) <= len(wide.screened)
     evidence = [r.log_evidence for r in wide.refits]
     assert evidence == sorted(evidence, reverse=True)
+
+
+def test_the_numbers_in_force_are_in_the_record(none: Diagnosis) -> None:
+    written = json.loads(json.dumps(record(none, "a case")["options"]))
+    assert DiagnosisOptions.from_json(written) == DiagnosisOptions()
+    assert written["noise_model"]["landmark_mm"] == 0.45 and written["wall_motion"]["slide_share"] == 0.2
+
+
+def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Diagnosis) -> None:  # type: ignore[no-untyped-def]
+    """One size of voxels' noise and of contours', walls that may slide four times as far: fewer sizes, another covariance."""
+    noise = NoiseModelOptions(own_sizes_mm=(0.45,), contour_factors=(1.0,))
+    fit = fit_plain([(posed, None)], options=noise, walls=WallMotionOptions(slide_share=0.8))
+    assert len(fit.noise.sizes) == len(noise.lengths_mm) < len(none.fit.noise.sizes)
+    assert fit.sizes.own == pytest.approx(0.45)
+    k = none.fit.bench.first.sight.n_modes
+    wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))
+    assert wider > 1.1 * usual
+    written = record(replace(none, fit=fit), "a case")["options"]
+    assert written["noise_model"]["own_sizes_mm"] == [0.45] and written["wall_motion"]["slide_share"] == 0.8
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    with pytest.raises(InputError, match=r"numbers are not readable .*landmark_mm.*run diagnose again"):
+        DiagnosisOptions.from_json({"noise_model": {"landmark_mm": "wide"}})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -185,3 +187,14 @@ def test_a_bag_that_grows_about_its_neck_slides_as_it_grows_and_a_tube_has_no_si
         np.sqrt((points() ** 2).sum(axis=1).mean()), rel=0.01
     )
     assert np.isinf(WallRigidModes.of(round_tube, round_tube, USUAL).radius)
+
+
+def test_other_priors_make_another_motion() -> None:
+    """Twice the slide, three times the sideways motion: more is unknown, and the likeliest motion is another."""
+    moved = wall(np.array([3.0, 0.0, 0.0]), RADIUS)
+    free = replace(USUAL, slide_share=0.4, sideways_mm=2.1)
+    one, other = (WallMotion.of(moved, at_rest, 0.1, options) for options in (USUAL, free))
+    assert other.slide_mm == pytest.approx(2.0 * one.slide_mm, rel=0.2)
+    unknown = [(motion.unknown_at(points()) ** 2).sum(axis=(0, 2)).mean() for motion in (one, other)]
+    assert unknown[1] > 1.5 * unknown[0]
+    assert np.abs(other.at(points()) - one.at(points())).max() > 1e-3

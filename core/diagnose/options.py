@@ -1,0 +1,39 @@
+"""All numbers that a diagnosis hangs on, as one value: passed down from `diagnose`, written into diagnosis.json."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import msgspec
+
+from palpate.core.errors import InputError
+from palpate.core.observe.wall_motion_options import WallMotionOptions
+from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.sourced_number import Row, rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiagnosisOptions:
+    """Each with its unit and source, see there; docs/diagnosis_numbers.md lists them."""
+
+    noise_model: NoiseModelOptions = field(default_factory=NoiseModelOptions)
+    wall_motion: WallMotionOptions = field(default_factory=WallMotionOptions)
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON holds it; `from_json` is the inverse."""
+        out: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
+        return out
+
+    @classmethod
+    def from_json(cls, values: object) -> DiagnosisOptions:
+        """Numbers that are not given are the program's own. Raises InputError when values are not of this form."""
+        try:
+            return msgspec.convert(values, cls)
+        except msgspec.ValidationError as error:
+            raise InputError(f"the diagnosis's numbers are not readable ({error}); run diagnose again") from error
+
+    def tables(self) -> dict[type, list[Row]]:
+        """Of each option type its numbers."""
+        parts = [getattr(self, f.name) for f in fields(self)]
+        return {type(part): rows(part) for part in parts}

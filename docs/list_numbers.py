@@ -1,0 +1,43 @@
+"""Writes docs/diagnosis_numbers.md: the numbers that a diagnosis hangs on, from the option types that declare them.
+
+    .venv/bin/python docs/list_numbers.py
+
+`tests/repository/test_diagnosis_numbers.py` fails when the page is out of date.
+"""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+from palpate.core.diagnose.options import DiagnosisOptions
+from palpate.core.sourced_number import Row
+
+PAGE = Path(__file__).resolve().parent / "diagnosis_numbers.md"
+HEAD = """# The numbers that a diagnosis hangs on
+
+Made by `docs/list_numbers.py` from the option types, which are passed down from `diagnose`; the values in force of a diagnosis stand
+under `options` in its `diagnosis.json`. [gap.md](gap.md) says what they are used for. A source that begins with "Chosen" is a
+choice without a measurement of its own behind it; "Numerical" says that a number settles how finely something is computed.
+"""
+
+
+def page() -> str:
+    """The page's text."""
+    parts = [HEAD]
+    for kind, numbers in DiagnosisOptions().tables().items():
+        module = kind.__module__.removeprefix("palpate.").replace(".", "/")
+        parts.append(f"\n## {kind.__name__}\n\n{inspect.getdoc(kind)} Declared in `{module}.py`.\n")
+        parts.append("\n| number | value | unit | what it is | source |\n| --- | --- | --- | --- | --- |\n")
+        parts += [_line(row) for row in numbers]
+    return "".join(parts)
+
+
+def _line(row: Row) -> str:
+    values = row.value if isinstance(row.value, tuple) else (row.value,)
+    cells = (f"`{row.name}`", ", ".join(f"{v:g}" for v in values), row.unit, row.meaning, row.source)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
