@@ -7,8 +7,8 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
+from palpate.ui.desktop import style
 from palpate.ui.desktop.session.jobs import Swarm
-from palpate.ui.desktop.window import style
 
 
 class SwarmChart(QWidget):

@@ -10,9 +10,9 @@ from PySide6.QtGui import QColor, QFont, QLinearGradient, QPainter, QPaintEvent,
 from PySide6.QtWidgets import QWidget
 
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, LABELS, ORGAN_LABELS, RECTUM
+from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices import overlay
-from palpate.ui.desktop.window import style
 from palpate.ui.pictures.colours import STIFFNESS_LABEL
 
 _LISTED = (*ORGAN_LABELS, BLADDER, RECTUM, BONE)

@@ -6,12 +6,12 @@ import time
 
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QVBoxLayout, QWidget
 
+from palpate.ui.desktop import style
 from palpate.ui.desktop.panels.charts import SwarmChart
 from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.jobs import JobState, Swarm
 from palpate.ui.desktop.session.steps import BY_COMMAND
-from palpate.ui.desktop.window import style
 
 _OUTCOMES = {"done": ("done", style.GOOD), "cancelled": ("cancelled", style.WARN), "failed": ("failed", style.BAD)}
 

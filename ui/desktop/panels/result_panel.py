@@ -8,10 +8,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
 
 from palpate.core.files.json_types import known
+from palpate.ui.desktop import style
 from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
-from palpate.ui.desktop.window import style
 from palpate.ui.words.number_words import three_figures
 
 _RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from palpate.ui.desktop import style
 from palpate.ui.desktop.session import steps
 from palpate.ui.desktop.session.controller import Controller
-from palpate.ui.desktop.window import style
 
 _SIGNS = {
     steps.DONE: ("\N{CHECK MARK}", style.GOOD),

@@ -2,45 +2,41 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.slices import overlay
+from palpate.ui.desktop.session.map_values import map_at
+from palpate.ui.desktop.session.session import Session
 from palpate.ui.pictures.planes import centre_of
 from palpate.ui.words.number_words import three_figures
-
-if TYPE_CHECKING:
-    from palpate.ui.desktop.session.controller import Controller
 
 Point = tuple[float, float, float]
 
 
-def words_at_crosshair(controller: Controller) -> str:
+def words_at_crosshair(session: Session) -> str:
     """HU, label and stiffness where the crosshair is."""
-    state = "deformed" if controller.display.mode == "deformed" else "rest"
-    at = np.array([controller.display.crosshair])
+    state = "deformed" if session.display.mode == "deformed" else "rest"
+    at = np.array([session.display.crosshair])
     words = []
-    hu, label = _voxel(controller.ct(state), at), _voxel(controller.labels(state), at)
+    hu, label = _voxel(session.ct(state), at), _voxel(session.labels(state), at)
     if hu is not None:
         words.append(f"{hu:.0f} HU".replace("-", "\N{MINUS SIGN}"))
     if label is not None:
         words.append(LABELS[int(label)].replace("_", " "))
-        words += _stiffness_words(controller, int(label), state, at)
+        words += _stiffness_words(session, int(label), state, at)
     return ", ".join(words)
 
 
-def _stiffness_words(controller: Controller, label: int, state: str, at: FloatArray) -> list[str]:
+def _stiffness_words(session: Session, label: int, state: str, at: FloatArray) -> list[str]:
     """What is known of the stiffness at a point (1, 3) mm of a label: by the map where that is shown, else of the region."""
-    case, display = controller.case, controller.display
+    case, display = session.case, session.display
     if case is None or label not in ORGAN_LABELS:
         return []
-    old = ["out of date"] if controller.out_of_date("identify") else []
+    old = ["out of date"] if session.out_of_date("identify") else []
     if display.overlay == "map" and case.stiffness_map is not None and state == "rest":
-        (G,), (told,) = overlay.map_at(case.stiffness_map, at, display.surest_factor)
+        (G,), (told,) = map_at(case.stiffness_map, at, display.surest_factor)
         return [f"G here = {three_figures(G)} kPa", *old] if told else ["the map does not tell G here"]
     whole = "of the half " if display.overlay == "map" and len(case.regions) > 1 else ""
     found = [r for r in case.regions if r.label == label]

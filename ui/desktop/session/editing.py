@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
+from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.strokes import Drag, erased_to, footprint
 from palpate.ui.pictures.planes import Plane
-
-if TYPE_CHECKING:
-    from palpate.ui.desktop.session.controller import Controller
 
 Point = tuple[float, float, float]
 
 
 class Editing:
-    """Acts on the case that its controller has open. Points are patient coordinates, mm, rest frame."""
+    """Acts on the case that the session has open. Points are patient coordinates, mm, rest frame."""
 
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self._drag: Drag | None = None
         self._from: FloatArray | None = None
 
@@ -33,10 +29,10 @@ class Editing:
 
     def why_not(self) -> str:
         """Why labels cannot be corrected now; empty when they can."""
-        case, jobs = self._controller.case, self._controller.jobs
+        case, jobs = self._session.case, self._session.jobs
         if case is None:
             return "open a case first"
-        if self._controller.reader.running and not case.volumes:
+        if self._session.reader.running and not case.volumes:
             return "the labels are being read"
         if not case.volumes:
             return "there are no labels yet; run Segment first"
@@ -46,30 +42,30 @@ class Editing:
 
     def seed(self, state: str, name: str, point: Point) -> None:
         """Points at an organ in a scan; a second click on the same organ moves it. Raises InputError for an unknown name."""
-        case = self._controller.case
+        case = self._session.case
         if name not in SEED_NAMES or state not in ("rest", "deformed"):
             raise InputError(f"{name!r} is not one of {', '.join(SEED_NAMES)}")
         if case is None:
             raise InputError("seeds belong to a case; wait till it is made")
         case.seeds[state][name] = [float(x) for x in point]
         case.save_session()
-        self._controller.notify("labels")
+        self._session.notify("labels")
 
     def forget_seeds(self) -> None:
         """Takes all seeds away."""
-        case = self._controller.case
+        case = self._session.case
         if case is not None:
             for seeds in case.seeds.values():
                 seeds.clear()
             case.save_session()
-            self._controller.notify("labels")
+            self._session.notify("labels")
 
     def begin(self, state: str, plane: Plane | None, point: Point) -> None:
         """Presses the brush, or the eraser, on a slice; plane None draws a ball. Raises InputError when it cannot draw."""
         reason = self.why_not()
         if reason:
             raise InputError(reason)
-        shown, case = self._controller.display, self._controller.case
+        shown, case = self._session.display, self._session.case
         assert case is not None
         if shown.label not in LABELS or state not in case.volumes:
             raise InputError(f"the {state} scan has no labels yet; run Segment first")
@@ -81,27 +77,27 @@ class Editing:
 
     def go_on(self, plane: Plane | None, point: Point) -> None:
         """Draws on to a point, along the straight line from the last one."""
-        case, drag = self._controller.case, self._drag
+        case, drag = self._session.case, self._drag
         if drag is None or case is None:
             return
         to = np.array(point, dtype=np.float64)
         start = to if self._from is None else self._from
-        radius = self._controller.display.radius_mm
+        radius = self._session.display.radius_mm
         count = max(1, int(np.ceil(np.linalg.norm(to - start) / max(0.5 * radius, 0.25))))
         along = [start + (to - start) * share for share in np.linspace(0.0, 1.0, count + 1)[1:]]
         parts = [footprint(case.volumes[drag.state], p, radius, plane) for p in along]
         self._from = to
         if drag.add(np.concatenate(parts)) is not None:
-            self._controller.notify("labels")
+            self._session.notify("labels")
 
     def end(self) -> None:
         """Releases the brush: the stroke can be undone, and is on disk."""
-        case, drag = self._controller.case, self._drag
+        case, drag = self._session.case, self._drag
         self.reset()
         stroke = drag.end() if drag is not None else None
         if stroke is not None and case is not None and case.journal is not None:
             case.journal.stroke(stroke)
-            self._controller.notify("labels")
+            self._session.notify("labels")
 
     def undo(self) -> bool:
         """Takes the last stroke back; False when there is none or a step runs on the labels."""
@@ -112,12 +108,12 @@ class Editing:
         return self._act("redo")
 
     def _act(self, name: str) -> bool:
-        case = self._controller.case
+        case = self._session.case
         if case is None or case.journal is None or self.why_not():
             return False
         stroke = case.corrections.undo() if name == "undo" else case.corrections.redo()
         if stroke is None:
             return False
         case.journal.act(name)
-        self._controller.notify("labels")
+        self._session.notify("labels")
         return True

@@ -6,17 +6,15 @@ import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from palpate.core.errors import InputError
 from palpate.ui.desktop.session import read_scans, step_job, steps
 from palpate.ui.desktop.session.crosshair import first_place
 from palpate.ui.desktop.session.jobs import JobControl
 from palpate.ui.desktop.session.read_scans import Scan, mapped_labels, mapped_scan
+from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.step_requests import import_request
-
-if TYPE_CHECKING:
-    from palpate.ui.desktop.session.controller import Controller
 
 # Files with contours of the scan at rest and of the deformed one.
 Labels = tuple[Path | None, Path | None]
@@ -44,8 +42,8 @@ class ScanPair:
 class Opening:
     """reader : the job that reads scans and labels. scans : what has been read. pair : of which a case is being made, if any."""
 
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self.reader = JobControl()
         self.scans: dict[str, Scan] = {}
         self.pair: ScanPair | None = None
@@ -71,11 +69,11 @@ class Opening:
     def read(self, sources: dict[str, Path]) -> None:
         """Starts reading scans, and the labels of the open case."""
         self._number += 1
-        case = self._controller.case
+        case = self._session.case
         folder = None if case is None else case.folder.path
         job = read_scans.scans_job(sources, folder, self._scratch / f"read{self._number}")
         self.reader.start(job, "Reading the scans" if sources else "Reading the labels")
-        self._controller.notify("job")
+        self._session.notify("job")
 
     def told(self) -> None:
         """Takes in what the reader has told."""
@@ -83,24 +81,24 @@ class Opening:
         assert state is not None
         while state.found:
             self._found(state.found.pop(0))
-        unmade = self.pair if self._controller.case is None else None
+        unmade = self.pair if self._session.case is None else None
         if state.outcome == "done" and unmade is not None:
             self._import(unmade)
         elif state.outcome in ("failed", "cancelled"):
             self.pair = None if unmade is not None else self.pair
-            self._controller.say(state.error or "reading was cancelled")
-        self._controller.notify("job")
+            self._session.say(state.error or "reading was cancelled")
+        self._session.notify("job")
 
     def _import(self, pair: ScanPair) -> None:
         request = import_request(pair.rest, pair.deformed, pair.case, pair.labels)
         job = step_job.steps_job([request], self._scratch / "import")
-        self._controller.jobs.start(job, steps.BY_COMMAND["import"].title)
-        self._controller.notify("job")
+        self._session.jobs.start(job, steps.BY_COMMAND["import"].title)
+        self._session.notify("job")
 
     def _found(self, found: dict[str, Any]) -> None:
         """Takes in a scan, or the labels, that have been read."""
-        controller, case = self._controller, self._controller.case
-        had_labels = controller.labels("rest") is not None
+        session, case = self._session, self._session.case
+        had_labels = session.labels("rest") is not None
         if "scan" in found:
             self.scans[found["scan"]["state"]] = mapped_scan(found["scan"])
         elif case is not None:
@@ -108,9 +106,9 @@ class Opening:
             volumes = {state: mapped_labels(one) for state, one in told.items()}
             case.take_labels(volumes, {state: one["hash"] for state, one in told.items()})
             if case.corrections.unsaved:
-                controller.say("corrections that had not been saved are back; save them or undo them")
-        labels = controller.labels("rest")
+                session.say("corrections that had not been saved are back; save them or undo them")
+        labels = session.labels("rest")
         if (labels is None or not had_labels) and not (case is not None and case.has_session):
-            place = first_place(labels, controller.ct("rest"))
-            controller.display.crosshair = place or controller.display.crosshair
-        controller.notify("case")
+            place = first_place(labels, session.ct("rest"))
+            session.display.crosshair = place or session.display.crosshair
+        session.notify("case")

@@ -2,67 +2,63 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from palpate.core.errors import InputError
 from palpate.ui.desktop.session import step_job, steps
+from palpate.ui.desktop.session.open_case import OpenCase
+from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.step_requests import step_request
-
-if TYPE_CHECKING:
-    from palpate.ui.desktop.session.controller import Controller
-    from palpate.ui.desktop.session.open_case import OpenCase
 
 
 class Running:
-    """Acts on the controller's `jobs`. names : the steps started last."""
+    """Acts on the session's `jobs`. names : the steps started last."""
 
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self.names: tuple[str, ...] = ()
 
     def start(self, names: tuple[str, ...]) -> None:
         """Runs steps one after the other; corrections are saved before. Raises InputError when they cannot run."""
-        controller, case = self._controller, self._checked(names)
+        session, case = self._session, self._checked(names)
         if case.corrections.unsaved:
-            controller.save()
+            session.save()
         case.save_session()
         case.flush()
         if "segment" in names:
             case.keep_corrected()
         self.names = names
-        controller.say("")
+        session.say("")
         requests = [step_request(name, case.folder.path, case.seeds, case.deformed_to_rest) for name in names]
         job = step_job.steps_job(requests, case.folder.file("desktop/job"))
-        controller.jobs.start(job, steps.BY_COMMAND[names[0]].title)
-        controller.notify("job")
+        session.jobs.start(job, steps.BY_COMMAND[names[0]].title)
+        session.notify("job")
 
     def _checked(self, names: tuple[str, ...]) -> OpenCase:
         """The case that the steps can run on."""
-        controller = self._controller
-        if controller.case is None:
+        session = self._session
+        if session.case is None:
             raise InputError("no case is open; open two scans or a case first")
-        if controller.jobs.running:
+        if session.jobs.running:
             raise InputError("another step runs; wait for it or cancel it first")
-        unknown = [name for name in names if name not in controller.available or name not in steps.BY_COMMAND]
+        unknown = [name for name in names if name not in session.available or name not in steps.BY_COMMAND]
         if unknown or not names:
             raise InputError(f"there is no step {' '.join(unknown)!r}; give one of {', '.join(steps.BY_COMMAND)}")
-        return controller.case
+        return session.case
 
     def told(self) -> None:
         """Takes in what the job has told."""
-        state = self._controller.jobs.state
+        state = self._session.jobs.state
         assert state is not None
         if not state.running:
             self._ended(state.outcome, state.error)
-        self._controller.notify("job")
+        self._session.notify("job")
 
     def _ended(self, outcome: str, error: str) -> None:
         said = error if outcome == "failed" else ""
         if outcome == "cancelled":
             said = "cancelled; run the step again to go on from where it stopped"
         try:
-            said = self._controller.take_in(outcome == "done", "segment" in self.names) or said
+            said = self._session.take_in(outcome == "done", "segment" in self.names) or said
         except InputError as damaged:
             said = said or str(damaged)
         if said:
-            self._controller.say(said)
+            self._session.say(said)

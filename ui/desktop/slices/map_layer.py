@@ -15,7 +15,7 @@ from skimage import measure
 from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop.session.display import Display
-from palpate.ui.desktop.slices import overlay
+from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.desktop.slices.slice_sampling import Sheet
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import Plane
@@ -40,7 +40,7 @@ def map_layer(
     inside = np.isin(sheet.values, ORGAN_LABELS)
     rows, columns = np.nonzero(inside)
     points = _places(sheet, plane, position, rows, columns)
-    G, told = overlay.map_at(arrays, points, display.surest_factor)
+    G, told = map_at(arrays, points, display.surest_factor)
     low = -np.inf if display.low_kpa is None else display.low_kpa
     high = np.inf if display.high_kpa is None else display.high_kpa
     shown = told & (low <= G) & (high >= G)

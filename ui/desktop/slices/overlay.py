@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from numpy.typing import NDArray
 from skimage import measure
 
-from palpate.core.arrays import BoolArray, FloatArray, LabelArray
-from palpate.core.identify.map.stiffness_map import nearest_patch, painted
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.slices.slice_sampling import Sheet
@@ -75,18 +72,6 @@ def is_within(G: float, display: Display) -> bool:
     low = -np.inf if display.low_kpa is None else display.low_kpa
     high = np.inf if display.high_kpa is None else display.high_kpa
     return bool(low <= G <= high)
-
-
-def map_at(
-    arrays: Mapping[str, NDArray[Any]], points: FloatArray, factor: float | None
-) -> tuple[FloatArray, BoolArray]:
-    """G (n,) kPa of the map at points (n, 3) mm of the organ at rest, and where it tells it, to the factor asked for."""
-    if not len(points):
-        return np.zeros(0), np.zeros(0, dtype=bool)
-    G, told = painted(arrays, points)
-    if factor is not None:
-        told = told & (np.exp(1.96 * np.asarray(arrays["sd"])[nearest_patch(arrays, points)]) <= factor)
-    return G, told
 
 
 def only_at_rest(overlay: str, state: str) -> str:

@@ -9,8 +9,8 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QBrush, QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPen
 
 from palpate.core.arrays import FloatArray, LabelArray
+from palpate.ui.desktop import style
 from palpate.ui.desktop.slices.slice_viewport import Screen
-from palpate.ui.desktop.window import style
 from palpate.ui.pictures.slice_axes import LETTER_FONT
 
 _BARS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)

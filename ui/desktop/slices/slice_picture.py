@@ -5,13 +5,13 @@ from __future__ import annotations
 from PySide6.QtCore import QPoint, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPen
 
+from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices import overlay, slice_marks
 from palpate.ui.desktop.slices.map_layer import map_layer
 from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sheet_of
 from palpate.ui.desktop.slices.slice_sampling import Sheet
 from palpate.ui.desktop.slices.slice_viewport import Screen
-from palpate.ui.desktop.window import style
 from palpate.ui.pictures.planes import Plane
 
 BLEND = "blend"

@@ -7,9 +7,9 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QImage, QPainter, QPen
 from PySide6.QtWidgets import QWidget
 
+from palpate.ui.desktop import style
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.process_pipe import Reply
-from palpate.ui.desktop.window import style
 
 _LETTERS = (("L", "R"), ("P", "A"), ("S", "I"))
 

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.slices import overlay
+from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.desktop.slices.slice_sampling import Sheet
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import Plane
@@ -70,7 +70,7 @@ def quad_of(sheet: Sheet, plane: Plane, position: float) -> pv.PolyData:
 def map_colours(arrays: dict[str, NDArray[Any]], points: FloatArray, how: dict[str, Any]) -> LabelArray:
     """Colours (n, 3) of points (n, 3) mm by the stiffness map, as the slices have them. how : `map` of a view."""
     scale = StiffnessScale(*how["scale"])
-    G, told = overlay.map_at(arrays, points, how["surest_factor"])
+    G, told = map_at(arrays, points, how["surest_factor"])
     low, high = how["low_kpa"] or -np.inf, how["high_kpa"] or np.inf
     rgb = np.rint(255.0 * scale.colormap(scale.norm(G))[:, :3]).astype(np.uint8)
     rgb[~told | (low > G) | (high < G)] = how["untold"]

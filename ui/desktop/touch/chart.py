@@ -8,8 +8,8 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
+from palpate.ui.desktop import style
 from palpate.ui.desktop.touch.model import TouchModel
-from palpate.ui.desktop.window import style
 
 _LEAST_MM, _LEAST_N = 1.0, 0.5
 # Answers shown, the last ones: more take longer to draw than the probe takes to answer.

@@ -8,11 +8,11 @@ from PySide6.QtGui import QImage, QMouseEvent, QPaintEvent, QResizeEvent, QWheel
 from PySide6.QtWidgets import QWidget
 
 from palpate.core.arrays import FloatArray
+from palpate.ui.desktop import style
 from palpate.ui.desktop.slices.slice_marks import text
 from palpate.ui.desktop.solid.camera import Camera, first_hit
 from palpate.ui.desktop.solid.solid_marks import begun, directions, image_of
 from palpate.ui.desktop.touch.model import TouchModel
-from palpate.ui.desktop.window import style
 
 # Down by so many pixels is a millimetre deeper; across, the probe slides only once it has gone farther than this.
 PIXELS_PER_MM, _STICKS = 25.0, 14.0

@@ -17,11 +17,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from palpate.ui.desktop import style
 from palpate.ui.desktop.touch.chart import TouchChart
 from palpate.ui.desktop.touch.model import TouchModel
 from palpate.ui.desktop.touch.protocol import stiffness_words
 from palpate.ui.desktop.touch.view import TouchView
-from palpate.ui.desktop.window import style
 
 _POLL_MS = 5
 _PANEL_WIDTH = 340

@@ -72,7 +72,7 @@ def qt_application(headless: bool) -> Any:
     from PySide6.QtCore import qInstallMessageHandler
     from PySide6.QtWidgets import QApplication  # here, because the platform is chosen before
 
-    from palpate.ui.desktop.window.style import dress
+    from palpate.ui.desktop.style import dress
 
     if headless:
         qInstallMessageHandler(told_by_qt)

@@ -21,10 +21,10 @@ from PySide6.QtWidgets import (
 )
 
 from palpate.core.errors import InputError
+from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.dropped_files import Pair, case_beside
 from palpate.ui.desktop.session.recent import recent_cases
-from palpate.ui.desktop.window import style
 
 _CONTOURS = "if you have any: RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace, .seg.nrrd"
 _ROWS = (
