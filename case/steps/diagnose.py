@@ -4,31 +4,35 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+
+from msgspec import UNSET, structs
 
 from palpate.case.bench_body import body_problem
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import state_elsewhere, state_labels
+from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.meshed import elsewhere_of, load_surfaces
 from palpate.case.problem import problem_of, state_problems
 from palpate.case.stated_files import further_states, is_body
 from palpate.case.steps import mesh
 from palpate.case.steps.declarations import DIAGNOSE
 from palpate.core.diagnose.case_data import CaseData, arrays
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import ConvergenceError
+from palpate.core.files.json_types import typed
 from palpate.core.problem import SurfacePair
 from palpate.core.residual.remeshing import Remeshed
 from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.inline import DoJob
 from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.labels import BONE
 from palpate.meshing.label_surfaces import wall_surface
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 
-DIAGNOSIS = "diagnosis.json"
 _FOLDER = "diagnose"
 _KIND, _BODY_KIND = "palpate.core.diagnose.job:run", "palpate.core.diagnose.bench_bodies.diagnose:run"
 
@@ -48,7 +52,7 @@ class DiagnoseOptions:
 
 def run(
     case: CaseFolder, options: DiagnoseOptions | None = None, progress: Progress = silent, do_job: DoJob = run_job
-) -> dict[str, Any]:
+) -> DiagnosisRecord:
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
     The plain model is fitted here, with the noise model of the diagnosis: result.json is neither needed nor changed. A case that
@@ -61,28 +65,33 @@ def run(
     if not body and not case.has("mesh.json"):
         mesh.run(case, progress=part(progress, 0.0, 0.2))
     own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
-    chosen: dict[str, Any] = {"seed": options.seed, "effects": own, "meshes": options.meshes}
+    chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes}
     if options.numbers != DiagnosisOptions():
         chosen["numbers"] = options.numbers.to_json()
     made_from = DIAGNOSE.made_from(case, chosen)
     if DIAGNOSE.is_done(case, made_from):
-        done: dict[str, Any] = case.read_json(DIAGNOSIS)
-        return done
+        return read_diagnosis(case)
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
     if body:
         given = body_problem(case).arrays()
     else:
         given = arrays(replace(data_of(case), remeshed=remeshed(case, options.meshes - 1, part(progress, 0.2, 0.4))))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
-    found = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    if not body:
-        found["flags"] += laid_on_bones(case)
-    found["where"]["map"] = f"{_FOLDER}/{found['where']['map']}"
-    if case.facts.other.get("simulated"):
-        found["simulated"] = True
+    told = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
+    found = _of_case(case, typed(told, DiagnosisRecord, "the worker's answer", ""), [] if body else laid_on_bones(case))
     case.write_json(DIAGNOSIS, found)
-    DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, found["where"]["map"]))
+    DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, found.where.map))
     return found
+
+
+def _of_case(case: CaseFolder, found: DiagnosisRecord, flags: list[str]) -> DiagnosisRecord:
+    """With what only the case knows; the map named as a file of the case."""
+    return structs.replace(
+        found,
+        where=structs.replace(found.where, map=f"{_FOLDER}/{found.where.map}"),
+        flags=[*found.flags, *flags],
+        simulated=True if case.facts.other.get("simulated") else UNSET,
+    )
 
 
 def laid_on_bones(case: CaseFolder) -> list[str]:
@@ -143,6 +152,6 @@ def _job(case: CaseFolder, options: DiagnoseOptions, kind: str) -> Job:
     return job
 
 
-def _tell(message: dict[str, Any], progress: Progress) -> None:
+def _tell(message: Message, progress: Progress) -> None:
     if message.get("type") == "progress":
         progress(float(message["fraction"]), str(message["message"]))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from palpate.core.diagnose.case_data import load
 from palpate.core.diagnose.diagnose import diagnose
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.verdict.record import MAP_FILE, maps, record
@@ -16,7 +16,7 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 
 
-def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
     """Job kind "palpate.core.diagnose.job:run".
 
     paths: data (npz of `case_data.arrays`). options: case (its name), effects (folder or null), numbers (of

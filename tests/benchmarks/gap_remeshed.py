@@ -47,9 +47,9 @@ def diagnosed(path: Path, seed: int) -> dict[str, Any]:
         mesh.run(case, MeshOptions(seed=seed))
         found = diagnose.run(case)
     return {
-        "verdict": found["verdict"],
-        "candidates": found["candidates"],
-        "p_value": round(found["gap"]["p_value"], 3),
+        "verdict": found.verdict,
+        "candidates": found.candidates,
+        "p_value": round(found.gap.p_value, 3),
     }
 
 

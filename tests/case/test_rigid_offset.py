@@ -18,6 +18,7 @@ from palpate.case.stated_files import further_states
 from palpate.case.steps import diagnose
 from palpate.case.steps import mesh as mesh_step
 from palpate.core.arrays import FloatArray
+from palpate.core.files.json_types import plain
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
@@ -154,7 +155,7 @@ def test_a_scan_moved_rigidly_has_no_gap(tmp_path: Path) -> None:
     """The scan at rest, taken once more with the patient lying elsewhere."""
     case = make_case(tmp_path / "case", pelvis().moved(ELSEWHERE), by(ELSEWHERE, MARK))
     mesh_step.run(case, MeshOptions(target_tets=1500))
-    found = diagnose.run(case)
+    found = plain(diagnose.run(case))
     assert found["verdict"] == "none"
     assert found["gap"]["rms_mm"] < 0.15
     assert any("was laid on its bones first" in flag for flag in found["flags"])

@@ -13,6 +13,7 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.stated_files import is_body
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.effects import library
+from palpate.core.files.json_types import plain
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "silicone_beam"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
@@ -22,7 +23,7 @@ EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compre
 def diagnosed(folder: Path, *states: str) -> dict[str, Any]:
     case = CaseFolder(make_case(DATA, folder, states) if states else make_case(DATA, folder))
     assert is_body(case)
-    return diagnose_body(body_problem(case), EFFECTS, "beam")[0]
+    return plain(diagnose_body(body_problem(case), EFFECTS, "beam")[0])
 
 
 @needs_data

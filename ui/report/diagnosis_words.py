@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
+from palpate.core.files.json_types import known
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
 from palpate.ui.words.number_words import three_figures
@@ -27,20 +26,21 @@ def chance(p: float) -> str:
     return "p below 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
-def gap_is_seen(found: Mapping[str, Any]) -> bool:
+def gap_is_seen(found: DiagnosisRecord | None) -> bool:
     """Whether there is a diagnosis and it says that something is left out."""
-    return bool(found) and found["verdict"] != "none"
+    return found is not None and found.verdict != "none"
 
 
 def diagnosis_sentence(record: CaseRecord) -> str:
     """The verdict of diagnosis.json in one sentence for the summary, and that it may differ from the misfit's."""
     found = record.diagnosis
-    gap, verdict = found["gap"], str(found["verdict"])
-    p = chance(gap["p_value"])
+    assert found is not None
+    gap, verdict = found.gap, found.verdict
+    p = chance(gap.p_value)
     if verdict == "none":
         said, doubt = f"found nothing that the model leaves out ({p})", ""
     else:
-        said = f"found a gap ({gap['rms_mm']:.2f} mm rms where noise would leave {gap['noise_floor_mm']:.2f} mm, {p}), {_cause(found)}"
+        said = f"found a gap ({gap.rms_mm:.2f} mm rms where noise would leave {gap.noise_floor_mm:.2f} mm, {p}), {_cause(found)}"
         doubt = " and may be a false alarm"
     other = (
         " Its own stiffness lies outside the intervals above; trust those above, why is said there."
@@ -53,12 +53,12 @@ def diagnosis_sentence(record: CaseRecord) -> str:
     )
 
 
-def two_noises(found: Mapping[str, Any], record: CaseRecord) -> str:
+def two_noises(found: DiagnosisRecord, record: CaseRecord) -> str:
     """Why the summary and the diagnosis have different figures for the noise; empty where the summary has none."""
     sd, expected = record.noise_sd_mm, record.expected_misfit_mm
     if sd is None or expected is None:
         return ""
-    own = found["gap"].get("contour_noise_sd_mm")
+    own = known(found.gap.contour_noise_sd_mm)
     here = "" if own is None else f", here {own:.2f} mm"
     return (
         f"Why the noise here is not the Summary's: the Summary takes contours to repeat to {sd:.2f} mm ({record.noise_from}) and "
@@ -76,7 +76,7 @@ def two_stiffnesses(record: CaseRecord) -> str:
     Empty where the page shows no stiffness of the diagnosis and there is nothing to warn of.
     """
     outside = _outside(record)
-    if not outside and record.diagnosis["stiffness"]["with_effect"] is None:
+    if not outside and (record.diagnosis is None or record.diagnosis.stiffness.with_effect is None):
         return ""
     text = (
         "The diagnosis fits the stiffness anew, with a noise model and a motion of the walls of its own, to compare without and with "
@@ -94,17 +94,17 @@ def two_stiffnesses(record: CaseRecord) -> str:
 
 def _outside(record: CaseRecord) -> list[str]:
     """Where the diagnosis' stiffness without an effect is not within the interval that was identified: both, in words."""
-    without = record.diagnosis.get("stiffness", {}).get("without_effect", {})
+    without = {} if record.diagnosis is None else record.diagnosis.stiffness.without_effect
     return [
-        f"{region_words(region.name, len(record.regions) == 1)}, {three_figures(without[region.name]['G_kpa'])} kPa, not "
+        f"{region_words(region.name, len(record.regions) == 1)}, {three_figures(without[region.name].G_kpa)} kPa, not "
         f"{three_figures(region.ci[0])} to {three_figures(region.ci[1])}"
         for region in record.regions
-        if region.ci and region.name in without and not region.ci[0] <= without[region.name]["G_kpa"] <= region.ci[1]
+        if region.ci and region.name in without and not region.ci[0] <= without[region.name].G_kpa <= region.ci[1]
     ]
 
 
-def _cause(found: Mapping[str, Any]) -> str:
-    verdict, names = str(found["verdict"]), [plain(str(name)) for name in found.get("candidates", ())]
+def _cause(found: DiagnosisRecord) -> str:
+    verdict, names = found.verdict, [plain(name) for name in found.candidates]
     if verdict == "unknown":
         return "of unknown cause"
     if verdict != "ambiguous":

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffnessRecord, ParameterRecord
+from palpate.core.files.json_types import known
 from palpate.ui.pictures.gap_pictures import force_planes, residual_views
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import save
@@ -27,7 +29,6 @@ from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
 from palpate.ui.words.number_words import measured, three_figures
 
-DIAGNOSIS = "diagnosis.json"
 _SHOWN = 6
 
 
@@ -35,10 +36,10 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
     """The maps of a diagnosed case as PNG files in ``folder``; none for a case that has no diagnosis."""
     if not case.has(DIAGNOSIS):
         return {}
-    found = case.read_json(DIAGNOSIS)
-    if not case.has(found["where"]["map"]):
+    found = read_diagnosis(case)
+    if not case.has(found.where.map):
         return {}
-    maps = case.read_npz(found["where"]["map"])
+    maps = case.read_npz(found.where.map)
     out = {
         "gap_residual": Picture(
             save(residual_views(maps), folder / "gap_residual.png"),
@@ -48,11 +49,11 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
             "The organ from four sides, coloured by the residual in standard deviations.",
         )
     }
-    if found["verdict"] != "none":
+    if found.verdict != "none":
         out["gap_force"] = Picture(
             save(force_planes(images, maps), folder / "gap_force.png"),
             "The smallest smooth field of forces that would close the gap, within 7 mm of each slice. It shows where the "
-            f"model is wrong, not why; a force at one point would appear spread over about {found['where']['blur_mm']:.0f} mm.",
+            f"model is wrong, not why; a force at one point would appear spread over about {known(found.where.blur_mm) or 0.0:.0f} mm.",
             "Slices in three planes with arrows where forces are missing.",
         )
     return out
@@ -61,7 +62,8 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
 def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     """What the model leaves out, in words, figures and maps, of a record with a diagnosis."""
     found = record.diagnosis
-    blocks: list[Block] = [Paragraph(str(found["in_words"]), "lead")]
+    assert found is not None
+    blocks: list[Block] = [Paragraph(found.in_words, "lead")]
     if gap_is_seen(found):
         blocks.append(Paragraph(FALSE_ALARMS))
     blocks.append(_figures(found))
@@ -72,45 +74,49 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
         blocks += [_ranking(found), *_told(_shrinkage(found)), *_told(_stiffness(found))]
     which = two_stiffnesses(record)
     blocks += [Paragraph(which)] if which else []
-    if found["next_measurement"]:
-        blocks.append(Notice(f"To settle it, measure next: {found['next_measurement']}."))
-    if found.get("flags"):
-        blocks.append(Bullets([str(flag) for flag in found["flags"]]))
+    if found.next_measurement:
+        blocks.append(Notice(f"To settle it, measure next: {found.next_measurement}."))
+    if found.flags:
+        blocks.append(Bullets(found.flags))
     return Section(GAP_TITLE, blocks)
 
 
-def _figures(found: Mapping[str, Any]) -> Table:
-    gap, verdict = found["gap"], found["verdict"]
-    floor = gap["noise_floor_mm"]
+def _figures(found: DiagnosisRecord) -> Table:
+    gap, verdict = found.gap, found.verdict
+    floor = gap.noise_floor_mm
     rows = [
         ("verdict", VERDICTS.get(verdict, plain(verdict))),
-        ("gap on the organ's surface, smoothed over the noise", f"{gap['rms_mm']:.2f} mm rms, 95 % below {gap['p95_mm']:.2f} mm"),
+        ("gap on the organ's surface, smoothed over the noise", f"{gap.rms_mm:.2f} mm rms, 95 % below {gap.p95_mm:.2f} mm"),
         ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{floor:.2f} mm rms"),
-        ("chance of such a gap without any effect", chance(gap["p_value"])),
+        ("chance of such a gap without any effect", chance(gap.p_value)),
     ]  # fmt: skip
-    states = gap.get("states", [])
+    states = known(gap.states) or []
     if len(states) > 1:
-        left = ", ".join(f"{state['rms_mm']:.2f} (noise {state['noise_floor_mm']:.2f})" for state in states)
+        left = ", ".join(f"{state.rms_mm:.2f} (noise {state.noise_floor_mm:.2f})" for state in states)
         rows.append(("of that, in each deformed state", f"{left} mm rms; maps and slices show the first"))
     return Table(("", ""), rows, numbers=False)
 
 
-def _ranking(found: Mapping[str, Any]) -> Table:
+def _ranking(found: DiagnosisRecord) -> Table:
     header = ("effect", "probability", "gain on left-out data, mm", "parameters")
     rows = []
-    for row in found["ranking"][:_SHOWN]:
+    for row in found.ranking[:_SHOWN]:
         parameters = ", ".join(
-            f"{name.replace('_', ' ')} {measured(p['value'], p['sd'])} {p['unit'] if p['unit'] != '1' else ''}".strip()
-            for name, p in row["parameters"].items()
+            f"{name.replace('_', ' ')} {_size(p)} {p.unit if p.unit != '1' else ''}".strip()
+            for name, p in row.parameters.items()
         )
-        gain = f"{row['cv_gain_mm']:.2f}"
-        rows.append((plain(row["effect"]), _share(row["probability"]), gain, parameters))
+        gain = f"{row.cv_gain_mm:.2f}"
+        rows.append((plain(row.effect), _share(row.probability), gain, parameters))
     return Table(
         header,
         rows,
         "Effects by their probability, given that there is a gap; ± is one standard deviation",
         numbers=False,
     )
+
+
+def _size(p: ParameterRecord) -> str:
+    return "not known" if p.value is None or p.sd is None else measured(p.value, p.sd)
 
 
 def _share(probability: float) -> str:
@@ -122,23 +128,23 @@ def _told(table: Table | None) -> list[Block]:
     return [] if table is None else [table]
 
 
-def _shrinkage(found: Mapping[str, Any]) -> Table | None:
-    s = found["shrinkage"]
+def _shrinkage(found: DiagnosisRecord) -> Table | None:
+    s = found.shrinkage
     if s is None:
         return None
-    low, high = (100.0 * v for v in s["ci95"])
-    before, after = s["held_out_rms_before_mm"], s["held_out_rms_after_mm"]
+    low, high = (100.0 * v for v in s.ci95)
+    before, after = s.held_out_rms_before_mm, s.held_out_rms_after_mm
     rows = [
         ("rms on patches left out, without and with the effect", f"{before:.2f} and {after:.2f} mm"),
-        ("share of the gap above the noise that is gone", f"{100 * s['noise_corrected_fraction']:.0f} % ({low:.0f} to {high:.0f} %)"),
-        ("the same for a free smooth field of forces", f"{100 * s['ceiling_fraction']:.0f} %"),
+        ("share of the gap above the noise that is gone", f"{100 * s.noise_corrected_fraction:.0f} % ({low:.0f} to {high:.0f} %)"),
+        ("the same for a free smooth field of forces", f"{100 * s.ceiling_fraction:.0f} %"),
     ]  # fmt: skip
-    name = plain(str(s.get("effect", "")))
+    name = plain(s.effect)
     return Table(("", ""), rows, f"How far the gap shrinks with {name}", numbers=False)
 
 
-def _stiffness(found: Mapping[str, Any]) -> Table | None:
-    without, fuller = found["stiffness"]["without_effect"], found["stiffness"]["with_effect"]
+def _stiffness(found: DiagnosisRecord) -> Table | None:
+    without, fuller = found.stiffness.without_effect, found.stiffness.with_effect
     if fuller is None:
         return None
     rows = [
@@ -149,8 +155,8 @@ def _stiffness(found: Mapping[str, Any]) -> Table | None:
     return Table(header, rows, "Stiffness as the diagnosis fits it, to compare; not the one to quote")
 
 
-def _interval(values: Mapping[str, float]) -> str:
+def _interval(values: FittedStiffnessRecord) -> str:
     """``33.2 (22.7 to 48.7)``: normal in ln G, whose sd the diagnosis gives as G sinh(sd)."""
-    G = values["G_kpa"]
-    factor = float(np.exp(1.96 * np.arcsinh(values["sd_kpa"] / G)))
+    G, sd = values.G_kpa, float("nan") if values.sd_kpa is None else values.sd_kpa
+    factor = float(np.exp(1.96 * np.arcsinh(sd / G)))
     return f"{three_figures(G)} ({three_figures(G / factor)} to {three_figures(G * factor)})"

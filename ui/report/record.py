@@ -12,8 +12,10 @@ import pydicom
 from pydicom.errors import InvalidDicomError
 
 from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
+from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.identified import read_result
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import known
 from palpate.core.identify.result_record import ResultRecord
@@ -31,7 +33,7 @@ class CaseRecord:
 
     simulated : None, or in words what of this pair was computed rather than scanned. volumes_cc : of labels, by state.
     ln_covariance : (t, t) of ln G, regions in the order of their labels; None where unknown.
-    diagnosis : diagnosis.json.
+    diagnosis : diagnosis.json; None where there is none.
     """
 
     facts: CaseFacts
@@ -44,7 +46,7 @@ class CaseRecord:
     simulated: str | None = None
     volumes_cc: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     ln_covariance: FloatArray | None = None
-    diagnosis: Mapping[str, Any] = field(default_factory=dict)
+    diagnosis: DiagnosisRecord | None = None
 
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
@@ -111,7 +113,7 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
         simulated(case, result),
         {state: _volumes(volume) for state, volume in labels.items()},
         case.read_npz("identify/fields.npz").get("covariance") if case.has("identify/fields.npz") else None,
-        _optional(case, "diagnosis.json"),
+        read_diagnosis(case) if case.has(DIAGNOSIS) else None,
     )
 
 

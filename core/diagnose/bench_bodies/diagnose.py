@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from palpate.core.diagnose.bench_bodies.judge import LEVEL, base_fit, decide_bod
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
 from palpate.core.diagnose.bench_bodies.rivals import Rival, rivals
 from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.diagnosis_record import DecidedByRecord, DiagnosisRecord, StiffnessRecord, WhereRecord
 from palpate.core.diagnose.effects import Effect, library
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, TIED, UNKNOWN
 from palpate.core.errors import InputError
@@ -26,7 +26,7 @@ from palpate.core.worker.progress import Progress, part, silent
 MAP_FILE = "body_markers.npz"
 
 
-def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
     """Job kind "palpate.core.diagnose.bench_bodies.diagnose:run": as `palpate.core.diagnose.job.run`, for a body."""
     one_thread()
     path = Path(job.paths["data"])
@@ -44,7 +44,7 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
 
 def diagnose_body(
     problem: BodyProblem, effects: Mapping[str, Effect], case: str, progress: Progress = silent
-) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+) -> tuple[DiagnosisRecord, dict[str, FloatArray]]:
     """The record, and by state the markers' residuals (k, 3) mm. Raises ConvergenceError when nothing can be solved."""
     stage = BodyStage.of(problem)
     progress(0.0, "plain model")
@@ -56,27 +56,26 @@ def diagnose_body(
     best = found[0] if found else None
     named = best if verdict not in (NONE, UNKNOWN, AMBIGUOUS) else None
     cause = _second(named.fit, effects, part(progress, 0.7, 1.0)) if named is not None else None
-    out = {
-        "case": case,
-        "gap": record.gap(base, p),
-        "where": {"map": MAP_FILE, "regions": record.regions(base), "peak_lps_mm": None},
-        "verdict": verdict,
-        "candidates": list(decided.candidates),
-        "ranking": [record.row(base, f, probability[f.effect.id]) for f in found],
-        "shrinkage": None if best is None or verdict == NONE else record.shrinkage(best),
-        "stiffness": {
-            "without_effect": record.stiffness(base),
-            "with_effect": None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness(best.fit),
-        },
-        "next_measurement": record.next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
-        "why": decided.why,
-        "decided_by": {"name": decided.decided_by, "sentence": decided.why},
-        "in_words": record.words(base, verdict, named),
-        "probability_unknown": probability.get(UNKNOWN, 0.0),
-        "flags": [],
-        "states": record.states(base, best),
-        "remainder": None if named is None else record.remainder(named.fit, cause),
-    }
+    out = DiagnosisRecord(
+        case=case,
+        gap=record.gap(base, p),
+        where=WhereRecord(map=MAP_FILE, regions=record.regions(base), peak_lps_mm=None),
+        verdict=verdict,
+        candidates=list(decided.candidates),
+        ranking=[record.row(base, f, probability[f.effect.id]) for f in found],
+        shrinkage=None if best is None or verdict == NONE else record.shrinkage(best),
+        stiffness=StiffnessRecord(
+            without_effect=record.stiffness(base),
+            with_effect=None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness(best.fit),
+        ),
+        next_measurement=record.next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
+        why=decided.why,
+        decided_by=DecidedByRecord(decided.decided_by, decided.why),
+        in_words=record.words(base, verdict, named),
+        probability_unknown=probability.get(UNKNOWN, 0.0),
+        states=record.states(base, best),
+        remainder=None if named is None else record.remainder(named.fit, cause),
+    )
     return out, {s.name: r for s, r in zip(problem.states, record.by_state(base), strict=True)}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
+from palpate.core.diagnose.diagnosis_record import RegionGapRecord
 from palpate.core.inference.evidence import projected
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.plain_fit import PlainFit
@@ -75,11 +76,11 @@ def residuals(fit: PlainFit) -> list[FloatArray]:
     return [bench.sight.modes @ point.residual[: bench.sight.n_modes] for bench, point in each]
 
 
-def regions(where: DiscrepancyMaps, names: dict[int, str]) -> list[dict[str, object]]:
+def regions(where: DiscrepancyMaps, names: dict[int, str]) -> list[RegionGapRecord]:
     """Residual by organ region and by side: rms in mm and share of the sum of squares."""
     centre = where.points.mean(axis=0)
     total = max(float((where.residual**2).sum()), 1e-30)
-    out: list[dict[str, object]] = []
+    out = []
     for region, name in names.items():
         out.append(_row(where, where.region == region, name, "all", total))
     for axis, (low, high) in enumerate(_SIDES):
@@ -89,10 +90,10 @@ def regions(where: DiscrepancyMaps, names: dict[int, str]) -> list[dict[str, obj
     return out
 
 
-def _row(where: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: float) -> dict[str, object]:
+def _row(where: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: float) -> RegionGapRecord:
     squares = where.residual[part] ** 2
     rms = float(np.sqrt(squares.mean())) if part.any() else 0.0
-    return {"name": name, "side": side, "rms_mm": rms, "share": float(squares.sum()) / total}
+    return RegionGapRecord(name, side, rms, float(squares.sum()) / total)
 
 
 def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray) -> FloatArray | None:

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.location import DiscrepancyMaps, look, regions, residuals
+from palpate.core.diagnose.detection.score_test import Screened
+from palpate.core.diagnose.diagnosis_record import (
+    DecidedByRecord,
+    DiagnosisRecord,
+    FittedStiffnessRecord,
+    GapRecord,
+    ParameterRecord,
+    RankedRecord,
+    StateGapRecord,
+    StiffnessRecord,
+    WhereRecord,
+)
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.averaged_stiffness import averaged_stiffness, plain_stiffness
@@ -26,36 +36,36 @@ AT_BOUND, NOT_TOLD = 0.05, 1.0
 COARSE_MM = 0.35
 
 
-def record(found: Diagnosis, case: str) -> dict[str, Any]:
-    """The JSON object of diagnosis.json for a case of this name."""
+def record(found: Diagnosis, case: str) -> DiagnosisRecord:
+    """diagnosis.json for a case of this name."""
     best = found.refits[0] if found.refits else None
     shown = best if found.verdict.verdict not in (NONE, UNKNOWN) else None
     names = dict(found.fit.bench.first.plain.problem.region_names)
-    return {
-        "case": case,
-        "gap": _gap(found),
-        "where": {
-            "map": MAP_FILE,
-            "regions": regions(found.where, names),
-            "peak_lps_mm": _peak(found),
-            "blur_mm": found.where.blur_mm,
-        },
-        "verdict": found.verdict.verdict,
-        "candidates": list(found.verdict.candidates),
-        "ranking": _ranking(found),
-        "shrinkage": shrinkage(found, best) if best is not None else None,
-        "stiffness": {
-            "without_effect": _stiffness(found, *plain_stiffness(found.fit)),
-            "with_effect": None if shown is None else _stiffness(found, *averaged_stiffness(found)),
-        },
-        "next_measurement": next_measurement(found),
-        "why": found.verdict.why,
-        "decided_by": {"name": found.verdict.decided_by, "sentence": found.verdict.why},
-        "in_words": sentence(found),
-        "probability_unknown": found.verdict.probability.get(UNKNOWN, 0.0),
-        "flags": _flags(found, shown),
-        "options": _options(found).to_json(),
-    }
+    return DiagnosisRecord(
+        case=case,
+        gap=_gap(found),
+        where=WhereRecord(
+            map=MAP_FILE,
+            regions=regions(found.where, names),
+            peak_lps_mm=_peak(found),
+            blur_mm=found.where.blur_mm,
+        ),
+        verdict=found.verdict.verdict,
+        candidates=list(found.verdict.candidates),
+        ranking=_ranking(found),
+        shrinkage=shrinkage(found, best) if best is not None else None,
+        stiffness=StiffnessRecord(
+            without_effect=_stiffness(found, *plain_stiffness(found.fit)),
+            with_effect=None if shown is None else _stiffness(found, *averaged_stiffness(found)),
+        ),
+        next_measurement=next_measurement(found),
+        why=found.verdict.why,
+        decided_by=DecidedByRecord(found.verdict.decided_by, found.verdict.why),
+        in_words=sentence(found),
+        probability_unknown=found.verdict.probability.get(UNKNOWN, 0.0),
+        flags=_flags(found, shown),
+        options=_options(found),
+    )
 
 
 def _options(found: Diagnosis) -> DiagnosisOptions:
@@ -63,7 +73,7 @@ def _options(found: Diagnosis) -> DiagnosisOptions:
     return DiagnosisOptions(noise_model=found.fit.options, wall_motion=found.fit.bench.first.stage.walls)
 
 
-def _peak(found: Diagnosis) -> list[float] | None:
+def _peak(found: Diagnosis) -> tuple[float, float, float] | None:
     """Where the gap comes from: the place of the likeliest effect if it has one, else where the missing force is largest."""
     for fitted in found.refits:
         effect, variant = fitted.trial.effect, fitted.trial.variant
@@ -71,8 +81,12 @@ def _peak(found: Diagnosis) -> list[float] | None:
             continue
         names = [p.name for p in effect.parameters]
         shift = [fitted.phi[names.index(f"shift_{axis}")] if f"shift_{axis}" in names else 0.0 for axis in "xyz"]
-        return [float(x + dx) for x, dx in zip(variant.where, shift, strict=True)]
-    return None if found.where.peak is None else [float(x) for x in found.where.peak]
+        return _point(np.asarray(variant.where) + shift)
+    return None if found.where.peak is None else _point(found.where.peak)
+
+
+def _point(x: FloatArray) -> tuple[float, float, float]:
+    return float(x[0]), float(x[1]), float(x[2])
 
 
 def maps(found: Diagnosis) -> dict[str, FloatArray]:
@@ -121,26 +135,26 @@ def _predicted(point: Linearisation) -> FloatArray:
     return np.asarray(seen.points + seen.operator @ point.scene.seen(point.equilibrium.u))
 
 
-def _gap(found: Diagnosis) -> dict[str, Any]:
+def _gap(found: Diagnosis) -> GapRecord:
     fit = found.fit
     left, variances = residuals(fit), _variances(fit)
     residual = np.abs(np.concatenate(left))
-    return {
-        "rms_mm": float(np.sqrt((residual**2).mean())),
-        "p95_mm": float(np.quantile(residual, 0.95)),
-        "noise_floor_mm": float(np.sqrt(np.mean(variances))),
-        "detected": found.test.detected,
-        "p_value": found.test.p_value,
-        "statistic": found.test.statistic,
-        "degrees_of_freedom": found.test.freedom,
-        "p_values": {"whole": found.test.p_whole, "smooth": found.test.p_smooth, "named": found.test.p_named},
-        "contour_noise_sd_mm": found.fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm,
-        "contour_noise_correlation_mm": found.fit.sizes.length,
-        "states": [
-            {"rms_mm": float(np.sqrt((r**2).mean())), "noise_floor_mm": float(np.sqrt(variance))}
+    return GapRecord(
+        rms_mm=float(np.sqrt((residual**2).mean())),
+        p95_mm=float(np.quantile(residual, 0.95)),
+        noise_floor_mm=float(np.sqrt(np.mean(variances))),
+        detected=found.test.detected,
+        p_value=found.test.p_value,
+        statistic=found.test.statistic,
+        degrees_of_freedom=found.test.freedom,
+        p_values={"whole": found.test.p_whole, "smooth": found.test.p_smooth, "named": found.test.p_named},
+        contour_noise_sd_mm=found.fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm,
+        contour_noise_correlation_mm=found.fit.sizes.length,
+        states=[
+            StateGapRecord(float(np.sqrt((r**2).mean())), float(np.sqrt(variance)))
             for r, variance in zip(left, variances, strict=True)
         ],
-    }
+    )
 
 
 def _variances(fit: PlainFit) -> list[float]:
@@ -150,14 +164,21 @@ def _variances(fit: PlainFit) -> list[float]:
     return [float(variance[rows.start : rows.start + sight.n_modes].sum()) / len(sight.modes) for rows, sight in each]
 
 
-def _ranking(found: Diagnosis) -> list[dict[str, Any]]:
+def _ranking(found: Diagnosis) -> list[RankedRecord]:
     """Every effect looked at, most probable first; those not refitted have their linear estimate."""
     refits = {f.trial.effect.id: f for f in found.refits if f.trial.effect is not None}
-    rows = [_row(found, s, refits.get(s.effect.id)) for s in found.screened]
-    return sorted(rows, key=lambda row: -row["probability"] if refits else -row["log_evidence"])
+    rows = [
+        (_row(found, s, refits.get(s.effect.id)), _evidence(found, s, refits.get(s.effect.id))) for s in found.screened
+    ]
+    order = sorted(rows, key=lambda row: -row[0].probability if refits else -row[1])
+    return [row for row, _ in order]
 
 
-def _row(found: Diagnosis, screened: Any, fitted: Refit | None) -> dict[str, Any]:
+def _evidence(found: Diagnosis, screened: Screened, fitted: Refit | None) -> float:
+    return tempered(screened.log_evidence if fitted is None else fitted.log_evidence, found.fit.options.short_by)
+
+
+def _row(found: Diagnosis, screened: Screened, fitted: Refit | None) -> RankedRecord:
     effect, first = screened.effect, screened.scores[0]
     phi = first.estimate if fitted is None else fitted.phi
     sd = np.sqrt(np.diag(first.covariance)) if fitted is None else fitted.sd_phi
@@ -167,20 +188,18 @@ def _row(found: Diagnosis, screened: Any, fitted: Refit | None) -> dict[str, Any
     for p, value, error in zip(effect.parameters, phi.tolist(), sd.tolist(), strict=True):
         low, high = (p.physical(float(np.clip(value + s * error, p.low, p.high))) for s in (-1, 1))
         inside = float(np.clip(value, p.low, p.high))
-        parameters[p.name] = {"value": p.physical(inside), "sd": abs(high - low) / 2.0, "unit": p.unit}
-    return {
-        "effect": effect.id,
-        "probability": found.verdict.probability.get(effect.id, 0.0),
-        "residual_share": _residual_share(found, fitted),
-        "cv_gain_mm": 0.0 if gain is None else gain.before_mm - gain.after_mm,
-        "p_value": min(1.0, first.p_value * screened.tried),
-        "parameters": parameters,
-        "variant": "" if variant is None else variant.name,
-        "log_evidence": tempered(
-            screened.log_evidence if fitted is None else fitted.log_evidence, found.fit.options.short_by
-        ),
-        "refitted": fitted is not None,
-    }
+        parameters[p.name] = ParameterRecord(p.physical(inside), abs(high - low) / 2.0, p.unit)
+    return RankedRecord(
+        effect=effect.id,
+        probability=found.verdict.probability.get(effect.id, 0.0),
+        residual_share=_residual_share(found, fitted),
+        cv_gain_mm=0.0 if gain is None else gain.before_mm - gain.after_mm,
+        p_value=min(1.0, first.p_value * screened.tried),
+        parameters=parameters,
+        variant="" if variant is None else variant.name,
+        log_evidence=_evidence(found, screened, fitted),
+        refitted=fitted is not None,
+    )
 
 
 def _residual_share(found: Diagnosis, fitted: Refit | None) -> float:
@@ -191,11 +210,11 @@ def _residual_share(found: Diagnosis, fitted: Refit | None) -> float:
     return float(a / max(b, 1e-30))
 
 
-def _stiffness(found: Diagnosis, theta: FloatArray, covariance: FloatArray) -> dict[str, dict[str, float]]:
+def _stiffness(found: Diagnosis, theta: FloatArray, covariance: FloatArray) -> dict[str, FittedStiffnessRecord]:
     names = found.fit.bench.first.plain.problem.region_names
     sd = np.sqrt(np.diag(covariance))[: len(theta)]
     return {
-        names[r]: {"G_kpa": float(np.exp(t)), "sd_kpa": float(np.exp(t) * np.sinh(s)), "sd_ln_G": float(s)}
+        names[r]: FittedStiffnessRecord(float(np.exp(t)), float(np.exp(t) * np.sinh(s)), float(s))
         for r, t, s in zip(sorted(names), theta, sd, strict=True)
     }
 

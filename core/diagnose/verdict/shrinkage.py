@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy import stats
 from scipy.special import softmax
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.diagnosis_record import ShrinkageRecord
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.residual.noise_covariance import organ_contours
@@ -16,7 +15,7 @@ from palpate.core.residual.noise_covariance import organ_contours
 _DRAWS = 2000
 
 
-def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
+def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
     """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
 
     Every draw of the bootstrap takes one of the refitted effects, by its probability, and one of the sizes that the contours' noise may
@@ -38,17 +37,18 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> dict[str, Any]:
         chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
         rival = rivals[rng.choice(len(rivals), p=weight)]
         draws.append(_corrected(before[chosen].mean(), rival[chosen].mean(), rng.choice(floors, p=likely)))
-    return {
-        "held_out_rms_before_mm": float(np.sqrt(before.mean())),
-        "held_out_rms_after_mm": float(np.sqrt(after.mean())),
-        "fraction": _fraction(before.mean(), after.mean()),
-        "noise_corrected_fraction": _corrected(before.mean(), after.mean(), floor),
-        "ci95": np.quantile(draws, [tail, 1.0 - tail]).tolist(),
-        "ceiling_fraction": _corrected(before.mean(), top.mean(), floor),
-        "placebo_fraction": found.placebo,
-        "noise_floor_mm": float(np.sqrt(floor)),
-        "effect": best.trial.effect.id,
-    }
+    low, high = np.quantile(draws, [tail, 1.0 - tail]).tolist()
+    return ShrinkageRecord(
+        held_out_rms_before_mm=float(np.sqrt(before.mean())),
+        held_out_rms_after_mm=float(np.sqrt(after.mean())),
+        fraction=_fraction(before.mean(), after.mean()),
+        noise_corrected_fraction=_corrected(before.mean(), after.mean(), floor),
+        ci95=(low, high),
+        ceiling_fraction=_corrected(before.mean(), top.mean(), floor),
+        placebo_fraction=found.placebo,
+        noise_floor_mm=float(np.sqrt(floor)),
+        effect=best.trial.effect.id,
+    )
 
 
 def tail_of_few(n: int) -> float:

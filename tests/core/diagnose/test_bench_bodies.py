@@ -13,6 +13,7 @@ from palpate.core.diagnose.bench_bodies.scene import BodyStage
 from palpate.core.diagnose.effects import library
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
+from palpate.core.files.json_types import plain
 from palpate.core.forward.composition import Composition
 from palpate.core.mesh import TetMesh
 
@@ -72,6 +73,7 @@ def test_a_marker_off_the_body_turns_with_it() -> None:
 
 def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:
     found, residuals = diagnose_body(seen(bar(0.0, 0.08, 0.15, model_gravity=False), 60.0), EFFECTS, "bar")
+    found = plain(found)
     assert found["verdict"] == "gravity_change"
     assert found["ranking"][0]["parameters"]["change"]["value"] == pytest.approx(9.81, rel=0.1)
     assert found["stiffness"]["with_effect"]["body"]["G_kpa"] == pytest.approx(60.0, rel=0.1)
@@ -81,6 +83,7 @@ def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:
 
 def test_a_model_with_gravity_has_no_gap() -> None:
     found, _ = diagnose_body(seen(bar(0.0, 0.1, model_gravity=True), 60.0), EFFECTS, "bar")
+    found = plain(found)
     assert found["verdict"] == "none"
     assert found["gap"]["p_value"] > 0.05
 

@@ -32,6 +32,7 @@ from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretel
 from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.diagnose.verdict.shrinkage import contours_mm2
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import plain
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -107,7 +108,7 @@ def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-unt
     )
     found = diagnose(CaseData(still), EFFECTS)
     assert found.verdict.verdict == "none"
-    written = record(found, "still")
+    written = plain(record(found, "still"))
     assert written["gap"]["rms_mm"] < 0.05
     assert min(s["sd_ln_G"] for s in written["stiffness"]["without_effect"].values()) > 1.0
     assert not any("absorbing" in flag for flag in written["flags"])
@@ -120,7 +121,7 @@ def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(
     found = diagnosed(posed, 0.0)
     assert found.fit.meshes == 0
     assert not found.fit.mesh.any()
-    assert any("no better element" in flag for flag in record(found, "hard")["flags"])
+    assert any("no better element" in flag for flag in plain(record(found, "hard"))["flags"])
     k = found.fit.bench.first.sight.n_modes
     assert np.trace(found.fit.weighting.covariance[:k, :k]) > np.trace(none.fit.weighting.covariance[:k, :k])
 
@@ -176,7 +177,7 @@ def test_a_contour_drawn_too_wide_is_found_with_its_width(wide: Diagnosis) -> No
 @pytest.mark.parametrize("which", ["none", "wide"])
 def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.FixtureRequest) -> None:
     found: Diagnosis = request.getfixturevalue(which)
-    written = record(found, "a case")
+    written = plain(record(found, "a case"))
     assert set(written) >= KEYS
     assert written["decided_by"]["name"] in {rule.name for rule in RULES}
     assert written["decided_by"]["sentence"] == written["why"]
@@ -210,7 +211,7 @@ def test_the_stiffness_with_an_effect_is_over_all_that_may_be_it(wide: Diagnosis
     mean, covariance = averaged_stiffness(wide)
     each = np.stack([f.point.theta for f in wide.refits])
     assert (mean > each.min(axis=0) - 1.0).all() and (mean < each.max(axis=0) + 1.0).all()
-    written = record(wide, "a case")["stiffness"]["with_effect"]
+    written = plain(record(wide, "a case"))["stiffness"]["with_effect"]
     assert written["prostate_left"]["sd_ln_G"] == pytest.approx(float(np.sqrt(covariance[0, 0])))
     assert written["prostate_right"]["G_kpa"] == pytest.approx(float(np.exp(mean[1])))
 
@@ -219,7 +220,7 @@ def test_what_walls_read_wrongly_pull_the_stiffness_by_is_taken_off(none: Diagno
     """They move a stiff organ less, so that noise alone makes it look stiffer."""
     fit = none.fit
     assert (fit.noise_slope < 0.0).all()
-    written = record(none, "a case")["stiffness"]["without_effect"]
+    written = plain(record(none, "a case"))["stiffness"]["without_effect"]
     for s, theta in zip(written.values(), fit.point.theta, strict=True):
         assert 0.02 < (theta - TOO_STIFF - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
 
@@ -249,7 +250,7 @@ def test_a_stiffness_that_the_data_do_not_tell_is_left_where_its_prior_has_it() 
 def test_a_single_name_that_is_not_settled_comes_with_the_reason(wide: Diagnosis) -> None:
     """A clinician who reads "pushes" must read there too that it would have to pull."""
     doubtful = replace(wide.verdict, verdict="ambiguous", candidates=("contour_bias",), why="it would have to pull")
-    said = record(replace(wide, verdict=doubtful), "a case")["in_words"]
+    said = plain(record(replace(wide, verdict=doubtful), "a case"))["in_words"]
     assert said.endswith("these scans do not settle it: it would have to pull.")
 
 
@@ -257,7 +258,7 @@ def test_a_gap_that_no_effect_comes_near_is_still_written_down(wide: Diagnosis) 
     """Where a free field is likelier by more than a double can hold, every effect's probability is 0."""
     lost = dict.fromkeys(wide.verdict.probability, 0.0) | {"unknown": 1.0}
     found = replace(wide, verdict=replace(wide.verdict, verdict="unknown", candidates=(), probability=lost))
-    written = record(found, "a case")
+    written = plain(record(found, "a case"))
     assert np.isfinite(written["shrinkage"]["ci95"]).all()
     assert written["stiffness"]["with_effect"] is None
 
@@ -314,11 +315,11 @@ def test_leading_effects_have_the_quick_element_s_error_of_their_own(posed) -> N
 
 
 def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> None:
-    assert not any("too coarse" in flag for flag in record(none, "a case")["flags"])
+    assert not any("too coarse" in flag for flag in plain(record(none, "a case"))["flags"])
     much = np.zeros(none.fit.bench.first.sight.n)
     much[0] = 0.5 * np.sqrt(len(none.where.points))
     coarse = replace(none, fit=replace(none.fit, mesh=much))
-    assert any("by 0.50 mm" in flag and "too coarse" in flag for flag in record(coarse, "a case")["flags"])
+    assert any("by 0.50 mm" in flag and "too coarse" in flag for flag in plain(record(coarse, "a case"))["flags"])
 
 
 def test_case_data_survive_their_file(posed, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -340,7 +341,7 @@ def test_probabilities_are_of_evidence_with_wider_noise(wide: Diagnosis) -> None
     names = [f.trial.effect.id for f in (first, second) if f.trial.effect is not None]
     odds = wide.verdict.probability[names[0]] / wide.verdict.probability[names[1]]
     assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / NoiseModelOptions().short_by ** 2)
-    rows = {row["effect"]: row["log_evidence"] for row in record(wide, "a case")["ranking"]}
+    rows = {row["effect"]: row["log_evidence"] for row in plain(record(wide, "a case"))["ranking"]}
     assert np.log(odds) == pytest.approx(rows[names[0]] - rows[names[1]])
 
 
@@ -362,7 +363,7 @@ def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:
 
 
 def test_the_numbers_in_force_are_in_the_record(none: Diagnosis) -> None:
-    written = json.loads(json.dumps(record(none, "a case")["options"]))
+    written = json.loads(json.dumps(plain(record(none, "a case"))["options"]))
     assert DiagnosisOptions.from_json(written) == DiagnosisOptions()
     assert written["noise_model"]["landmark_mm"] == 0.45 and written["wall_motion"]["slide_share"] == 0.2
 
@@ -376,7 +377,7 @@ def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Di
     k = none.fit.bench.first.sight.n_modes
     wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))
     assert wider > 1.1 * usual
-    written = record(replace(none, fit=fit), "a case")["options"]
+    written = plain(record(replace(none, fit=fit), "a case"))["options"]
     assert written["noise_model"]["own_sizes_mm"] == [0.45] and written["wall_motion"]["slide_share"] == 0.8
 
 

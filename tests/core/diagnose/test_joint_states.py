@@ -15,6 +15,7 @@ from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.record import maps, record
+from palpate.core.files.json_types import plain
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -70,7 +71,7 @@ def test_two_states_that_the_plain_model_predicts_have_no_gap_and_tell_the_stiff
 ) -> None:
     assert two.verdict.verdict == "none"
     np.testing.assert_allclose(np.exp(two.fit.point.theta), [30.0, 70.0], rtol=0.3)
-    sd = [[s["sd_ln_G"] for s in record(d, "")["stiffness"]["without_effect"].values()] for d in (one, two)]
+    sd = [[s["sd_ln_G"] for s in plain(record(d, ""))["stiffness"]["without_effect"].values()] for d in (one, two)]
     assert (np.array(sd[1]) < sd[0]).all()
 
 
@@ -79,9 +80,9 @@ def test_what_is_wrong_in_one_state_alone_is_found_in_that_one(wide: Diagnosis) 
     assert "contour_bias" in wide.verdict.candidates
     best = next(f for f in wide.refits if f.trial.effect is not None and f.trial.effect.id == "contour_bias")
     np.testing.assert_allclose(best.phi, [0.0, WIDER_MM], atol=0.15)
-    row = next(r for r in record(wide, "")["ranking"] if r["effect"] == "contour_bias")
+    row = next(r for r in plain(record(wide, ""))["ranking"] if r["effect"] == "contour_bias")
     assert set(row["parameters"]) == {"offset", "offset_2"}
-    gap = record(wide, "")["gap"]
+    gap = plain(record(wide, ""))["gap"]
     assert gap["states"][1]["rms_mm"] > 2.0 * gap["states"][0]["rms_mm"]
 
 

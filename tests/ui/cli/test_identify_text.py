@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from diagnoses import diagnosis
 from phantoms import agreement, recorded, result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
+from palpate.core.files.json_types import typed
 from palpate.ui.cli.commands import diagnose
 from palpate.ui.cli.commands.identify import text_of
 
@@ -34,9 +37,8 @@ def test_the_console_doubts_a_stiffness_on_which_the_searches_differ(tmp_path: P
 
 def test_an_alarm_on_the_console_says_that_it_may_be_a_false_one(tmp_path: Path) -> None:
     case = CaseFolder.create(tmp_path / "case", CaseFacts("made-up"))
-    found = {"gap": {"rms_mm": 0.4, "noise_floor_mm": 0.3, "p_value": 0.01}, "in_words": "w", "ranking": [], "flags": [],
-             "next_measurement": None}  # fmt: skip
     texts = {
-        verdict: " ".join(diagnose.text_of(case, found | {"verdict": verdict})) for verdict in ("none", "ambiguous")
+        verdict: " ".join(diagnose.text_of(case, typed(diagnosis(verdict), DiagnosisRecord, "a test")))
+        for verdict in ("none", "ambiguous")
     }
     assert "docs/gap.md" in texts["ambiguous"] and "docs/gap.md" not in texts["none"]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnoses import diagnosis
 from phantoms import result, write_case
 
 from palpate.case.steps.import_scans.options import ImportOptions
@@ -151,8 +152,7 @@ def test_the_map_of_a_diagnosis_is_shown_before_the_plain_misfit(tmp_path: Path)
     np.testing.assert_array_equal(gap.residual, plain)
     # The names that palpate.core.diagnose.verdict.record.maps gives.
     case.write_npz("diagnose/gap_maps.npz", points=spots + 1.0, residual_mm=found, standardised=found / 0.4)
-    said = {"verdict": "none", "gap": {"rms_mm": 0.3, "noise_floor_mm": 0.4, "p_value": 0.5}, "candidates": []}
-    case.write_json("diagnosis.json", {**said, "where": {"map": "diagnose/gap_maps.npz"}})
+    case.write_json("diagnosis.json", diagnosis("none"))
     gap = _gap_of(folder)
     assert gap is not None
     assert gap.diagnosed

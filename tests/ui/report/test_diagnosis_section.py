@@ -4,38 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from diagnoses import diagnosis
 from phantoms import recorded, result, write_case
 
 from palpate.case.case_folder import CaseFacts, CaseFolder
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
+from palpate.core.files.json_types import typed
 from palpate.ui.pictures.gap_pictures import VIEWS
 from palpate.ui.report.document import Paragraph, Table
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.report_step import ReportOptions, run
 from palpate.ui.report.summary import summary
-
-
-def diagnosis(verdict: str) -> dict[str, Any]:
-    """In the form of diagnosis.json."""
-    stiffness = {"prostate_left": {"G_kpa": 40.0, "sd_kpa": 9.0}, "prostate_right": {"G_kpa": 20.0, "sd_kpa": 4.0}}
-    parameter = {"value": 1.25, "sd": 0.13, "unit": "mm"}
-    row = {"effect": "contour_bias", "probability": 0.97, "cv_gain_mm": 0.8, "parameters": {"offset": parameter}}
-    shrinkage = {
-        "held_out_rms_before_mm": 1.4, "held_out_rms_after_mm": 0.6, "noise_corrected_fraction": 0.83,
-        "ci95": [0.7, 0.92], "ceiling_fraction": 0.5, "effect": "contour_bias",
-    }  # fmt: skip
-    found = verdict != "none"
-    return {
-        "gap": {"rms_mm": 1.4, "p95_mm": 2.5, "noise_floor_mm": 0.5, "p_value": 1e-7 if found else 0.6},
-        "where": {"map": "diagnose/gap_maps.npz", "blur_mm": 14.0},
-        "verdict": verdict, "in_words": "A sentence for a clinician.", "ranking": [row], "flags": ["left: at its bound"],
-        "shrinkage": shrinkage if found else None, "next_measurement": "draw it again" if found else None,
-        "stiffness": {"without_effect": stiffness, "with_effect": stiffness if found else None},
-    }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +58,15 @@ def diagnosed(verdict: str, **stiffness: float) -> CaseRecord:
     found = diagnosis(verdict)
     for name, G in stiffness.items():
         found["stiffness"]["without_effect"][name] = {"G_kpa": G, "sd_kpa": 0.2 * G}
-    return CaseRecord(CaseFacts("c", boundary_noise_sd_mm=0.4), recorded(), {}, {}, {}, {}, diagnosis=found)
+    return CaseRecord(
+        CaseFacts("c", boundary_noise_sd_mm=0.4),
+        recorded(),
+        {},
+        {},
+        {},
+        {},
+        diagnosis=typed(found, DiagnosisRecord, "a test's diagnosis.json"),
+    )
 
 
 def texts(record: CaseRecord) -> str:
@@ -85,7 +76,8 @@ def texts(record: CaseRecord) -> str:
 def test_summary_and_page_do_not_contradict_each_other() -> None:
     """The misfit is within what stated noise leaves, and the diagnosis sees a gap: both are said, each with its noise."""
     record = diagnosed("ambiguous")
-    record.diagnosis["candidates"] = ["inclusion", "unmodelled_load", "prestress"]
+    assert record.diagnosis is not None
+    record.diagnosis.candidates[:] = ["inclusion", "unmodelled_load", "prestress"]
     misfit, told = summary(record)[-2:]
     assert "explains" not in misfit and "no larger than the contours' own error would make it (0.57 mm" in misfit
     assert "found a gap (1.40 mm rms where noise would leave 0.50 mm, p below 0.001), its cause not settled" in told
@@ -97,7 +89,7 @@ def test_summary_and_page_do_not_contradict_each_other() -> None:
 
 def test_a_pair_without_a_gap_says_so_and_one_without_a_diagnosis_nothing() -> None:
     assert "found nothing that the model leaves out (p = 0.6)" in summary(diagnosed("none"))[-1]
-    assert not any("diagnosis" in s for s in summary(replace(diagnosed("none"), diagnosis={})))
+    assert not any("diagnosis" in s for s in summary(replace(diagnosed("none"), diagnosis=None)))
 
 
 def test_an_alarm_says_that_it_may_be_a_false_one() -> None:

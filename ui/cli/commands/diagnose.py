@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import plain
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -42,20 +44,20 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     options = diagnose.DiagnoseOptions(args.effects, random_seed(args), args.meshes)
     with recorded(case, args), console.progress(NAME) as progress:
         found = diagnose.run(case, options, progress)
-    return found, "\n".join(text_of(case, found))
+    return plain(found), "\n".join(text_of(case, found))
 
 
-def text_of(case: CaseFolder, found: dict[str, Any]) -> list[str]:
+def text_of(case: CaseFolder, found: DiagnosisRecord) -> list[str]:
     """What a person reads of a diagnosis."""
-    gap = found["gap"]
+    gap = found.gap
     lines = [
-        f"gap     {gap['rms_mm']:.2f} mm rms, noise alone {gap['noise_floor_mm']:.2f} mm, p = {gap['p_value']:.2g}",
-        f"verdict {found['verdict']}: {found['in_words']}",
+        f"gap     {gap.rms_mm:.2f} mm rms, noise alone {gap.noise_floor_mm:.2f} mm, p = {gap.p_value:.2g}",
+        f"verdict {found.verdict}: {found.in_words}",
     ]
-    if found["verdict"] != "none":
+    if found.verdict != "none":
         lines.append(f"        {FALSE_ALARMS}")
-        for row in found["ranking"][:_SHOWN]:
-            lines.append(f"        {row['effect']}: probability {row['probability']:.2f}")
-    if found["next_measurement"]:
-        lines.append(f"next    {found['next_measurement']}")
-    return [*lines, *(f"note    {flag}" for flag in found["flags"]), f"result  {case.file('diagnosis.json')}"]
+        for row in found.ranking[:_SHOWN]:
+            lines.append(f"        {row.effect}: probability {row.probability:.2f}")
+    if found.next_measurement:
+        lines.append(f"next    {found.next_measurement}")
+    return [*lines, *(f"note    {flag}" for flag in found.flags), f"result  {case.file('diagnosis.json')}"]

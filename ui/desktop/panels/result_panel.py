@@ -105,17 +105,15 @@ def _found(case: OpenCase, old: str) -> str:
 
 def _gap(case: OpenCase) -> list[str]:
     found = case.diagnosis
-    if not found:
+    if found is None:
         return []
-    gap, verdict = found.get("gap", {}), str(found.get("verdict", ""))
-    names = ", ".join(escape(str(c).replace("_", " ").replace("-", " ")) for c in found.get("candidates", []))
+    gap, verdict = found.gap, found.verdict
+    names = ", ".join(escape(name.replace("_", " ").replace("-", " ")) for name in found.candidates)
     said = {"none": "no gap beyond the noise", "unknown": "a gap of a kind that is not known",
             "ambiguous": f"a gap, by one of: {names}"}  # fmt: skip
     out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
-    if verdict != "none" and "rms_mm" in gap:
-        out.append(
-            f"{gap['rms_mm']:.2f} mm rms, noise floor {gap.get('noise_floor_mm', float('nan')):.2f} mm; may be a false alarm"
-        )
-    if found.get("next_measurement"):
-        out.append(f"Next: {escape(str(found['next_measurement']))}")
+    if verdict != "none":
+        out.append(f"{gap.rms_mm:.2f} mm rms, noise floor {gap.noise_floor_mm:.2f} mm; may be a false alarm")
+    if found.next_measurement:
+        out.append(f"Next: {escape(found.next_measurement)}")
     return out

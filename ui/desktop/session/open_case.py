@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.identified import read_result
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -82,7 +83,8 @@ class OpenCase:
         parameters = {} if result is None else result.parameters
         facts = self.folder.facts
         found = [region_of(name, p, facts, len(parameters) == 1) for name, p in parameters.items()]
-        self.result, self.diagnosis = result, self._json("diagnosis.json")
+        self.result = result
+        self.diagnosis = read_diagnosis(self.folder) if self.folder.has(DIAGNOSIS) else None
         self.regions: tuple[RegionStiffness, ...] = tuple(sorted(found, key=lambda region: region.label))
         told = [region.G for region in self.regions if region.told]
         self.segmentation = self._json("segmentation.json")
@@ -164,8 +166,8 @@ class OpenCase:
         return self.folder.read_npz(MAP_FILE) if there else None
 
     def _gap(self) -> GapMap | None:
-        where = self.diagnosis.get("where", {})
-        for name, diagnosed in ((str(where.get("map", "")), True), ("identify/fields.npz", False)):
+        mapped = "" if self.diagnosis is None else self.diagnosis.where.map
+        for name, diagnosed in ((mapped, True), ("identify/fields.npz", False)):
             if not name.endswith(".npz") or not self.folder.has(name):
                 continue
             arrays = self.folder.read_npz(name)
