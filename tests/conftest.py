@@ -54,6 +54,11 @@ def _unpacked(name: str, factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def wild(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    yield _unpacked("wild.tar.xz", tmp_path_factory) / "wild_dev"
+
+
+@pytest.fixture(scope="session")
 def hostile_dicom(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     yield _unpacked("hostile_dicom.tar.xz", tmp_path_factory)
 

@@ -16,6 +16,7 @@ from palpate.case.steps.declarations import MESH
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.detached_parts import detached_notes
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.mesh_file import Recipe, mesh_arrays, recipe_hash
@@ -61,6 +62,9 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         "inputs_sha256": made_from.sha256,
         "mesh_sha256": file_sha256(case.file("mesh.npz")),
         "options": asdict(options),
+        "notes": [
+            f"{s}: {n}" for s, labels in (("rest", rest), ("deformed", deformed)) for n in detached_notes(labels)
+        ],
         "laid_elsewhere": None if elsewhere is None else elsewhere.to_dict(),
         "surface_faces": {key[: -len("_faces")]: len(a) for key, a in arrays.items() if key.endswith("_faces")},
     }

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours.detached_parts import detached_notes
 from palpate.imaging.contours.dicom_seg import images_of, read_dicom_seg
 from palpate.imaging.contours.itksnap_labels import read_label_names
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, read_workspace
@@ -59,12 +60,21 @@ def read_user_labels(
 ) -> UserLabels:
     """The labels drawn on a CT: NIfTI, ITK-SNAP workspace, 3D Slicer's .seg.nrrd, DICOM RTSTRUCT or SEG.
 
+    roi : organ -> names or numbers of its structures in the file, where names do not tell.
+
     Raises InputError naming the file when it cannot be read or lies elsewhere.
     """
-    path = Path(path)
+    return _with_parts(_read(Path(path), ct, facts, roi))
+
+
+def _with_parts(labels: UserLabels) -> UserLabels:
+    return replace(labels, notes=(*labels.notes, *detached_notes(labels.volume)))
+
+
+def _read(path: Path, ct: Volume, facts: SeriesFacts | None, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
     name = path.name.lower()
     if name.endswith(_NIFTI):
-        return _inside(read_label_volume(path, roi), ct, path)
+        return _inside(_of_nifti(path, roi), ct, path)
     if name.endswith(".itksnap"):
         return _inside(_of_workspace(path, roi), ct, path)
     if name.endswith(".nrrd"):
@@ -105,6 +115,10 @@ def read_label_volume(path: Path, roi: Mapping[str, Sequence[str]] | None = None
 
     roi : organ -> names of that file, or the volume's own numbers. Raises InputError naming the file.
     """
+    return _with_parts(_of_nifti(path, roi))
+
+
+def _of_nifti(path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
     description = path.parent / DESCRIPTION
     names = read_label_names(description) if description.is_file() else {}
     return _of_volume(path, names, str(description if names else path), "nifti", roi)

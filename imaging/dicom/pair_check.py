@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from datetime import date
 
 import numpy as np
@@ -25,17 +26,21 @@ def check_pair(
     """
     (rest_volume, rest_facts), (deformed_volume, deformed_facts) = rest, deformed
     folders = f"{rest_facts.paths[0].parent} and {deformed_facts.paths[0].parent}"
-    shared = set(zip(rest_facts.sop_uids, rest_facts.frames, strict=True)) & set(
-        zip(deformed_facts.sop_uids, deformed_facts.frames, strict=True)
-    )
-    if rest_facts.series_uid == deformed_facts.series_uid or shared:
+    notes = []
+    told = rest_facts.telling_images(), deformed_facts.telling_images()
+    if _shared(rest_facts, deformed_facts) if told[0] and told[1] else rest_facts.paths == deformed_facts.paths:
         raise InputError(f"{folders} hold the same scan; give a scan at rest and another one with the organ deformed")
-    if np.array_equal(rest_volume.array, deformed_volume.array):
+    if _same_voxels(rest_volume, deformed_volume):
         raise InputError(
             f"{folders} hold the same voxels under two names; give a scan at rest and another one with the organ deformed"
         )
+    if not (told[0] and told[1]):
+        notes.append("the scans' UIDs were removed or made alike: that they are two scans was told by their voxels")
+    elif rest_facts.series_uid == deformed_facts.series_uid:
+        notes.append(
+            "both scans have one series UID, but no image in common and other voxels: they were taken as two scans"
+        )
     known = (rest_facts.patient_hash, deformed_facts.patient_hash)
-    notes = []
     if None in known:
         notes.append("a scan does not name its patient: that both are of one patient was not checked")
     elif known[0] != known[1] and not same_patient:
@@ -46,6 +51,23 @@ def check_pair(
     if days is not None and days > FAR_APART_DAYS:
         notes.append(f"the scans were made {days} days apart: the anatomy may have changed by itself")
     return notes
+
+
+def _shared(rest: SeriesFacts, deformed: SeriesFacts) -> bool:
+    """Whether two series have an image in common."""
+    return not set(zip(rest.sop_uids, rest.frames, strict=True)).isdisjoint(
+        zip(deformed.sop_uids, deformed.frames, strict=True)
+    )
+
+
+def _same_voxels(rest: Volume, deformed: Volume) -> bool:
+    """Whether most slices of one are slices of the other, to the last bit; those of one value throughout do not count."""
+    hashes = []
+    for volume in (rest, deformed):
+        slices = [np.ascontiguousarray(volume.array[:, :, k]) for k in range(volume.array.shape[2])]
+        hashes.append({hashlib.sha256(each.tobytes()).digest() for each in slices if np.ptp(each) > 0})
+    fewest = min(len(each) for each in hashes)
+    return bool(fewest) and len(hashes[0] & hashes[1]) > 0.5 * fewest
 
 
 def _days_apart(first: str | None, second: str | None) -> int | None:

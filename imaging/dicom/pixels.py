@@ -13,19 +13,21 @@ from pydicom.uid import UID
 
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DAMAGE, quiet, read_file
+from palpate.imaging.dicom.padding import AIR_HU, padded
 from palpate.imaging.dicom.slices import Slice
 
 _INT16 = np.iinfo(np.int16)
 
 
-def read_slices(slices: Sequence[Slice]) -> NDArray[Any]:
-    """The slices' values, (n, rows, columns), HU; int16 where they are whole and fit, else float32.
+def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> NDArray[Any]:
+    """The slices' values, (n, rows, columns), HU; int16 where they are whole and fit, else float32. Padding is air.
 
     Raises InputError naming the file whose pixels are missing, damaged or compressed in a way no decoder here knows.
     """
     whole = all(float(s.slope).is_integer() and float(s.intercept).is_integer() for s in slices)
     values = np.empty((len(slices), *slices[0].shape), dtype=np.int32 if whole else np.float32)
     frames: dict[Path, NDArray[Any]] = {}
+    filled = 0
     for index, each in enumerate(slices):
         if each.path not in frames:
             # Only the file being read is kept: a multi-frame file is decoded once, plain files do not pile up.
@@ -35,6 +37,7 @@ def read_slices(slices: Sequence[Slice]) -> NDArray[Any]:
                 f"{each.path} holds {len(frames[each.path])} frames but describes more; copy or export it again"
             )
         stored = frames[each.path][each.frame]
+        outside = padded(stored, each)
         if stored.shape != each.shape:
             raise InputError(
                 f"{each.path} has pixels of shape {stored.shape}, its header says {each.shape}; export it again"
@@ -43,6 +46,13 @@ def read_slices(slices: Sequence[Slice]) -> NDArray[Any]:
             stored.astype(np.int64) * int(each.slope) + int(each.intercept)
             if whole
             else (stored.astype(np.float64) * each.slope + each.intercept)
+        )
+        if outside is not None:
+            values[index][outside] = AIR_HU
+            filled += 1
+    if filled and notes is not None:
+        notes.append(
+            f"pixels that are no picture (padding outside the field of view) were taken as air, on {filled} slices"
         )
     if whole and _INT16.min <= values.min() and values.max() <= _INT16.max:
         return values.astype(np.int16)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ def as_volume(pixels: NDArray[Any], stack: Stack, notes: list[str]) -> Volume:
     """The volume of a stack's pixels (n, rows, columns), resampled only where it must be, which is noted."""
     if not stack.even:
         gaps = np.diff(stack.positions)
+        stack = replace(stack, gap=_whole_gap(stack))
         notes.append(
             f"slices lie {gaps.min():.2f} to {gaps.max():.2f} mm apart: interpolated to every {stack.gap:.2f} mm"
         )
@@ -31,6 +33,12 @@ def as_volume(pixels: NDArray[Any], stack: Stack, notes: list[str]) -> Volume:
     return _straightened(volume, stack)
 
 
+def _whole_gap(stack: Stack) -> float:
+    """The gap nearest the usual one, mm, of which the whole length is a multiple: so that the last slice is kept."""
+    length = float(stack.positions[-1] - stack.positions[0])
+    return length / max(1, round(length / stack.gap))
+
+
 def _affine(stack: Stack) -> FloatArray:
     first, affine = stack.slices[0], np.eye(4)
     affine[:3, 0] = first.right * first.spacing[0]
@@ -42,7 +50,7 @@ def _affine(stack: Stack) -> FloatArray:
 
 def _evenly(pixels: NDArray[Any], stack: Stack) -> NDArray[Any]:
     along = stack.positions - stack.positions[0]
-    wanted = np.arange(math.floor(along[-1] / stack.gap + 1e-6) + 1) * stack.gap
+    wanted = np.linspace(0.0, along[-1], round(along[-1] / stack.gap) + 1)
     after = np.clip(np.searchsorted(along, wanted), 1, len(along) - 1)
     weight = (wanted - along[after - 1]) / (along[after] - along[after - 1])
     result = np.empty((len(wanted), *pixels.shape[1:]), dtype=np.float32)

@@ -13,6 +13,7 @@ import pydicom
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DicomFile, find_dicom
+from palpate.imaging.dicom.hounsfield import check_hounsfield
 from palpate.imaging.dicom.pixels import read_slices
 from palpate.imaging.dicom.regrid import as_volume
 from palpate.imaging.dicom.series_choice import choose_series
@@ -76,7 +77,9 @@ def read_series(
     notes: list[str] = []
     files = choose_series(find_dicom(folder, notes), folder, series, modalities)
     ordered = _stack(files, folder, notes)
-    volume = as_volume(read_slices(ordered.slices), ordered, notes)
+    volume = as_volume(read_slices(ordered.slices, notes), ordered, notes)
+    if files[0].header.get("Modality") == "CT":
+        check_hounsfield(volume, folder)
     return volume, _facts(files[0].header, ordered, notes)
 
 

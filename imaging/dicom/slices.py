@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,12 @@ from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DicomFile, reading
 
 LARGEST_SIZE = 8192
+# Words of ImageType and of series descriptions.
+_SURVEYS = frozenset({"SURVEY", "SURVIEW"})
+_SCOUTS = frozenset({"LOCALIZER", "SCOUT", "TOPOGRAM", "SCANOGRAM"}) | _SURVEYS
+_DERIVED = frozenset({"DERIVED", "SECONDARY", "MPR", "REFORMATTED", "MIP", "MINIP", "PROJECTION IMAGE"})
+# Cosine between a slice's normal and an axis of the patient above which it is named after it.
+_UPRIGHT = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +30,8 @@ class Slice:
     frame : index in the file. instance : the series' own count, None where absent. right, down : unit vectors (3,) in
     LPS along which the column and row indices grow. origin : (3,) mm, centre of the first pixel. spacing : mm between
     columns and between rows. shape : (rows, columns). slope, intercept : stored value to HU.
+    is_hu : whether the values are a CT's.
+    padding : lowest and highest stored value that stands for no picture (outside a round field of view), None where not stated.
     """
 
     path: Path
@@ -36,6 +45,8 @@ class Slice:
     shape: tuple[int, int]
     slope: float
     intercept: float
+    is_hu: bool = True
+    padding: tuple[int, int] | None = None
 
     @property
     def normal(self) -> FloatArray:
@@ -51,7 +62,30 @@ def is_image(header: pydicom.Dataset) -> bool:
 
 def is_localizer(header: pydicom.Dataset) -> bool:
     """Whether the image is a scout view, which lies across the volume and is no part of it."""
-    return "LOCALIZER" in _texts(header.get("ImageType"))
+    return not _SCOUTS.isdisjoint(_texts(header.get("ImageType")))
+
+
+def kind_of(header: pydicom.Dataset) -> str:
+    """What an image is beside a picture that a scanner took: localizer, survey, derived; "" where it is one."""
+    kinds = _texts(header.get("ImageType"))
+    described = set(re.findall(r"[A-Z]+", str(header.get("SeriesDescription") or "").upper()))
+    if is_localizer(header) or described & _SCOUTS:
+        return "survey" if described & _SURVEYS or _SURVEYS.intersection(kinds) else "localizer"
+    return "derived" if not _DERIVED.isdisjoint(kinds) else ""
+
+
+def plane_of(header: pydicom.Dataset) -> str:
+    """axial, coronal, sagittal or oblique; "" where the header does not say."""
+    groups = header.get("SharedFunctionalGroupsSequence")
+    place = header if "ImageOrientationPatient" in header or not groups else _flat(groups[0])
+    try:
+        cosines = np.array([float(v) for v in place.get("ImageOrientationPatient") or []])
+    except (TypeError, ValueError):
+        return ""
+    if cosines.shape != (6,) or not np.isfinite(cosines).all():
+        return ""
+    normal = np.abs(np.cross(cosines[:3], cosines[3:]))
+    return ("sagittal", "coronal", "axial")[int(normal.argmax())] if normal.max() > _UPRIGHT else "oblique"
 
 
 def slices_of(file: DicomFile) -> list[Slice]:
@@ -107,7 +141,16 @@ def _slice(file: DicomFile, frame: int, place: pydicom.Dataset) -> Slice:
         shape=(_size(header, "Rows", path), _size(header, "Columns", path)),
         slope=slope,
         intercept=intercept,
+        is_hu=header.get("Modality") == "CT",
+        padding=_padding(header),
     )
+
+
+def _padding(header: pydicom.Dataset) -> tuple[int, int] | None:
+    """PixelPaddingValue and the other end of its range (DICOM PS3.3 C.7.5.1.1.2), as they stand in the header."""
+    ends = [header.get("PixelPaddingValue"), header.get("PixelPaddingRangeLimit")]
+    known = [int(end) for end in ends if isinstance(end, int)]
+    return (min(known), max(known)) if ends[0] is not None and known else None
 
 
 def _orientation(place: pydicom.Dataset, path: Path) -> tuple[FloatArray, FloatArray]:

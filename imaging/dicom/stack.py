@@ -84,6 +84,7 @@ def stack(slices: Sequence[Slice], positions: FloatArray, folder: object) -> Sta
         raise InputError(
             f"{folder} holds {len(slices)} slices; at least {MIN_SLICES} are needed; give the whole series"
         )
+    _refuse_interleaved(slices, folder)
     gaps = np.diff(positions)
     usual = float(np.median(gaps))
     _refuse_missing(slices, positions, usual)
@@ -97,6 +98,18 @@ def stack(slices: Sequence[Slice], positions: FloatArray, folder: object) -> Sta
     even_gap, start = np.polyfit(count, positions, 1)
     even = bool(np.abs(positions - start - even_gap * count).max() <= max(EVEN_WITHIN_MM, 0.01 * even_gap))
     return Stack(tuple(slices), positions, _step(slices, positions), even, float(even_gap) if even else usual)
+
+
+def _refuse_interleaved(slices: Sequence[Slice], folder: object) -> None:
+    """Two acquisitions half a gap apart: the series' own counts of every second slice follow on each other, those of all do not."""
+    counts = [s.instance for s in slices if s.instance is not None and s.is_hu]
+    if len(counts) < max(len(slices), 2 * MIN_SLICES):
+        return
+    second = np.abs(np.array(counts[2:], dtype=float) - np.array(counts[:-2], dtype=float))
+    if (second == 1.0).mean() > 0.5:
+        raise InputError(
+            f"{folder}: the slices are numbered as two acquisitions that lie in one another; give the slices of one of them"
+        )
 
 
 def _refuse_missing(slices: Sequence[Slice], positions: FloatArray, usual: float) -> None:

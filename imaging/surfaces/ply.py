@@ -1,4 +1,8 @@
-"""Triangles of a PLY file. VTK's own reader ends the whole program on damaged ones; this one refuses them."""
+"""Triangles of a PLY file.
+
+An own reader, because others fail: VTK's ends the whole program on damaged files; trimesh's (5.2) refuses binary files of mixed
+polygons, and reads without a word those whose faces name points that are not there or that end before their header says.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangles import enclosed_volume
 from palpate.imaging.surfaces.ply import read_ply
 from palpate.imaging.surfaces.self_intersections import crossings
+from palpate.imaging.surfaces.triangle_files import read_triangles
 
 SUFFIXES = (".stl", ".obj", ".ply")
 # Extents, mm, beyond which a surface is hardly in mm.
@@ -55,11 +55,8 @@ def _read(path: Path) -> pv.PolyData:
         raise InputError(f"{path} is not there; give the path of a surface (STL, OBJ or PLY)")
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path} is no STL, OBJ or PLY file; save the surface in one of these forms")
-    if path.suffix.lower() == ".ply":
-        points, faces = read_ply(path)
-        mesh = pv.PolyData.from_regular_faces(points, faces.astype(int))
-    else:
-        mesh = _by_vtk(path)
+    points, faces = read_ply(path) if path.suffix.lower() == ".ply" else read_triangles(path)
+    mesh = pv.PolyData.from_regular_faces(points, faces.astype(int)) if len(faces) else pv.PolyData()
     if mesh.n_points == 0 or mesh.n_cells == 0:
         raise InputError(f"{path} holds no surface; save the closed surface of the organ again")
     if mesh.n_cells > _MOST_FACES:
@@ -67,22 +64,6 @@ def _read(path: Path) -> pv.PolyData:
     if not np.isfinite(mesh.points).all():
         raise InputError(f"{path} has points that are not finite; save it again")
     return pv.PolyData(mesh.points.astype(np.float64), faces=mesh.faces).triangulate()
-
-
-def _by_vtk(path: Path) -> pv.PolyData:
-    try:
-        with pv.vtk_verbosity("off"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what a damaged file leaves is looked at afterwards
-            mesh = pv.read(path)
-    except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(f"{path} is not readable as {path.suffix[1:].upper()}; save it again") from error
-    # A face that names a point that is not there ends the program in the first filter.
-    if not isinstance(mesh, pv.PolyData):
-        raise InputError(f"{path} holds no surface; save the closed surface of the organ again")
-    cells = np.asarray(mesh.GetPolys().GetConnectivityArray())
-    if cells.size and (cells.min() < 0 or cells.max() >= mesh.n_points):
-        raise InputError(f"{path} has a face that names a point which does not exist; save it again")
-    return mesh
 
 
 def _joined(mesh: pv.PolyData, notes: list[str]) -> pv.PolyData:

@@ -122,3 +122,19 @@ def workers(args: argparse.Namespace) -> int:
 def add_case(parser: argparse.ArgumentParser) -> None:
     """The positional argument of a command that works on an existing case."""
     parser.add_argument("case", type=Path, metavar="CASE", help="the case folder")
+
+
+def add_roi(parent: argparse._ActionsContainer, words: str) -> None:
+    """The option that says which structures are which organ. parent : a parser or a group of one."""
+    parent.add_argument("--roi", action="append", default=[], metavar="ORGAN=NAME[,NAME]", help=words)
+
+
+def roi_of(texts: list[str]) -> dict[str, list[str]]:
+    """Organ -> names of its structures, of what was given as ``--roi``. Raises UsageError for a malformed one."""
+    found: dict[str, list[str]] = {}
+    for text in texts:
+        organ, equals, names = text.partition("=")
+        if not (organ and equals and names):
+            raise UsageError(f"--roi {text}: write ORGAN=NAME, e.g. prostate=Prostata")
+        found.setdefault(organ, []).extend(name for name in names.split(",") if name)
+    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,14 +34,19 @@ class ContouredScan:
     masks: Mapping[str, Volume]
 
 
-def contoured_scan(folder: Path, contours: Path, name: str) -> ContouredScan:
-    """Reads a DICOM folder and its contours (RTSTRUCT, SEG, NIfTI, .seg.nrrd). Raises InputError when either cannot be read."""
+def contoured_scan(
+    folder: Path, contours: Path, name: str, roi: Mapping[str, Sequence[str]] | None = None
+) -> ContouredScan:
+    """Reads a DICOM folder and its contours (RTSTRUCT, SEG, NIfTI, .seg.nrrd). Raises InputError when either cannot be read.
+
+    roi : organ -> names of its structures, where the file's names do not tell.
+    """
     ct, facts = read_series(folder)
-    drawn = read_user_labels(contours, ct, facts)
+    drawn = read_user_labels(contours, ct, facts, roi)
     labels = in_lps_order(drawn.volume)
     masks = {organ: labels.with_array(np.isin(labels.array, values)) for organ, values in _VALUES.items()}
     if is_rtstruct(contours):
-        found = read_rtstruct(contours, ct, facts).masks
+        found = read_rtstruct(contours, ct, facts, roi).masks
         masks |= {organ: in_lps_order(ct.with_array(mask)) for organ, mask in found.items() if organ in masks}
     return ContouredScan(name, in_lps_order(ct), labels, {k: m for k, m in masks.items() if m.array.any()})
 

@@ -33,7 +33,7 @@ from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
 from palpate.imaging.dicom.pair_check import check_pair
-from palpate.imaging.dicom.series import read_series
+from palpate.imaging.dicom.series import SeriesFacts, read_series
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import Alignment, align_ct, align_labels
 from palpate.imaging.volume import Volume
@@ -88,7 +88,7 @@ def _import_scans(job: _Job) -> dict[str, Any]:
     }
     points = read_landmarks(options.landmarks) if options.landmarks else None
     job.progress(0.4, "aligning on bone")
-    alignment = _aligned(job, align_ct, scans[0][0], scans[1][0]) if options.align else None
+    alignment = _aligned(job, align_ct, scans[0][0], scans[1][0], [f for _, f in scans]) if options.align else None
     if alignment is not None and "deformed" in drawn:
         drawn["deformed"] = in_own_frame(drawn["deformed"], scans[1][0], alignment.deformed_to_rest)
     notes += [f"{state}: {note}" for state, labels in drawn.items() for note in labels.notes]
@@ -138,11 +138,24 @@ def _import_labels(job: _Job) -> dict[str, Any]:
     return _finish(job, case, alignment, notes, outputs + write_landmarks(case, points, matrix))
 
 
-def _aligned(job: _Job, align: Callable[[Volume, Volume], Alignment], rest: Volume, deformed: Volume) -> Alignment:
+def _aligned(
+    job: _Job,
+    align: Callable[[Volume, Volume], Alignment],
+    rest: Volume,
+    deformed: Volume,
+    facts: Sequence[SeriesFacts] = (),
+) -> Alignment:
     try:
         return align(rest, deformed)
     except InputError as error:
-        raise InputError(f"{job.paths[0]} and {job.paths[1]}: {error}") from error
+        where, why = f"{job.paths[0]} and {job.paths[1]}", str(error)
+        dates = [one.study_date for one in facts]
+        if len(facts) == 2 and facts[0].patient_hash == facts[1].patient_hash is not None and None not in dates:
+            raise InputError(
+                f"{where} are scans of one patient, of {' and '.join(map(str, dates))}, but share no pelvis ({why.partition(';')[0]}); "
+                "give two scans that both show it"
+            ) from error
+        raise InputError(f"{where}: {why}") from error
 
 
 def _begun(job: _Job, gravity: Sequence[Vector | None]) -> CaseFolder:

@@ -16,7 +16,7 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.case.steps.import_scans.pair import run_import
 from palpate.case.steps.import_scans.rest_only import import_alone
-from palpate.ui.cli.arguments import UsageError, no_points
+from palpate.ui.cli.arguments import UsageError, add_roi, no_points, roi_of
 from palpate.ui.cli.commands import further_states, import_surfaces
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -45,8 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
     group.add_argument(
         "--series", metavar="ID", help="which CT series in both folders: its number in the list, or its UID's end"
     )
-    group.add_argument("--roi", action="append", default=[], metavar="ORGAN=NAME[,NAME]",
-                       help="which structures, segments or label numbers are an organ, e.g. prostate=Prostata")  # fmt: skip
+    add_roi(group, "which structures, segments or label numbers are an organ, e.g. prostate=Prostata")
     group.add_argument(
         "--landmarks",
         type=Path,
@@ -96,7 +95,7 @@ def options_of(args: argparse.Namespace) -> ImportOptions:
         name=args.name,
         series=(args.rest_series or args.series, args.deformed_series or args.series),
         labels=(args.rest_labels, args.deformed_labels),
-        roi=_roi(args.roi),
+        roi=roi_of(args.roi),
         landmarks=args.landmarks,
         same_patient=args.same_patient,
         align=not args.no_align,
@@ -114,13 +113,3 @@ def text_of(summary: dict[str, Any]) -> list[str]:
         return [f"case    {summary['case']}, the scan at rest", *(f"note    {n}" for n in summary["notes"]), next_step]
     aligned = "not aligned on bone" if residual is None else f"aligned on bone to {residual:.2f} mm rms"
     return [f"case    {summary['case']}, {aligned}", *(f"note    {note}" for note in summary["notes"])]
-
-
-def _roi(texts: list[str]) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for text in texts:
-        organ, equals, names = text.partition("=")
-        if not (organ and equals and names):
-            raise UsageError(f"--roi {text}: write ORGAN=NAME, e.g. prostate=Prostata")
-        found.setdefault(organ, []).extend(name for name in names.split(",") if name)
-    return found

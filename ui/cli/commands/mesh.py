@@ -50,4 +50,5 @@ def text_of(case: CaseFolder, report: dict[str, Any]) -> str:
     angle = report["min_dihedral_deg"]
     made = f"mesh    {case.file('mesh.vtu')}: {report['cells']} tetrahedra, smallest dihedral angle {angle:.0f}\N{DEGREE SIGN}"
     elsewhere = elsewhere_of(case)
-    return made if elsewhere is None else f"{made}\nnote    {elsewhere.words()}"
+    notes = [*report.get("notes", ()), *([] if elsewhere is None else [elsewhere.words()])]
+    return "\n".join([made, *(f"note    {note}" for note in notes)])

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import Progress
-from palpate.ui.cli.arguments import no_points, random_seed, whole_number, workers
+from palpate.ui.cli.arguments import UsageError, add_roi, no_points, random_seed, roi_of, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.studies import paper, touch
 
@@ -83,6 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
                         help="meshing, segmentation: a DICOM folder and its contours, several times (default: phantom)")  # fmt: skip
+    add_roi(parser, "meshing, segmentation: which structures of CONTOURS are an organ, e.g. rectum=RettoAno")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -172,7 +173,10 @@ def _drawn_by(name: str) -> Callable[[Mapping[str, object]], Figure]:
 def _scans(args: argparse.Namespace) -> list[ContouredScan]:
     from palpate.validate.segmentation.contoured_scan import contoured_scan, phantom_scan
 
-    given = [contoured_scan(ct, contours, f"scan {k}") for k, (ct, contours) in enumerate(args.scan, 1)]
+    if args.roi and not args.scan:
+        raise UsageError("--roi needs --scan CT CONTOURS, whose structures it names")
+    roi = roi_of(args.roi)
+    given = [contoured_scan(ct, contours, f"scan {k}", roi) for k, (ct, contours) in enumerate(args.scan, 1)]
     return given or [phantom_scan()]
 
 

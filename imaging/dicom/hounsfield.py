@@ -1,0 +1,50 @@
+"""Whether a CT's values can be Hounsfield units: air at -1000, tissue around water."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.core.arrays import FloatArray
+from palpate.core.errors import InputError
+from palpate.imaging.volume import Volume
+
+AIR_HU = -1000.0
+# Values further than this from AIR_HU are not air; scanners are calibrated to some ten HU, and round.
+_NEAR_HU = 150.0
+# A level that fewer voxels share is noise, or a bubble.
+_SHARE = 0.005
+# Fat, the lightest tissue beside lung, has -120 HU: nothing without air lies above this throughout.
+_NO_BODY_HU = 300.0
+# Tissue lies this much above air.
+_TISSUE_HU = (850.0, 1250.0)
+# Of the voxels are tissue, where there is a body.
+_LEAST_TISSUE = 0.05
+_MOST_VALUES = 500_000
+
+
+def check_hounsfield(volume: Volume, source: object) -> None:
+    """Raises InputError naming ``source`` when a CT's values are shifted against Hounsfield units, as without their intercept.
+
+    A scan that shows no air passes unless all of it is denser than a body can be.
+    """
+    values = volume.array.reshape(-1)
+    values = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64)
+    values = values[values > AIR_HU - 2.0 * _NEAR_HU]  # padding
+    if len(values) == 0 or (np.abs(values - AIR_HU) < _NEAR_HU).mean() > _SHARE:
+        return
+    lowest = float(np.percentile(values, 1.0))
+    if lowest > _NO_BODY_HU or (lowest > AIR_HU + _NEAR_HU and _two_levels(values, lowest)):
+        raise InputError(
+            f"{source}: no voxel is air at -1000 HU, the lowest lie at {lowest:.0f}: the values are no Hounsfield units "
+            "(RescaleIntercept lost?); export the series again"
+        )
+
+
+def _two_levels(values: FloatArray, lowest: float) -> bool:
+    """Whether there is a level at ``lowest``, and most of the rest lies above it as tissue lies above air."""
+    level = np.abs(values - lowest) < 0.5 * _NEAR_HU
+    rest = values[values > lowest + _NEAR_HU]
+    if level.mean() < 10.0 * _SHARE or len(rest) < _LEAST_TISSUE * len(values):
+        return False
+    tissue = float(np.median(rest)) - lowest
+    return _TISSUE_HU[0] < tissue < _TISSUE_HU[1]

@@ -1,0 +1,54 @@
+"""Stored values that stand for no picture: outside a scanner's round field of view."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from palpate.core.arrays import BoolArray
+from palpate.imaging.dicom.slices import Slice
+
+AIR_HU = -1000
+# Values up to here are air as they stand.
+_LOOKS_LIKE_AIR_HU = -900.0
+# Above this nothing is: metal saturates at 3071 HU, or 30,710 HU on an extended scale.
+HIGHEST_HU = 31_000.0
+
+
+def padded(stored: NDArray[Any], of: Slice) -> BoolArray | None:
+    """The pixels (rows, columns) outside the field of view that would be taken for something else than air; None without any.
+
+    Those are pixels of the stated padding value, and of any value that no tissue or metal has. Where the value might be tissue as
+    well, only what lies at the edge of the picture counts. Signs are not looked at: scanners state a negative value as unsigned.
+    """
+    mask = _stated(stored, of)
+    if of.is_hu and stored.size and of.slope > 0.0 and float(stored.max()) * of.slope + of.intercept > HIGHEST_HU:
+        impossible = stored.astype(np.float64) * of.slope + of.intercept > HIGHEST_HU
+        mask = impossible if mask is None else mask | impossible
+    return mask
+
+
+def _stated(stored: NDArray[Any], of: Slice) -> BoolArray | None:
+    if of.padding is None or stored.dtype.kind not in "iu":
+        return None
+    low, high = of.padding
+    mask = np.zeros(stored.shape, dtype=bool)
+    # The same bits may be read with a sign or without.
+    for shift in (0, -(1 << 8 * stored.dtype.itemsize), 1 << 8 * stored.dtype.itemsize):
+        mask |= (stored >= low + shift) & (stored <= high + shift)
+    if not mask.any():
+        return None
+    shown = stored[mask].astype(np.float64) * of.slope + of.intercept
+    if shown.max() <= _LOOKS_LIKE_AIR_HU:
+        return None
+    return mask if shown.min() > HIGHEST_HU else _at_the_edge(mask)
+
+
+def _at_the_edge(mask: BoolArray) -> BoolArray:
+    """The parts of a mask that touch the edge of the picture."""
+    parts, _ = ndimage.label(mask)
+    edge = np.unique(np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]]))
+    return np.isin(parts, edge[edge > 0])
