@@ -26,6 +26,15 @@ PAGES = [
 _TOPS = "|".join([*ROOMS, "docs", "tests", "plugin", "palpate", "sample_dicom", r"\.ci"])
 _PATH = re.compile(rf"(?<![\w./-])((?:{_TOPS})/[\w./-]*\w)")
 
+# "Walker & Ni 2011", "Teran et al. 2005", "Schwarz 1978", "Grady, PAMI 2006": the last name and the year.
+_CITED = re.compile(r"\b([A-Z][a-z]+[A-Za-z]*)(?: et al\.)?,?(?: [A-Z]{4})? \(?((?:19|20)\d{2})\b")
+
+
+def _plain(text: str) -> str:
+    """Without accents' commands and in lower case; umlauts as the code writes them."""
+    text = text.lower().replace('{\\"o}', "oe").replace('{\\"u}', "ue").replace(r"{\ae}", "ae").replace(r"{\'e}", "e")
+    return text.replace(r"{\'o}", "o").replace("{", "").replace("}", "")
+
 
 def drawing() -> ModuleType:
     """The script that draws the picture."""
@@ -70,6 +79,21 @@ def test_references_name_files_that_cite_them() -> None:
     text = (TOP / "docs" / "references.bib").read_text(encoding="utf-8")
     named = [name for line in re.findall(r"keywords\s*= \{(.*)\}", text) for name in line.split(", ")]
     assert named and [name for name in named if not (TOP / name).is_file()] == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_what_the_code_cites_by_name_and_year_is_in_the_references(room: str) -> None:
+    entries = (TOP / "docs" / "references.bib").read_text(encoding="utf-8").split("\n@")
+    cited = {
+        (name, year, path.relative_to(TOP).as_posix())
+        for path in (TOP / room).rglob("*.py")
+        for name, year in _CITED.findall(path.read_text(encoding="utf-8"))
+    }
+    plain = [_plain(entry) for entry in entries]
+    missing = [
+        c for c in cited if not any(c[1] in entry and re.search(rf"\b{_plain(c[0])}\b", entry) for entry in plain)
+    ]
+    assert missing == [], "add them to docs/references.bib"
 
 
 @pytest.mark.parametrize("room", ROOMS)
