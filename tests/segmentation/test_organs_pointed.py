@@ -22,7 +22,7 @@ from palpate.segmentation.methods.star_surface import sphere
 from palpate.segmentation.models.learned import learned_masks
 from palpate.validate.segmentation import dice as dice_module
 from palpate.validate.segmentation.contoured_scan import ContouredScan, contoured_scan
-from palpate.validate.segmentation.study import _rank_correlation, segmentation_study, study_text
+from palpate.validate.segmentation.study import rank_correlation, segmentation_study, study_text
 
 SHEAR = np.array([[400.0, 90.0, -60.0], [90.0, 225.0, 50.0], [-60.0, 50.0, 300.0]])
 CENTRE = np.array([5.0, -30.0, 12.0])
@@ -150,8 +150,8 @@ def test_rank_correlation_is_one_where_the_surer_is_the_better() -> None:
     rows = [
         {"organ": "prostate", "confidence": sure, "dice": good} for sure, good in ((0.2, 0.5), (0.6, 0.7), (0.5, 0.6))
     ]
-    assert _rank_correlation(rows) == {"prostate": 1.0}
-    assert _rank_correlation([row | {"dice": -row["dice"]} for row in rows]) == {"prostate": -1.0}
+    assert rank_correlation(rows) == {"prostate": 1.0}
+    assert rank_correlation([row | {"dice": -row["dice"]} for row in rows]) == {"prostate": -1.0}
 
 
 def _shifted(mask: Volume, by: int) -> Volume:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypedDict
+from typing import TypedDict, final
 
 from scipy.stats import spearmanr
 
@@ -21,6 +21,14 @@ WANTED_SECONDS = 60.0
 ALL_MODES = (*MODES, JITTERED)
 
 
+class Sure(TypedDict):
+    """What every row of a table has that says how sure a method is of an organ."""
+
+    organ: str
+    dice: float
+    confidence: float | None
+
+
 class JudgedRow(DiceFigures):
     """One scan, organ and mode beside the least that is wanted (None: nothing is)."""
 
@@ -29,6 +37,7 @@ class JudgedRow(DiceFigures):
     reached: bool
 
 
+@final
 class SegmentationTable(TypedDict):
     """Rows, how many of those with a wanted value reach it, and rank correlation of confidence and Dice by organ."""
 
@@ -56,7 +65,7 @@ def segmentation_study(
         "wanted": len(judged),
         "slowest_seconds": max(row["seconds"] for row in rows),
         "wanted_seconds": WANTED_SECONDS,
-        "confidence_rank_correlation": _rank_correlation(rows),
+        "confidence_rank_correlation": rank_correlation(rows),
     }
 
 
@@ -78,7 +87,7 @@ def study_text(found: SegmentationTable) -> str:
     return "\n".join(lines)
 
 
-def _rank_correlation(rows: Sequence[JudgedRow]) -> dict[str, float]:
+def rank_correlation(rows: Sequence[Sure]) -> dict[str, float]:
     """Spearman's correlation of confidence and Dice for each organ: 1 where the confidence puts all rows in their order."""
     found = {}
     for organ in sorted({row["organ"] for row in rows if row["confidence"] is not None}):

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from palpate.validate.meshing_study import MeshingTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
     from palpate.validate.segmentation.study import SegmentationTable
+    from palpate.validate.segmentation.variant_study import VariantTable
 
 Found = TypeVar("Found", bound=Mapping[str, object])
 
@@ -84,6 +85,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
                         help="meshing, segmentation: a DICOM folder and its contours, several times (default: phantom)")  # fmt: skip
     add_roi(parser, "meshing, segmentation: which structures of CONTOURS are an organ, e.g. rectum=RettoAno")
+    parser.add_argument("--variants", type=whole_number(1, 10_000), default=0, metavar="N",
+                        help="segmentation: N variants of the scans instead, with other noise, slices, HU, field, fat")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -193,13 +196,21 @@ def _meshing_text(found: MeshingTable) -> str:
     return study_text(found)
 
 
-def _segmentation(args: argparse.Namespace, progress: Progress) -> SegmentationTable:
+def _segmentation(args: argparse.Namespace, progress: Progress) -> SegmentationTable | VariantTable:
+    if args.variants:
+        from palpate.validate.segmentation.variant_study import variant_study
+
+        return variant_study(_scans(args), args.variants, random_seed(args), progress=progress)
     from palpate.validate.segmentation.study import segmentation_study
 
     return segmentation_study(_scans(args), seed=random_seed(args), progress=progress)
 
 
-def _segmentation_text(found: SegmentationTable) -> str:
+def _segmentation_text(found: SegmentationTable | VariantTable) -> str:
+    if "recipes" in found:
+        from palpate.validate.segmentation.variant_study import variant_text
+
+        return variant_text(found)
     from palpate.validate.segmentation.study import study_text
 
     return study_text(found)
