@@ -7,7 +7,6 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from palpate.ui.cli.arguments import Parser, common
 
@@ -37,13 +36,13 @@ def typed_options(args: argparse.Namespace, module: ModuleType) -> str:
     return " ".join([*places, *options])
 
 
-def _option(action: argparse.Action, value: Any) -> list[str]:
+def _option(action: argparse.Action, value: object) -> list[str]:
     name = action.option_strings[0]
     if action.nargs == 0:  # a flag, or one that switches off
         return [name]
     if isinstance(action.nargs, str | int) and isinstance(value, Sequence) and not isinstance(value, str):
         return [" ".join([name, *(_plain(action, one) for one in value)])]
-    each = value if isinstance(action, argparse._AppendAction) else [value]
+    each = value if isinstance(action, argparse._AppendAction) and isinstance(value, list) else [value]
     return [_joined(name, _plain(action, one)) for one in each]
 
 
@@ -52,7 +51,7 @@ def _joined(name: str, value: str) -> str:
     return f"{name}={value}" if value.startswith("-") and name.startswith("--") else f"{name} {value}"
 
 
-def _plain(action: argparse.Action, value: Any) -> str:
+def _plain(action: argparse.Action, value: object) -> str:
     """One value; a path is what the help calls it."""
     metavar = str(action.metavar or action.dest.upper())
     if isinstance(value, Path):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime, time
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from pydicom import Dataset
 from pydicom.dataset import FileDataset, FileMetaDataset
@@ -37,6 +37,22 @@ SERIES_NUMBERS = {
 }
 
 
+class Equipment(TypedDict):
+    """The arguments by which highdicom's classes say who made an object, in which series, when."""
+
+    series_instance_uid: str
+    sop_instance_uid: str
+    series_number: int
+    instance_number: int
+    manufacturer: str
+    manufacturer_model_name: str
+    software_versions: str
+    device_serial_number: str
+    content_date: date
+    content_time: time
+    specific_character_set: str
+
+
 @dataclass(frozen=True)
 class Making:
     """The identity of one exported object. The same case gives the same, so that exporting twice is no second object.
@@ -57,7 +73,7 @@ class Making:
         """At most 64 characters, the mark first."""
         return f"{MARK} - {what}"[:64]
 
-    def equipment(self) -> dict[str, Any]:
+    def equipment(self) -> Equipment:
         """The arguments by which highdicom's classes say who made the object."""
         return {
             "series_instance_uid": self.series_uid, "sop_instance_uid": self.sop_uid,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from pydicom import Dataset
@@ -103,7 +103,7 @@ def _empty(source: SourceScan, made: Making, state: str) -> FileDataset:
     return data
 
 
-def _item(**elements: Any) -> Dataset:
+def _item(**elements: str | int | Sequence[str | int | Dataset]) -> Dataset:
     item = Dataset()
     for keyword, value in elements.items():
         setattr(item, keyword, value)

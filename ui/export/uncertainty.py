@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,13 +54,13 @@ def _limits(labels: Volume, parameters: Mapping[str, RegionRecord]) -> dict[str,
     return out if ends else {}
 
 
-def _map(labels: Volume, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Volume]:
+def _map(labels: Volume, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, Volume]:
     voxels = np.argwhere(np.isin(labels.array, ORGAN_LABELS))
     points = labels.to_lps(voxels.astype(np.float64))
     sd = np.asarray(arrays["sd"], dtype=np.float64)
 
-    def volume(of: Callable[[FloatArray], NDArray[Any]], kind: type) -> Volume:
-        value: NDArray[Any] = np.zeros(labels.array.shape, dtype=kind)
+    def volume(of: Callable[[FloatArray], NDArray[np.generic]], kind: type) -> Volume:
+        value: NDArray[np.generic] = np.zeros(labels.array.shape, dtype=kind)
         parts = [of(points[k : k + _CHUNK]) for k in range(0, len(points), _CHUNK)]
         value[tuple(voxels.T)] = np.concatenate(parts) if parts else 0
         return labels.with_array(value)

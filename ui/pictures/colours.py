@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -53,7 +52,7 @@ class StiffnessScale:
         return float(r), float(g), float(b)
 
 
-def map_scale(regional: Iterable[float], arrays: Mapping[str, NDArray[Any]]) -> StiffnessScale:
+def map_scale(regional: Iterable[float], arrays: Mapping[str, NDArray[np.generic]]) -> StiffnessScale:
     """One scale for regional values, kPa, and for what a map tells. arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`."""
     told = np.asarray(arrays["told"], dtype=bool)
     return StiffnessScale.of([*regional, *np.exp(np.asarray(arrays["ln_G"], dtype=float))[told].tolist()])

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpate.core.arrays import LabelArray
 from palpate.core.errors import InputError
+
+if TYPE_CHECKING:
+    import cv2
 
 # VP9 where this build of FFmpeg has it, else MPEG-4 part 2, which every build has and fewer browsers show.
 _CODECS = ("vp09", "mp4v")
@@ -23,14 +26,13 @@ def write_film(path: Path, pictures: Iterable[LabelArray], per_second: float) ->
     given, none of the codecs works or the file cannot be written.
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # it tells of codecs tried in vain on standard error
-    import cv2  # here, because it takes a third of a second to load
 
     writer, codec, size = None, "", (0, 0)
     try:
         for picture in pictures:
             if writer is None:
                 size = (picture.shape[1], picture.shape[0])
-                writer, codec = _open(cv2, path, per_second, size)
+                writer, codec = _open(path, per_second, size)
             if (picture.shape[1], picture.shape[0]) != size:
                 raise ValueError(f"a picture of {picture.shape} in a film of {size}")
             writer.write(np.ascontiguousarray(picture[..., ::-1]))
@@ -62,11 +64,13 @@ def read_film(path: Path) -> list[LabelArray]:
     return pictures
 
 
-def _open(cv2: Any, path: Path, per_second: float, size: tuple[int, int]) -> tuple[Any, str]:
+def _open(path: Path, per_second: float, size: tuple[int, int]) -> tuple[cv2.VideoWriter, str]:
+    import cv2
+
     if size[0] % 2 or size[1] % 2:
         raise ValueError(f"a film's pictures need an even width and height, not {size}")
     for codec in _CODECS:
-        writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*codec), per_second, size)
+        writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), per_second, size)
         if writer.isOpened():
             return writer, codec
         writer.release()

@@ -10,13 +10,12 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
 import vtk
 
-from palpate.core.arrays import LabelArray
+from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.ui.pictures.scene import Body, Scene, View
 
 REMEDY = "apt-get install libegl1 libgl1-mesa-dri"
@@ -96,12 +95,12 @@ def _polydata(body: Body) -> pv.PolyData:
     return mesh
 
 
-def polydata(points: Any, faces: Any) -> pv.PolyData:
+def polydata(points: FloatArray, faces: IntArray) -> pv.PolyData:
     """VTK's form of a surface: points (n, 3), faces (f, 3)."""
-    return pv.PolyData.from_regular_faces(points, faces)
+    return pv.PolyData.from_regular_faces(points, faces)  # type: ignore[arg-type]  # it names Python's int as the type
 
 
-def _cube() -> Any:
+def _cube() -> vtk.vtkAnnotatedCubeActor:
     cube = vtk.vtkAnnotatedCubeActor()
     for axis, plus, minus in (("X", "L", "R"), ("Y", "P", "A"), ("Z", "S", "I")):
         getattr(cube, f"Set{axis}PlusFaceText")(plus)

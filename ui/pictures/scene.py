@@ -6,13 +6,30 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 
 _ARRAYS = ("points", "faces", "rgb")
+
+
+class _ViewFacts(TypedDict):
+    name: str
+    towards: tuple[float, float, float]
+    up: tuple[float, float, float]
+    left: str
+    right: str
+    top: str
+    bottom: str
+
+
+class _SceneFacts(TypedDict):
+    views: list[_ViewFacts]
+    size: tuple[int, int]
+    focus: str | None
+    bodies: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +103,17 @@ class Scene:
     def load(cls, path: Path) -> Scene:
         """The scene of a file of ``save``."""
         with np.load(path, allow_pickle=False) as data:
-            facts = json.loads(str(data["facts"]))
+            facts: _SceneFacts = json.loads(str(data["facts"]))
             bodies = {
                 name: Body(data[f"{name}/points"], data[f"{name}/faces"], data[f"{name}/rgb"], opacity)
                 for name, opacity in facts["bodies"].items()
             }
         views = tuple(_view(view) for view in facts["views"])
-        return cls(bodies, views, tuple(facts["size"]), facts["focus"])
+        width, height = facts["size"]
+        return cls(bodies, views, (width, height), facts["focus"])
 
 
-def _view(facts: Mapping[str, Any]) -> View:
-    vectors: dict[str, Any] = {key: tuple(facts[key]) for key in ("towards", "up")}
-    return View(**{**facts, **vectors})
+def _view(facts: _ViewFacts) -> View:
+    """JSON made lists of the tuples."""
+    (x, y, z), (ux, uy, uz) = facts["towards"], facts["up"]
+    return View(facts["name"], (x, y, z), (ux, uy, uz), facts["left"], facts["right"], facts["top"], facts["bottom"])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import Any
+from collections.abc import Mapping
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.files.json_types import plain
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     identify.add_options(parser)
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Runs every step."""
     from palpate.case.steps import identify as identify_step
     from palpate.case.steps import mesh as mesh_step

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Diagnoses; see `diagnose_step.run`."""
     from palpate.case.steps import diagnose  # here, because VTK takes seconds to load
 

@@ -6,7 +6,7 @@ Ends with 0 when everything that is needed is there, 3 when something is not.
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Mapping
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import silent
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Nothing to choose."""
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Examines; raises InputError naming the first thing that is needed and missing."""
     no_points(args)
     checks = examine(silent)

@@ -7,11 +7,12 @@ docs/drop.md.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from palpate.case.case_folder import CaseFolder
+from palpate.core.dynamics.drop import DropFigures
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import part
@@ -24,6 +25,13 @@ NAME, HELP = "drop", "a film of the organ, or of two, falling onto a dish"
 _PER_SECOND = 30.0
 # Share of the work that the simulation is.
 _SIMULATION = 0.75
+
+
+class OrganFall(DropFigures):
+    """One organ of the film: its name there and the stiffness it fell with."""
+
+    name: str
+    G_kpa: dict[str, float]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="quadratic ones take several times as long (default %(default)s)")  # fmt: skip
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Simulates, then draws; the film appears whole or not at all."""
     from palpate.case.steps import drop
     from palpate.core.dynamics.drop import DropOptions
@@ -67,8 +75,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
             codec = make_film(stage_of(dropped, _PER_SECOND), path, part(progress, _SIMULATION, 1.0))
     except offscreen.OffscreenError as error:
         raise InputError(str(error)) from error
-    organs = [
-        {"name": organ.name, "G_kpa": {LABELS[r]: G for r, G in organ.stiffness_kpa.items()}} | one.figures
+    organs: list[OrganFall] = [
+        {"name": organ.name, "G_kpa": {LABELS[r]: G for r, G in organ.stiffness_kpa.items()}, **one.figures}
         for organ, one in zip(dropped.organs, dropped.drops, strict=True)
     ]
     pictures = len(dropped.drops[0].times)
@@ -76,13 +84,15 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     return found, "\n".join([*map(_line, organs), f"film {args.output}"])
 
 
-def _line(organ: dict[str, Any]) -> str:
+def _line(organ: OrganFall) -> str:
     stiffness = ", ".join(f"{name.replace('_', ' ')} {three_figures(G)} kPa" for name, G in organ["G_kpa"].items())
     if not organ["landed"]:
         return f"organ {organ['name']} ({stiffness}): still falling at the end; give it more --time"
+    when, speed, back = organ["fall_time_s"], organ["impact_speed_mm_s"], organ["rebound_mm"]
+    assert when is not None and speed is not None and back is not None  # it has landed
     return (
-        f"organ {organ['name']} ({stiffness}): on the dish after {1e3 * organ['fall_time_s']:.0f} ms at "
-        f"{1e-3 * organ['impact_speed_mm_s']:.2f} m/s, flattened to {100 * organ['flattest']:.0f} % of its height, "
-        f"back up by {organ['rebound_mm']:.1f} mm; deepest penetration {organ['deepest_penetration_mm']:.3f} mm, "
+        f"organ {organ['name']} ({stiffness}): on the dish after {1e3 * when:.0f} ms at "
+        f"{1e-3 * speed:.2f} m/s, flattened to {100 * organ['flattest']:.0f} % of its height, "
+        f"back up by {back:.1f} mm; deepest penetration {organ['deepest_penetration_mm']:.3f} mm, "
         f"energy never grew by more than {100 * organ['energy_growth']:.2f} %; {organ['seconds']:.0f} s"
     )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from msgspec import UNSET
 
@@ -71,7 +71,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
     )
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Identifies; see `identify_step.run` and `again_step.run`."""
     from palpate.case.steps import (
         identify,

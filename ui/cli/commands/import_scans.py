@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
     further_states.add_arguments(parser)
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Imports; see `run_import` and `run_surface_import`."""
     no_points(args)
     if args.deformed is None:
@@ -77,7 +78,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
         return summary | {"further_states": len(more)}, "\n".join([*text_of(summary), *lines])
 
 
-def _alone(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def _alone(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """The scan at rest alone."""
     of_two = ("surfaces", "deformed_labels", "deformed_series", "landmarks", "more", "same_patient")
     for name in of_two:

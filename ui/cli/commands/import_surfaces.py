@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from typing import Any
 
 from palpate.case.case_folder import CaseFolder
@@ -13,7 +14,7 @@ from palpate.ui.cli.steps import recorded
 _UNFIT = ("rest_labels", "deformed_labels", "roi", "rest_series", "deformed_series", "series", "same_patient")
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Imports; see `run_surface_import`. Raises UsageError for an option that is of scans only."""
     from palpate.case.steps.import_scans import surfaces  # here, because VTK takes seconds to load
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from typing import Any
 
 from palpate.case.case_folder import CaseFolder
@@ -32,7 +33,7 @@ def options_of(args: argparse.Namespace) -> MeshOptions:
     return MeshOptions(target_tets=args.tets)
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Meshes; see `mesh_step.run`."""
     from palpate.case.steps import mesh  # here, because VTK takes seconds to load
 

@@ -7,11 +7,15 @@ screen; the script's commands are told in docs/desktop.md.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate.ui.cli.arguments import UsageError, no_points
 from palpate.ui.cli.console import Console
+
+if TYPE_CHECKING:
+    from palpate.ui.desktop.scripting.commands_script import WindowEvent
 
 NAME, HELP = "open", "the desktop window"
 
@@ -27,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Opens; see `application.show` and `application.play`."""
     from palpate.ui.desktop.window import application  # here, because Qt takes a second to load
 
@@ -47,6 +51,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     return played, "\n".join(_line(event) for event in played["events"])
 
 
-def _line(event: dict[str, Any]) -> str:
-    extra = [f"{key} {event[key]}" for key in ("file", "longest_stall_ms", "longest_own_ms") if key in event]
+def _line(event: WindowEvent) -> str:
+    extra = [f"file {event['file']}"] if "file" in event else []
+    extra += [f"longest_stall_ms {event['longest_stall_ms']}"] if "longest_stall_ms" in event else []
+    extra += [f"longest_own_ms {event['longest_own_ms']}"] if "longest_own_ms" in event else []
     return f"{event['line']:4} {event['command']:10} {event['seconds']:8.2f} s  {' '.join(extra)}".rstrip()

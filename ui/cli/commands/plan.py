@@ -6,6 +6,7 @@ Needs the scan at rest only: the case's rest.nii.gz.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from typing import Any
 
 from palpate.case.case_folder import CaseFolder
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Plans, and draws plan.png; see `plan_step.run`."""
     from palpate.case.steps import plan as plan_step
     from palpate.ui.pictures.plan_curve import plan_curve

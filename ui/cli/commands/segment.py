@@ -7,6 +7,7 @@ the scan at rest, patient coordinates LPS in mm), --extremes (its six outermost 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from typing import Any
 
 from palpate.case.case_folder import CaseFolder
@@ -55,7 +56,7 @@ def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
     return rest, deformed
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Segments; see `run_segment`."""
     from palpate.case.steps.segment import run_segment  # here: it takes a second to load
     from palpate.case.steps.segment_options import SegmentOptions

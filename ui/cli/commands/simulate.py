@@ -6,8 +6,8 @@ SPEC.json says what to make; docs/simulate.md explains every key. The case never
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from palpate.ui.cli.arguments import no_points, random_seed
 from palpate.ui.cli.console import Console
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Simulates; see `run_simulate`. A ``--seed`` overrides the specification's."""
     from palpate.case.steps.simulate.spec import load_spec
     from palpate.case.steps.simulate.step import run_simulate

@@ -7,14 +7,18 @@ film.mp4, the film's pictures, keyframes.png and sketch.json. With --example it 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.core.errors import InputError
 from palpate.core.sketch.figure import SIDES
 from palpate.core.sketch.swarm_fit import SwarmFitOptions
 from palpate.ui.cli.arguments import UsageError, no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
+
+if TYPE_CHECKING:
+    from palpate.case.steps.sketch_options import SketchOptions
 
 NAME, HELP = "sketch", "drawn keyframes to a moving figure with a stiffness"
 METHODS = ("gauss-newton", "swarm")
@@ -50,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="tetrahedra to aim at (default: 600, of several colours 1500)")  # fmt: skip
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Sketches; see `run_sketch`."""
     no_points(args)
     _check_folder(args.output)
@@ -79,7 +83,7 @@ def text_of(summary: dict[str, Any], folder: Path) -> list[str]:
     return [*lines, f"film    {folder / 'film.mp4'}", f"picture {folder / 'keyframes.png'}"]
 
 
-def _options(args: argparse.Namespace) -> Any:
+def _options(args: argparse.Namespace) -> SketchOptions:
     from palpate.case.steps.sketch_options import SketchOptions
 
     hold = None
@@ -96,7 +100,7 @@ def _options(args: argparse.Namespace) -> Any:
     )
 
 
-def _example(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
+def _example(args: argparse.Namespace) -> tuple[Mapping[str, object], str]:
     from palpate.ui.pictures.sketch.example import write_example
 
     if args.keys:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import UsageError, add_case, no_points, whole_number
@@ -18,6 +19,8 @@ from palpate.ui.cli.console import Console
 if TYPE_CHECKING:
     from palpate.core.touch.body import Body
     from palpate.ui.desktop.scripting.script_runner import Command
+    from palpate.ui.desktop.touch.application import Touched
+    from palpate.ui.desktop.touch.script import TouchEvent
 
 NAME, HELP = "touch", "press and pull the organ in a window and feel its stiffness"
 _SUPPORTS = ("bed", "table")
@@ -41,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="where the window saves curves (default: the folder touch of the case)")  # fmt: skip
 
 
-def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str]:
+def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Makes the organ ready; then plays the script, or opens the window."""
     from palpate.case.steps.touch import TouchStepOptions, body_of  # here, because VTK takes seconds to load
     from palpate.ui.desktop.scripting.script_runner import read_script
@@ -67,7 +70,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[dict[str, Any], str
     return {**about, **found, "files": files}, "\n".join(map(_line, found["events"]))
 
 
-def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> dict[str, Any]:
+def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> Touched:
     """Without a window."""
     from palpate.ui.desktop.scripting.script_runner import play
     from palpate.ui.desktop.touch.protocol import Hand
@@ -77,7 +80,7 @@ def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> d
     return {"events": play(commands, driver)}
 
 
-def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands: list[Command]) -> dict[str, Any]:
+def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands: list[Command]) -> Touched:
     from palpate.ui.desktop.touch import application
 
     folder = Path() if args.script is None else args.script.absolute().parent
@@ -87,7 +90,7 @@ def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands:
     )
 
 
-def _line(event: dict[str, Any]) -> str:
+def _line(event: TouchEvent) -> str:
     felt, slope = "", event.get("stiffness_n_per_mm")
     if event.get("region") is not None:
         felt = f"{event['region']:16} {event['indentation_mm']:6.2f} mm {event['force_n']:8.3f} N"

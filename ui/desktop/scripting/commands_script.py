@@ -11,15 +11,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
 from palpate.ui.desktop.scripting import script_runner, synthetic_input
 from palpate.ui.desktop.scripting.script_edits import Correcting
-from palpate.ui.desktop.scripting.script_facts import expect, facts_of
-from palpate.ui.desktop.scripting.script_runner import Command
+from palpate.ui.desktop.scripting.script_facts import WindowFacts, expect, facts_of
+from palpate.ui.desktop.scripting.script_runner import Command, Done, Told
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.window_level import PRESETS
+
+if TYPE_CHECKING:
+    from palpate.ui.desktop.slices.slice_view import SliceView
+    from palpate.ui.desktop.window.main_window import MainWindow
 
 _SECONDS = 600.0
 # A picture is taken without the 3D view's last state where that takes longer.
@@ -31,15 +35,19 @@ def parse(text: str, source: str) -> list[Command]:
     return script_runner.parse(text, source, script_runner.names_of(Driver))
 
 
-class Driver(Correcting):
-    """Carries out commands. window : the MainWindow. process : lets the window's events be handled for so many seconds."""
+class WindowEvent(WindowFacts, Done):
+    """What a command did, and the facts after it."""
 
-    def __init__(self, window: Any, process: Callable[[float], None], folder: Path, source: str) -> None:
+
+class Driver(Correcting):
+    """Carries out commands. process : lets the window's events be handled for so many seconds."""
+
+    def __init__(self, window: MainWindow, process: Callable[[float], None], folder: Path, source: str) -> None:
         super().__init__(window.controller)
         self.window, self.process, self._folder, self._source = window, process, folder, source
         self.over = False
 
-    def run(self, command: Command) -> dict[str, Any]:
+    def run(self, command: Command) -> WindowEvent:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
         began = time.monotonic()
         told = script_runner.obeyed(self, command, self._source)
@@ -70,12 +78,12 @@ class Driver(Correcting):
         before = getattr(Display(), name, ...)
         if before is ... or name == "crosshair":
             raise ValueError(f"nothing is called {name!r}")
-        new: Any = value
+        new: bool | int | float | str = value
         if isinstance(before, bool):
             new = value in ("1", "on", "true", "yes")
         elif not isinstance(before, str):
-            new = float(value)
-        self.controller.show(**{name: int(new) if name == "label" else new})
+            new = int(float(value)) if name == "label" else float(value)
+        self.controller.show(**{name: new})
 
     def do_preset(self, *words: str) -> None:
         """A preset by its name."""
@@ -102,13 +110,12 @@ class Driver(Correcting):
         """Starts steps."""
         self.controller.run(*steps)
 
-    def do_cancel(self) -> dict[str, Any]:
-        """Stops what runs and waits till it has stopped."""
+    def do_cancel(self) -> None:
+        """Stops what runs and waits till it has stopped; the facts say in how many seconds."""
         self.controller.cancel()
         self._until(lambda: not (self.controller.jobs.running or self.controller.reader.running), 5.0)
-        return {"cancel_seconds": facts_of(self.controller)["cancel_seconds"]}
 
-    def do_wait(self, seconds: str = str(_SECONDS)) -> dict[str, Any]:
+    def do_wait(self, seconds: str = str(_SECONDS)) -> Told:
         """Until nothing runs, and it is known which steps are out of date; then for the 3D view, if so much time is left."""
         began, controller = time.monotonic(), self.controller
         running = (controller.jobs, controller.reader, controller.freshness)
@@ -126,7 +133,7 @@ class Driver(Correcting):
         """Lets time pass."""
         self.process(float(seconds))
 
-    def do_resize(self, width: str, height: str) -> dict[str, Any]:
+    def do_resize(self, width: str, height: str) -> Told:
         """Of the window; one that it cannot be is refused."""
         self.process(0.0)  # what is shown now says how small it can be
         least = self.window.minimumSizeHint()
@@ -136,7 +143,7 @@ class Driver(Correcting):
         self.process(0.0)
         return {"width": self.window.width(), "height": self.window.height()}
 
-    def do_screenshot(self, file: str) -> dict[str, Any]:
+    def do_screenshot(self, file: str) -> Told:
         """The window as a picture, once the 3D view has settled."""
         self.process(0.1)
         settled = self._settle(_SOLID_SECONDS)
@@ -144,10 +151,10 @@ class Driver(Correcting):
         path = synthetic_input.shot(self.window, self._folder / file)
         return {"file": str(path), "solid_settled": settled}
 
-    def do_stalls(self) -> dict[str, Any]:
+    def do_stalls(self) -> Told:
         """The longest stall since the last time."""
         meter = self.window.stalls
-        told = {"longest_stall_ms": round(meter.longest_ms, 1), "longest_own_ms": round(meter.longest_own_ms, 1)}
+        told: Told = {"longest_stall_ms": round(meter.longest_ms, 1), "longest_own_ms": round(meter.longest_own_ms, 1)}
         meter.reset()
         return told
 
@@ -166,7 +173,7 @@ class Driver(Correcting):
             self.process(0.02)
         return bool(solid.settled or not solid.isVisible())
 
-    def _view(self, plane: str, state: str) -> Any:
+    def _view(self, plane: str, state: str) -> SliceView:
         state = state or self.shown()
         found = [
             v

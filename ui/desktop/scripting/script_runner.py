@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol, TypedDict, TypeVar
 
 from palpate.core.errors import InputError
 
@@ -20,12 +20,37 @@ class Command:
     words: tuple[str, ...]
 
 
-class Driver(Protocol):
+class Told(TypedDict, total=False):
+    """What commands tell beside the facts: files written, the size of the window, stalls (ms), whether the 3D view has settled."""
+
+    files: list[str]
+    file: str
+    width: int
+    height: int
+    longest_stall_ms: float
+    longest_own_ms: float
+    solid_settled: bool
+    settled: bool
+
+
+class Done(Told):
+    """Which command was carried out, and in how many seconds."""
+
+    line: int
+    command: str
+    seconds: float
+
+
+Event = TypeVar("Event", bound=Done)
+EventOf = TypeVar("EventOf", bound=Done, covariant=True)
+
+
+class Driver(Protocol[EventOf]):
     """Carries out commands, each by its own method ``do_NAME``. over : whether the script has ended itself."""
 
     over: bool
 
-    def run(self, command: Command) -> dict[str, Any]:
+    def run(self, command: Command) -> EventOf:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
 
 
@@ -61,9 +86,9 @@ def parse(text: str, source: str, known: Iterable[str]) -> list[Command]:
     return found
 
 
-def play(commands: list[Command], driver: Driver) -> list[dict[str, Any]]:
+def play(commands: list[Command], driver: Driver[Event]) -> list[Event]:
     """The events of the commands, up to `quit`. An InputError carries the events before it: they are true all the same."""
-    events: list[dict[str, Any]] = []
+    events: list[Event] = []
     try:
         for command in commands:
             events.append(driver.run(command))
@@ -75,10 +100,11 @@ def play(commands: list[Command], driver: Driver) -> list[dict[str, Any]]:
     return events
 
 
-def obeyed(driver: object, command: Command, source: str) -> dict[str, Any]:
+def obeyed(driver: object, command: Command, source: str) -> Told:
     """Calls the driver's ``do_NAME`` with the command's words; what it tells. Raises InputError naming the script and its line."""
     try:
-        return getattr(driver, f"do_{command.name}")(*command.words) or {}
+        told: Told | None = getattr(driver, f"do_{command.name}")(*command.words)
+        return told or {}
     except (TypeError, ValueError) as error:
         form = f"`{command.name} {' '.join(command.words)}` is not of its form ({error})"
         raise InputError(f"{source}, line {command.line}: {form}") from error

@@ -14,16 +14,17 @@ import sys
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from palpate.core.worker.executors import ONE_THREAD, cores
+from palpate.ui.desktop.solid.pipe_child import Message
 
 
 @dataclass(frozen=True, eq=False)
 class Reply:
     """head : what the line said. data : the bytes after it."""
 
-    head: dict[str, Any]
+    head: Message
     data: bytes
 
 
@@ -43,7 +44,7 @@ class Pipe:
         for work in (self._send, self._receive):
             threading.Thread(target=work, daemon=True).start()
 
-    def say(self, **message: Any) -> None:
+    def say(self, **message: object) -> None:
         """Sends one message."""
         self._lines.put(json.dumps(message).encode() + b"\n")
 

@@ -7,16 +7,35 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 import numpy as np
 
 from palpate.core.errors import Cancelled, InputError
 from palpate.core.touch.body import Body
-from palpate.ui.desktop.scripting.script_runner import Command, play
-from palpate.ui.desktop.touch.script import Driver
+from palpate.ui.desktop.scripting.script_runner import Command, Told, play
+from palpate.ui.desktop.touch.script import Driver, TouchEvent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from PySide6.QtCore import QPoint
+
+    from palpate.ui.desktop.touch.protocol import Felt
+    from palpate.ui.desktop.touch.window import TouchWindow
 
 _SETTLE_S = 60.0
+
+
+class Nothing(TypedDict):
+    """Before the probe is ready."""
+
+
+class Touched(TypedDict):
+    """The events of a script; of a window that a person used what was felt last."""
+
+    events: list[TouchEvent]
+    last: NotRequired[Felt | Nothing]
 
 
 @dataclass(frozen=True)
@@ -28,7 +47,7 @@ class Playing:
     source: str
 
 
-def show(body: Body, radius: float, output: Path, headless: bool, playing: Playing) -> dict[str, Any]:
+def show(body: Body, radius: float, output: Path, headless: bool, playing: Playing) -> Touched:
     """Opens the window; plays the commands and closes it, or without any waits till a person does. The events, and what was felt last.
 
     Raises InputError when a command cannot be done; `display_server.check` says beforehand whether a window can be opened.
@@ -50,7 +69,7 @@ def show(body: Body, radius: float, output: Path, headless: bool, playing: Playi
                 driver = WindowDriver(window, process, playing.folder, playing.source)
                 return {"events": play(playing.commands, driver)}
             application.exec()
-            return {"events": [], "last": model.facts_now}
+            return {"events": [], "last": model.facts_now or {}}
         except KeyboardInterrupt as error:
             raise Cancelled("the window was stopped") from error
         finally:
@@ -63,10 +82,10 @@ def show(body: Body, radius: float, output: Path, headless: bool, playing: Playi
 class WindowDriver(Driver):
     """Commands that need the window: real events of mouse and buttons, and pictures of it."""
 
-    def __init__(self, window: Any, process: Any, folder: Path, source: str) -> None:
+    def __init__(self, window: TouchWindow, process: Callable[[float], None], folder: Path, source: str) -> None:
         super().__init__(window.model, folder, source)
         self.window, self.process = window, process
-        self._held: Any = None
+        self._held: QPoint | None = None
 
     def do_resize(self, width: str, height: str) -> None:
         """Of the window, pixels."""
@@ -114,7 +133,7 @@ class WindowDriver(Driver):
 
         synthetic_input.press(self.window, " ".join(words))
 
-    def do_screenshot(self, file: str) -> dict[str, Any]:
+    def do_screenshot(self, file: str) -> Told:
         """The window as a picture, once everything that was asked has come."""
         from palpate.ui.desktop.scripting import synthetic_input
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.touch.body import Body
 from palpate.ui.desktop.solid.pipe_child import Answer, Message, serve
-from palpate.ui.desktop.touch.protocol import Hand
+from palpate.ui.desktop.touch.protocol import Felt, Hand
 
 
 def save_body(path: Path, body: Body) -> None:
@@ -84,7 +83,7 @@ class Child:
         head = {"type": "felt", "id": message["id"], "facts": facts, "rows": new}
         answer(head, np.ascontiguousarray(u, dtype=np.float32).tobytes())
 
-    def _ask(self, hand: Hand, message: Message) -> dict[str, Any]:
+    def _ask(self, hand: Hand, message: Message) -> Felt:
         kind = message["type"]
         if kind == "touch":
             return hand.touch(np.array(message["point"]))

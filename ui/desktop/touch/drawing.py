@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import base64
 import sys
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -34,7 +33,7 @@ class TouchScene:
         self._plotter = off_screen_plotter(samples=4)
         self._organ = pv.PolyData()
         self._rest = np.zeros((0, 3))
-        self._probe: Any = None
+        self._probe: pv.Actor | None = None
 
     def take(self, message: Message) -> None:
         """The organ."""

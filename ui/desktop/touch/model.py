@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from palpate.core.errors import InputError
 from palpate.core.touch.body import SUPPORTS, Body
 from palpate.ui.desktop.solid.process_pipe import Pipe, Reply
 from palpate.ui.desktop.touch.child import save_body
+from palpate.ui.desktop.touch.protocol import Felt, Saved
 
 COLOURS = ((0x31, 0x68, 0x8E), (0xB5, 0x65, 0x1D), (0x88, 0x88, 0x88))
 _CHILD, _DRAWING = "palpate.ui.desktop.touch.child", "palpate.ui.desktop.touch.drawing"
@@ -37,7 +37,7 @@ class TouchModel:
     radius: float
     folder: Path
     process: Callable[[float], None]
-    facts_now: dict[str, Any] = field(default_factory=dict)
+    facts_now: Felt | None = None
     curve: list[tuple[int, str, float, float]] = field(default_factory=list)
     said: str = ""
     ready: bool = False
@@ -50,6 +50,7 @@ class TouchModel:
         self.colours = {r: COLOURS[min(k, 2)] for k, r in enumerate(sorted(self.body.names))}
         self._sent = self._answered = 0
         self._refused: dict[int, str] = {}
+        self._files: list[str] = []
         self._times: deque[float] = deque(maxlen=400)
         save_body(self.folder / "body.npz", self.body)
         rgb = np.array([self.colours[int(r)] for r in self.body.mesh.regions[surface.owner]])
@@ -75,7 +76,7 @@ class TouchModel:
         """Whether an answer is still to come."""
         return self._answered < self._sent and not self._hand.over
 
-    def ask(self, kind: str, **what: Any) -> int:
+    def ask(self, kind: str, **what: object) -> int:
         """Sends a message to the hand and returns its number."""
         self._sent += 1
         self._hand.say(type=kind, id=self._sent, **what)
@@ -93,10 +94,11 @@ class TouchModel:
 
     def position(self) -> tuple[list[float], bool] | None:
         """Where the probe is, [x, y, z, radius] mm, and whether it grips; None before a touch."""
-        if not self.facts_now.get("region"):
+        felt = self.facts_now
+        if felt is None or not felt["region"]:
             return None
-        point, normal = np.array(self.facts_now["point"]), np.array(self.facts_now["normal"])
-        depth, radius = float(self.facts_now["indentation_mm"]), float(self.facts_now["probe_radius_mm"])
+        point, normal = np.array(felt["point"]), np.array(felt["normal"])
+        depth, radius = float(felt["indentation_mm"]), float(felt["probe_radius_mm"])
         return [*(point + (radius - depth) * normal).tolist(), radius], depth < 0.0
 
     def packed_u(self) -> str:
@@ -110,38 +112,35 @@ class TouchModel:
 
     # As `Hand`, for scripts: each waits for its answer.
 
-    def touch(self, point: FloatArray) -> dict[str, Any]:
+    def touch(self, point: FloatArray) -> Felt:
         """See `Hand.touch`."""
         return self._wait(self.ask("touch", point=list(map(float, point))))
 
-    def press(self, depth: float) -> dict[str, Any]:
+    def press(self, depth: float) -> Felt:
         """See `Hand.press`."""
         return self._wait(self.ask("press", depth=float(depth)))
 
-    def slide(self, point: FloatArray) -> dict[str, Any]:
+    def slide(self, point: FloatArray) -> Felt:
         """See `Hand.slide`."""
         return self._wait(self.ask("slide", point=list(map(float, point))))
 
-    def resize(self, radius: float) -> dict[str, Any]:
+    def resize(self, radius: float) -> Felt:
         """See `Hand.resize`."""
         return self._wait(self.ask("radius", mm=float(radius)))
 
-    def forget(self) -> dict[str, Any]:
+    def forget(self) -> Felt:
         """See `Hand.forget`."""
         return self._wait(self.ask("forget"))
 
-    def save(self, path: Path) -> dict[str, Any]:
+    def save(self, path: Path) -> Saved:
         """See `Hand.save`."""
-        told = self._wait(self.ask("save", path=str(path)))
-        self.facts_now = {key: value for key, value in told.items() if key != "files"}
-        return told
+        return {**self._wait(self.ask("save", path=str(path))), "files": self._files}
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Felt:
         """See `Hand.facts`; all that was asked is answered first."""
-        self._wait(self._sent)
-        return {**self.facts_now, "answers_per_second": self.answers_per_second}
+        return {**self._wait(self._sent), "answers_per_second": self.answers_per_second}
 
-    def _wait(self, number: int) -> dict[str, Any]:
+    def _wait(self, number: int) -> Felt:
         end = time.monotonic() + _SECONDS
         while self._answered < number:
             if self._hand.over or time.monotonic() > end:
@@ -150,6 +149,7 @@ class TouchModel:
             self.tick()
         if number in self._refused:
             raise InputError(self._refused[number])
+        assert self.facts_now is not None  # an answer has come
         return self.facts_now
 
     def _take(self, reply: Reply) -> None:
@@ -158,12 +158,13 @@ class TouchModel:
         if head["type"] == "refused":
             self.said = self._refused[head["id"]] = head["reason"]
             return
-        self.facts_now, self.ready = head["facts"], True
-        self.said = self.facts_now.get("said", "")
+        self._files = head["facts"].pop("files", [])
+        felt: Felt = head["facts"]
+        self.facts_now, self.ready, self.said = felt, True, felt.get("said", "")
         if head["type"] == "ready":
             return
         self._times.append(time.monotonic())
         self.u = np.frombuffer(reply.data, dtype=np.float32).reshape(-1, 3).astype(float)
-        if self.facts_now["answers"] == 0:
+        if felt["answers"] == 0:
             self.curve.clear()
         self.curve += [tuple(row) for row in head["rows"]]

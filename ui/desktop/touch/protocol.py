@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
@@ -30,6 +30,37 @@ def stiffness_words(G: float, interval: Sequence[float] | None) -> str:
     )
 
 
+class Felt(TypedDict):
+    """What the probe feels: where it is, mm, the force there, and whether there is an equilibrium; more of it once it touches.
+
+    point, normal : (3,) of the surface at rest. error_n : of the quick answer, by its own estimate. solve : "quick" or "full".
+    """
+
+    answers: int
+    probe_radius_mm: float
+    touch: NotRequired[int]
+    region: str | None
+    G_kpa: NotRequired[float]
+    G_ci95_kpa: NotRequired[Sequence[float] | None]
+    point: NotRequired[list[float]]
+    normal: NotRequired[list[float]]
+    indentation_mm: float
+    force_n: float
+    stiffness_n_per_mm: float | None
+    error_n: NotRequired[float]
+    solve: NotRequired[str]
+    ok: bool
+    said: NotRequired[str]
+    milliseconds: NotRequired[float]
+    answers_per_second: NotRequired[int]
+
+
+class Saved(Felt):
+    """The same with the files that the curve was written to."""
+
+    files: list[str]
+
+
 class Hand:
     """session : the body and the probe. depth : mm, where the probe is now. rows : the curve, answers with an equilibrium."""
 
@@ -40,12 +71,12 @@ class Hand:
         self.rows: list[CurveRow] = []
         self.milliseconds = 0.0
 
-    def touch(self, point: FloatArray) -> dict[str, Any]:
+    def touch(self, point: FloatArray) -> Felt:
         """The probe comes to the place of the surface nearest to a point (3,) mm and just touches it."""
         self.session.touch(point)
         return self.go(0.0)
 
-    def go(self, depth: float) -> dict[str, Any]:
+    def go(self, depth: float) -> Felt:
         """To a depth at once, mm; negative pulls."""
         began = time.perf_counter()
         self.answer = self.session.press(depth)
@@ -55,7 +86,7 @@ class Hand:
             self.rows.append(self._row(self.answer))
         return self.facts()
 
-    def press(self, depth: float) -> dict[str, Any]:
+    def press(self, depth: float) -> Felt:
         """To a depth, mm, in small steps, each of which is part of the curve. Raises InputError before a touch."""
         if not math.isfinite(depth):
             raise InputError(f"{depth} mm is no depth")
@@ -68,7 +99,7 @@ class Hand:
                 break
         return found
 
-    def slide(self, point: FloatArray, at_once: bool = False) -> dict[str, Any]:
+    def slide(self, point: FloatArray, at_once: bool = False) -> Felt:
         """Along the surface at rest to where it is nearest to a point (3,) mm, at the present depth. Raises InputError before a touch."""
         at = self.session.at
         if at is None:
@@ -81,19 +112,19 @@ class Hand:
             found = self.go(self.depth)
         return found
 
-    def resize(self, radius: float) -> dict[str, Any]:
+    def resize(self, radius: float) -> Felt:
         """Another probe, mm; the curve so far is kept."""
         self.session.take(radius)
         self.answer, self.depth = None, 0.0
         return self.facts()
 
-    def forget(self) -> dict[str, Any]:
+    def forget(self) -> Felt:
         """The curve begins anew."""
         self.session.answers.clear()
         self.rows = []
         return self.facts()
 
-    def save(self, path: Path) -> dict[str, Any]:
+    def save(self, path: Path) -> Saved:
         """Writes the curve as PATH.csv and PATH.png. Raises InputError when nothing has been felt yet."""
         rows = self.rows
         if not rows:
@@ -124,21 +155,15 @@ class Hand:
             solve="full" if a.full else "quick",
         )  # fmt: skip
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Felt:
         """What is felt now, ready for JSON."""
-        told: dict[str, Any] = {"answers": len(self.session.answers), "probe_radius_mm": self.session.radius}
+        answers, radius = len(self.session.answers), self.session.radius
         a = self.answer
         if a is None:
-            return {
-                **told,
-                "region": None,
-                "indentation_mm": 0.0,
-                "force_n": 0.0,
-                "stiffness_n_per_mm": None,
-                "ok": True,
-            }
+            return {"answers": answers, "probe_radius_mm": radius, "region": None, "indentation_mm": 0.0, "force_n": 0.0,
+                    "stiffness_n_per_mm": None, "ok": True}  # fmt: skip
         return {
-            **told, "touch": a.touch, "region": self.session.body.names[a.region],
+            "answers": answers, "probe_radius_mm": radius, "touch": a.touch, "region": self.session.body.names[a.region],
             "G_kpa": self.session.body.shear_kpa[a.region], "G_ci95_kpa": self.session.body.interval_kpa.get(a.region),
             "point": [round(float(c), 3) for c in a.point], "normal": [round(float(c), 5) for c in a.normal],
             "indentation_mm": round(a.indentation_mm, 4), "force_n": round(a.force_n, 6),

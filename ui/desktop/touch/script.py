@@ -26,14 +26,17 @@ Every command gives one JSON-able event with the facts after it.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.ui.desktop.scripting import script_runner
-from palpate.ui.desktop.scripting.script_runner import Command
+from palpate.ui.desktop.scripting.script_runner import Command, Done, Told
+from palpate.ui.desktop.touch.protocol import Felt, Saved
 
 # These need the window; a script without them runs without one.
 OF_THE_WINDOW = frozenset({"resize", "turn", "pause", "hold", "lift", "click", "screenshot"})
@@ -42,31 +45,35 @@ OF_THE_WINDOW = frozenset({"resize", "turn", "pause", "hold", "lift", "click", "
 class Feeling(Protocol):
     """Who answers: a `Hand` in this process, or the window's."""
 
-    def touch(self, point: np.ndarray) -> dict[str, Any]:
+    def touch(self, point: FloatArray) -> Felt:
         """See `Hand`."""
 
-    def press(self, depth: float) -> dict[str, Any]:
+    def press(self, depth: float) -> Felt:
         """See `Hand`."""
 
-    def slide(self, point: np.ndarray) -> dict[str, Any]:
+    def slide(self, point: FloatArray) -> Felt:
         """See `Hand`."""
 
-    def resize(self, radius: float) -> dict[str, Any]:
+    def resize(self, radius: float) -> Felt:
         """See `Hand`."""
 
-    def forget(self) -> dict[str, Any]:
+    def forget(self) -> Felt:
         """See `Hand`."""
 
-    def save(self, path: Path) -> dict[str, Any]:
+    def save(self, path: Path) -> Saved:
         """See `Hand`."""
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Felt:
         """See `Hand`."""
 
 
 def parse(text: str, source: str) -> list[Command]:
     """The commands of a script. Raises InputError naming the file and the line for one that cannot be understood."""
     return script_runner.parse(text, source, script_runner.names_of(Driver) | OF_THE_WINDOW)
+
+
+class TouchEvent(Felt, Done):
+    """What a command did, and what is felt after it."""
 
 
 class Driver:
@@ -76,7 +83,7 @@ class Driver:
         self.feeling, self._folder, self._source = feeling, folder, source
         self.over = False
 
-    def run(self, command: Command) -> dict[str, Any]:
+    def run(self, command: Command) -> TouchEvent:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
         began = time.monotonic()
         told = script_runner.obeyed(self, command, self._source)
@@ -111,7 +118,7 @@ class Driver:
         """The curve begins anew."""
         self.feeling.forget()
 
-    def do_save(self, name: str) -> dict[str, Any]:
+    def do_save(self, name: str) -> Told:
         """The curve as a table and a picture."""
         return {"files": self.feeling.save(self._folder / name)["files"]}
 
@@ -135,8 +142,8 @@ class Driver:
         """Ends the script."""
         self.over = True
 
-    def _fact(self, name: str) -> Any:
-        facts = self.feeling.facts()
+    def _fact(self, name: str) -> object:
+        facts: Mapping[str, object] = self.feeling.facts()
         if name not in facts:
             raise InputError(f"there is no fact {name!r}; there are {', '.join(sorted(facts))}")
         return facts[name]

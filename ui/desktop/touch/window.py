@@ -68,19 +68,21 @@ class TouchWindow(QMainWindow):
 
     def _tell(self) -> None:
         facts = self.model.facts_now
-        name = facts.get("region")
-        if name:
+        name = None if facts is None else facts["region"]
+        if facts is not None and name:
             region = next(r for r, found in self.model.body.names.items() if found == name)
             r, g, b = self.model.colours[region]
             self.region.setStyleSheet(f"background: rgb({r}, {g}, {b}); color: white; padding: 5px; font-weight: bold;")
             self.region.setText(f"{name.replace('_', ' ')}: {stiffness_words(facts['G_kpa'], facts['G_ci95_kpa'])}")
         else:
             self.region.setText("touch the organ with the left button")
-        self.force.setText(f"{facts.get('force_n', 0.0):.2f} N")
-        self.indentation.setText(f"{facts.get('indentation_mm', 0.0):.2f} mm")
-        slope = facts.get("stiffness_n_per_mm")
+        self.force.setText(f"{0.0 if facts is None else facts['force_n']:.2f} N")
+        self.indentation.setText(f"{0.0 if facts is None else facts['indentation_mm']:.2f} mm")
+        slope = None if facts is None else facts["stiffness_n_per_mm"]
         self.slope.setText("\N{EM DASH}" if slope is None else f"{slope:.2f} N/mm")
-        solve = {"quick": "quick answers", "full": "full solve"}.get(facts.get("solve", ""), "")
+        solve = {"quick": "quick answers", "full": "full solve"}.get(
+            "" if facts is None else facts.get("solve", ""), ""
+        )
         self.rate.setText(f"{self.model.answers_per_second} a second, {solve}" if solve else "\N{EM DASH}")
         self.message.setText(self.model.said)
         for button in (self.save, self.clear):

@@ -8,17 +8,34 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 from palpate.core.errors import Cancelled, InputError
 from palpate.ui.desktop.scripting import script_runner
-from palpate.ui.desktop.scripting.commands_script import Driver
+from palpate.ui.desktop.scripting.commands_script import Driver, WindowEvent
 from palpate.ui.desktop.scripting.script_runner import Command
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.window import display_server
 
+if TYPE_CHECKING:
+    from PySide6.QtWidgets import QApplication
 
-def show(case: Path | None, headless: bool = False) -> dict[str, Any]:
+    from palpate.ui.desktop.window.main_window import MainWindow
+
+
+class Shown(TypedDict):
+    """Of a window that a person used."""
+
+    longest_stall_ms: float
+
+
+class Played(TypedDict):
+    """Of a window that a script used."""
+
+    events: list[WindowEvent]
+
+
+def show(case: Path | None, headless: bool = False) -> Shown:
     """Opens the window and returns when it is closed: the longest stall in ms. Raises InputError when it cannot be opened."""
     window, application = new_window(headless)
     if case is not None:
@@ -41,7 +58,7 @@ def show(case: Path | None, headless: bool = False) -> dict[str, Any]:
     return {"longest_stall_ms": longest}
 
 
-def play(commands: list[Command], folder: Path, source: str, headless: bool = True) -> dict[str, Any]:
+def play(commands: list[Command], folder: Path, source: str, headless: bool = True) -> Played:
     """Drives the window by a script: the events of its commands. Raises InputError naming the line that cannot be done."""
     window, application = new_window(headless)
     window.show()
@@ -56,7 +73,7 @@ def play(commands: list[Command], folder: Path, source: str, headless: bool = Tr
         window.shut()
 
 
-def new_window(headless: bool) -> tuple[Any, Any]:
+def new_window(headless: bool) -> tuple[MainWindow, QApplication]:
     """The window, not shown yet, and the QApplication. Raises InputError when no window can be opened."""
     display_server.check(headless)
     application = qt_application(headless)
@@ -65,7 +82,7 @@ def new_window(headless: bool) -> tuple[Any, Any]:
     return MainWindow(Controller()), application
 
 
-def qt_application(headless: bool) -> Any:
+def qt_application(headless: bool) -> QApplication:
     """The one QApplication, dressed; without a screen where headless. `display_server.check` says beforehand whether it can be."""
     if headless:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
@@ -83,7 +100,7 @@ def qt_application(headless: bool) -> Any:
     return application
 
 
-def events_for(application: Any) -> Callable[[float], None]:
+def events_for(application: QApplication) -> Callable[[float], None]:
     """What lets the windows' events be handled for so many seconds."""
 
     def process(seconds: float) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.font_manager import FontProperties, findfont
 from numpy.typing import NDArray
@@ -78,5 +76,5 @@ def slower(stage: DropStage) -> float:
     return 1.0 / (stage.per_second * float(stage.times[1] - stage.times[0]))
 
 
-def _font(size: int, bold: bool = False) -> Any:
+def _font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(findfont(FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")), size)
