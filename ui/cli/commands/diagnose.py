@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
