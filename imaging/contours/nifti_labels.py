@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import logging
 import math
+import re
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,6 +33,7 @@ MOST_VOXELS = 10**9
 # Values this near a whole number are it.
 WHOLE_WITHIN = 1e-3
 
+_NAMED = re.compile(r'<Label\b[^<>]*\bKey="(\d{1,6})"[^<>]*>\s*(?:<!\[CDATA\[)?([^<>\]]*)', re.IGNORECASE)
 # nibabel tells of odd headers on standard error; what matters is checked here.
 imageglobals.logger.setLevel(logging.CRITICAL)
 
@@ -58,6 +61,21 @@ def read_numbers(path: Path) -> Volume:
             f"{path} holds values that are not whole numbers; a label volume is needed, not a CT or a probability"
         )
     return Volume(whole, affine)
+
+
+def names_within(path: Path) -> dict[int, str]:
+    """The names of its values that a NIfTI file holds in its header extensions, value -> name; empty where it has none.
+
+    TotalSegmentator writes them there as Connectome Workbench does: <Label Key="4">name</Label>.
+    """
+    header = _open(path).header
+    found: dict[int, str] = {}
+    for extension in getattr(header, "extensions", ()):
+        content = extension.get_content()
+        text = content.decode("utf-8", "replace") if isinstance(content, bytes) else str(content)
+        for value, name in _NAMED.findall(text):
+            found.setdefault(int(value), " ".join(html.unescape(name).split()))
+    return found
 
 
 def with_meaning(numbers: Volume, values: Mapping[int, int], path: Path) -> Volume:

@@ -15,7 +15,7 @@ from palpate.imaging.contours.dicom_seg import images_of, read_dicom_seg
 from palpate.imaging.contours.itksnap_labels import read_label_names
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, read_workspace
 from palpate.imaging.contours.named_labels import Segments, is_split, labels_of
-from palpate.imaging.contours.nifti_labels import read_numbers, with_meaning
+from palpate.imaging.contours.nifti_labels import names_within, read_numbers, with_meaning
 from palpate.imaging.contours.numbered_labels import meaning_of_names, meaning_of_numbers
 from palpate.imaging.contours.rtstruct import read_rtstruct
 from palpate.imaging.contours.seg_nrrd import read_seg_nrrd
@@ -111,7 +111,7 @@ def is_segmentation(path: Path) -> bool:
 
 
 def read_label_volume(path: Path, roi: Mapping[str, Sequence[str]] | None = None) -> UserLabels:
-    """A NIfTI label volume by the names of the labels.txt beside it, by the caller's choice, or by the numbers of LABELS.
+    """A NIfTI label volume by the names of the labels.txt beside it or within it, by the caller's choice, or by the numbers of LABELS.
 
     roi : organ -> names of that file, or the volume's own numbers. Raises InputError naming the file.
     """
@@ -120,8 +120,9 @@ def read_label_volume(path: Path, roi: Mapping[str, Sequence[str]] | None = None
 
 def _of_nifti(path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
     description = path.parent / DESCRIPTION
-    names = read_label_names(description) if description.is_file() else {}
-    return _of_volume(path, names, str(description if names else path), "nifti", roi)
+    if description.is_file():
+        return _of_volume(path, read_label_names(description), str(description), "nifti", roi)
+    return _of_volume(path, names_within(path), str(path), "nifti", roi)
 
 
 def _of_volume(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -22,22 +25,34 @@ _LEAST_TISSUE = 0.05
 _MOST_VALUES = 500_000
 
 
-def check_hounsfield(volume: Volume, source: object) -> None:
+def check_hounsfield(volume: Volume, source: object, each_slice: bool = False) -> None:
     """Raises InputError naming ``source`` when a CT's values are shifted against Hounsfield units, as without their intercept.
 
     A scan that shows no air passes unless all of it is denser than a body can be.
+    each_slice : whether slices were scaled differently, so that one alone may be shifted.
     """
-    values = volume.array.reshape(-1)
+    array = volume.array
+    parts = [array] if not each_slice else [array, *(array[:, :, k] for k in range(array.shape[2]))]
+    for part in parts:
+        lowest = _shifted(part)
+        if lowest is not None:
+            where = "no voxel is" if part is array else "slices hold no voxel that is"
+            raise InputError(
+                f"{source}: {where} air at -1000 HU, the lowest lie at {lowest:.0f}: the values are no Hounsfield units "
+                "(RescaleIntercept lost?); export the series again"
+            )
+
+
+def _shifted(array: NDArray[Any]) -> float | None:
+    """The lowest values (first percentile), HU, where they show a shift; None where all may be as it is."""
+    values = array.reshape(-1)
     values = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64)
     values = values[values > AIR_HU - 2.0 * _NEAR_HU]  # padding
     if len(values) == 0 or (np.abs(values - AIR_HU) < _NEAR_HU).mean() > _SHARE:
-        return
+        return None
     lowest = float(np.percentile(values, 1.0))
-    if lowest > _NO_BODY_HU or (lowest > AIR_HU + _NEAR_HU and _two_levels(values, lowest)):
-        raise InputError(
-            f"{source}: no voxel is air at -1000 HU, the lowest lie at {lowest:.0f}: the values are no Hounsfield units "
-            "(RescaleIntercept lost?); export the series again"
-        )
+    shifted = lowest > _NO_BODY_HU or (lowest > AIR_HU + _NEAR_HU and _two_levels(values, lowest))
+    return lowest if shifted else None
 
 
 def _two_levels(values: FloatArray, lowest: float) -> bool:

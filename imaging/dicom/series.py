@@ -79,7 +79,7 @@ def read_series(
     ordered = _stack(files, folder, notes)
     volume = as_volume(read_slices(ordered.slices, notes), ordered, notes)
     if files[0].header.get("Modality") == "CT":
-        check_hounsfield(volume, folder)
+        check_hounsfield(volume, folder, each_slice=len({each.intercept for each in ordered.slices}) > 1)
     return volume, _facts(files[0].header, ordered, notes)
 
 

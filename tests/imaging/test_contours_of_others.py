@@ -5,6 +5,7 @@ from __future__ import annotations
 import unicodedata
 from pathlib import Path
 
+import nibabel as nib
 import numpy as np
 import pydicom
 import pytest
@@ -77,6 +78,22 @@ def test_names_of_a_label_file_go_before_numbers(names: dict[int, str], ct: tupl
     assert counts(found.volume) == WHOLE and not found.prostate_is_split
     chosen = read_user_labels(path, *ct[1:], {"prostate": ["3"]})
     assert counts(chosen.volume) == WHOLE
+
+
+def test_names_within_a_volume(ct: tuple, tmp_path: Path) -> None:
+    """As TotalSegmentator writes them; its numbers are its own."""
+    path = nifti(tmp_path / "l.nii.gz", {"prostate": 22, "bladder": 21, "rectum": 1})
+    image = nib.load(path)
+    named = "".join(
+        f'<Label Key="{value}" Red="0.1" Green="0.2" Blue="0.3" Alpha="1">{name}</Label>'
+        for value, name in {1: "spleen", 21: "urinary_bladder", 22: "prostate", 77: "femur_left"}.items()
+    )
+    xml = f"<CaretExtension><VolumeInformation><LabelTable>{named}</LabelTable></VolumeInformation></CaretExtension>"
+    image.header.extensions.append(nib.nifti1.Nifti1Extension(0, xml.encode()))
+    nib.save(image, path)
+    found = read_user_labels(path, *ct[1:])
+    assert counts(found.volume) == {1: SIZES["prostate"], 5: SIZES["bladder"]} and not found.prostate_is_split
+    assert "not used: spleen (1)" in found.notes
 
 
 def test_unknown_names_are_refused_or_named(ct: tuple, tmp_path: Path) -> None:

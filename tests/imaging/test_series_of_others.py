@@ -70,6 +70,13 @@ def test_a_lost_intercept_is_noticed(intercept: float, tmp_path: Path) -> None:
     assert "\n" not in str(refused.value)
 
 
+def test_an_intercept_lost_on_one_slice_is_noticed(tmp_path: Path) -> None:
+    slices = series(straight(), values=body)
+    change(slices[2:3], RescaleIntercept=0.0)
+    with pytest.raises(InputError, match="slices hold no voxel that is air at -1000 HU"):
+        read_series(save(tmp_path / "lost", slices))
+
+
 def test_a_body_without_air_is_noticed_only_where_it_cannot_be(tmp_path: Path) -> None:
     """Cropped to the inside of a body."""
     tissue = save(tmp_path / "good", series(straight(), values=lambda p: 20.0 + 0.0 * hounsfield(p)))
