@@ -21,8 +21,9 @@ ON_SLICE = 0.05
 # polygon2mask counts a voxel centre on the outline as inside. Outlines drawn through centres would gain half a voxel
 # all around; moved by less than any rounding, they gain on one side and lose on the other.
 _OFF_CENTRE = (1.3e-6, 0.9e-6)
-# Contours whose voxels differ by less than this share are one that was written twice; a hollow organ's wall is more.
-TWICE_WITHIN = 0.02
+# Contours whose voxels differ by less than this share are one that was written twice, with other rounding. A wall is more: that of a
+# bladder of 70 mm, 3 mm thick, has 16 % of its area.
+TWICE_WITHIN = 0.1
 # Contours left out over at most this many usual gaps, and mm, are interpolated.
 BRIDGED_GAPS = 3.5
 BRIDGED_MM = 15.0

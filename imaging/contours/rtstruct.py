@@ -132,7 +132,11 @@ def _rois(dataset: pydicom.Dataset, path: Path, notes: list[str]) -> dict[str, _
     items = [item for item in dataset.get("StructureSetROISequence") or [] if item.get("ROINumber") is not None]
     numbers = [int(item.ROINumber) for item in items]
     names = distinct([" ".join(str(item.get("ROIName", "")).split()) for item in items], numbers)
-    by_number = {number: _Roi(name, number, []) for number, name in zip(numbers, names, strict=True)}
+    by_number: dict[int, _Roi] = {}
+    for number, name in zip(numbers, names, strict=True):
+        first = by_number.setdefault(number, _Roi(name, number, []))
+        if first.name != name:
+            notes.append(f"structure {name} has the number of {first.name}, {number}, and was left out")
     for item in dataset.get("ROIContourSequence") or []:
         number, contours = int(item.get("ReferencedROINumber", -1)), item.get("ContourSequence") or []
         if number in by_number:

@@ -13,6 +13,7 @@ from palpate.imaging.dicom.slices import is_localizer
 # What tells the images of one acquisition or reconstruction from those of another, the plainest first.
 _TELLING = (
     *("AcquisitionNumber", "TemporalPositionIdentifier", "TemporalPositionIndex", "ConvolutionKernel", "KVP"),
+    *("IrradiationEventUID", "SeriesNumber", "SeriesTime"),
     *("ImageType", "AcquisitionDateTime", "AcquisitionTime"),
 )
 _FEWEST, _MOST = 3, 30

@@ -22,6 +22,8 @@ _NO_BODY_HU = 300.0
 _TISSUE_HU = (850.0, 1250.0)
 # Of the voxels are tissue, where there is a body.
 _LEAST_TISSUE = 0.05
+# Nothing that shows a body lies below this throughout: fat is denser.
+_NO_TISSUE_HU = -300.0
 _MOST_VALUES = 500_000
 
 
@@ -47,6 +49,8 @@ def _shifted(array: NDArray[Any]) -> float | None:
     """The lowest values (first percentile), HU, where they show a shift; None where all may be as it is."""
     values = array.reshape(-1)
     values = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64)
+    if (values < AIR_HU - 2.0 * _NEAR_HU).any() and np.percentile(values, 99.0) < _NO_TISSUE_HU:
+        return float(np.percentile(values, 1.0))  # taken off twice
     values = values[values > AIR_HU - 2.0 * _NEAR_HU]  # padding
     if len(values) == 0 or (np.abs(values - AIR_HU) < _NEAR_HU).mean() > _SHARE:
         return None

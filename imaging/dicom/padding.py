@@ -14,6 +14,8 @@ from palpate.imaging.dicom.slices import Slice
 AIR_HU = -1000
 # Values up to here are air as they stand.
 _LOOKS_LIKE_AIR_HU = -900.0
+# Denser than cortical bone.
+_METAL_HU = 2000.0
 # Above this nothing is: metal saturates at 3071 HU, or 30,710 HU on an extended scale.
 HIGHEST_HU = 31_000.0
 
@@ -25,10 +27,22 @@ def padded(stored: NDArray[Any], of: Slice) -> BoolArray | None:
     well, only what lies at the edge of the picture counts. Signs are not looked at: scanners state a negative value as unsigned.
     """
     mask = _stated(stored, of)
+    if mask is None:
+        mask = _unstated(stored, of)
     if of.is_hu and stored.size and of.slope > 0.0 and float(stored.max()) * of.slope + of.intercept > HIGHEST_HU:
         impossible = stored.astype(np.float64) * of.slope + of.intercept > HIGHEST_HU
         mask = impossible if mask is None else mask | impossible
     return mask
+
+
+def _unstated(stored: NDArray[Any], of: Slice) -> BoolArray | None:
+    """Pixels at the edge of the value that all four corners have, where that is one of metal: nobody's corners are."""
+    if not of.is_hu or stored.size == 0:
+        return None
+    corners = stored[[0, 0, -1, -1], [0, -1, 0, -1]].astype(np.float64) * of.slope + of.intercept
+    if np.ptp(corners) > 0.0 or corners[0] < _METAL_HU:
+        return None
+    return _at_the_edge(stored == stored[0, 0])
 
 
 def _stated(stored: NDArray[Any], of: Slice) -> BoolArray | None:

@@ -6,6 +6,7 @@ polygons, and reads without a word those whose faces name points that are not th
 
 from __future__ import annotations
 
+import codecs
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,7 @@ def read_ply(path: Path) -> tuple[FloatArray, IntArray]:
     Raises InputError naming the file when it is damaged or holds no faces.
     """
     try:
-        data = path.read_bytes()
+        data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
         order, elements, start = _header(data)
         rows = _ascii(data[start:], elements) if order == "" else _binary(data, start, order, elements)
         points = np.column_stack([_column(rows["vertex"], axis) for axis in "xyz"]).astype(np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import logging
 import warnings
@@ -28,6 +29,8 @@ _DAMAGE = (
     ),
     Warning,
 )
+# Bytes of a binary STL before its triangles, the last four of which count them; and of a triangle.
+_STL_HEAD, _STL_FACE = 84, 50
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)
 
 
@@ -43,7 +46,7 @@ def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
             # numpy stops at a number that it cannot read, and only warns.
             warnings.simplefilter("error", DeprecationWarning)
             found = trimesh.load_scene(
-                io.BytesIO(path.read_bytes()), file_type=kind, process=False, maintain_order=True, skip_materials=True
+                io.BytesIO(_content(path)), file_type=kind, process=False, maintain_order=True, skip_materials=True
             )
             parts = [part for part in found.dump() if isinstance(part, trimesh.Trimesh)]
             points = [np.asarray(part.vertices, dtype=np.float64) for part in parts]
@@ -61,6 +64,15 @@ def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
     starts = np.cumsum([0, *(len(p) for p in points[:-1])])
     X, F = np.concatenate(points), np.concatenate([f + s for f, s in zip(faces, starts, strict=True)])
     return _joined(X, F) if kind == "stl" else (X, F)
+
+
+def _content(path: Path) -> bytes:
+    """A file's bytes without a byte order mark, and of a binary STL without what follows its triangles."""
+    data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+    if path.suffix.lower() == ".stl" and len(data) > _STL_HEAD and b"facet" not in data[:1000].lower():
+        end = _STL_HEAD + _STL_FACE * int.from_bytes(data[_STL_HEAD - 4 : _STL_HEAD], "little")
+        return data[:end] if end > _STL_HEAD else data
+    return data
 
 
 def _joined(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

@@ -156,6 +156,9 @@ def test_contours_of_one_slice_add_up(ct: tuple, tmp_path: Path) -> None:
     found = read_user_labels(rtstruct(tmp_path / "twice.dcm", {"Prostate": twice})[0], *ct[1:])
     assert counts(found.volume) == {1: SIZES["prostate"]}
     assert any("has a contour twice on a slice" in note for note in found.notes)
+    nearly = [*outlines("prostate"), *(rectangle("prostate", k, grow=-0.02) for k in (2, 3, 4))]
+    found = read_user_labels(rtstruct(tmp_path / "nearly.dcm", {"Prostate": nearly})[0], *ct[1:])
+    assert counts(found.volume) == {1: SIZES["prostate"]}
     parts = [*outlines("prostate"), *(rectangle("prostate", k, shift=3.0) for k in (2, 3, 4))]
     found = read_user_labels(rtstruct(tmp_path / "parts.dcm", {"Prostate": parts})[0], *ct[1:])
     assert counts(found.volume) == {1: 3 * 6 * (7 + 3)}

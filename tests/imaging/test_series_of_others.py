@@ -38,7 +38,7 @@ def with_padding(slices: list[FileDataset], value: int, stated: int | None) -> l
     return slices
 
 
-@pytest.mark.parametrize(("value", "stated"), [(63536, 63536), (63536, None), (1064, 1064), (0, 0)])
+@pytest.mark.parametrize(("value", "stated"), [(63536, 63536), (63536, None), (4095, None), (1064, 1064), (0, 0)])
 def test_padding_is_air(value: int, stated: int | None, tmp_path: Path) -> None:
     folder = save(tmp_path / "ct", with_padding(series(straight(), values=body), value, stated))
     volume, facts = read_series(folder)
@@ -61,7 +61,7 @@ def test_padding_of_a_signed_value_stated_without_a_sign(tmp_path: Path) -> None
     assert volume.array[0, 0, 0] == -1000 and volume.array.max() == 700
 
 
-@pytest.mark.parametrize("intercept", [0.0, 1024.0, -400.0])
+@pytest.mark.parametrize("intercept", [0.0, 1024.0, -400.0, -2048.0])
 def test_a_lost_intercept_is_noticed(intercept: float, tmp_path: Path) -> None:
     slices = series(straight(), values=body)
     change(slices, RescaleIntercept=intercept)

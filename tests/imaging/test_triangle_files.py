@@ -38,6 +38,21 @@ def test_text_that_begins_with_blanks_or_a_mark(start: str, tmp_path: Path) -> N
     assert read_closed_surface(path).surface.enclosed_volume == pytest.approx(BALL.volume, rel=1e-5)
 
 
+def test_bytes_behind_the_triangles_of_a_binary_stl(tmp_path: Path) -> None:
+    BALL.save(tmp_path / "a.stl", binary=True)
+    with (tmp_path / "a.stl").open("ab") as stream:
+        stream.write(b"made by someone")
+    assert read_closed_surface(tmp_path / "a.stl").surface.enclosed_volume == pytest.approx(BALL.volume, rel=1e-5)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_a_byte_order_mark(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a{suffix}"
+    BALL.save(path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert read_closed_surface(path).surface.enclosed_volume == pytest.approx(BALL.volume, rel=1e-5)
+
+
 def test_polygons_of_an_obj_and_a_material_that_is_not_there(tmp_path: Path) -> None:
     corners = [(x, y, z) for x in (0, 10) for y in (0, 10) for z in (0, 10)]
     lines = ["mtllib absent.mtl", "usemtl gold", *(f"v {x} {y} {z}" for x, y, z in corners)]
@@ -55,6 +70,7 @@ def test_what_is_not_readable_is_refused_in_one_line(tmp_path: Path, capfd: pyte
     for name, data in {
         "comma.stl": good.replace(".", ",").encode(),
         "cut.stl": binary[: len(binary) // 2],
+        "comma.obj": b"v 0,5 0 0\nv 1,5 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n",
         "half.stl": good[: len(good) // 2].encode(),
         "word.stl": good.replace("vertex", "vertx").encode(),
         "far.obj": obj.encode(),
