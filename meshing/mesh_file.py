@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_path
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
@@ -53,11 +53,9 @@ def mesh_arrays(mesh: TetMesh, boundary: dict[str, IntArray]) -> dict[str, Any]:
 
 
 def save_mesh(path: Path, mesh: TetMesh, boundary: dict[str, IntArray], quality: dict[str, Any]) -> None:
-    """Write a mesh; the file appears whole or not at all."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with part.open("wb") as stream:
+    """Write a mesh; the file appears whole or not at all. Raises InputError when it cannot be written."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, quality=np.array(json.dumps(quality)), **mesh_arrays(mesh, boundary))
-    os.replace(part, path)
 
 
 def load_mesh(path: Path) -> tuple[TetMesh, dict[str, IntArray], dict[str, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_path
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -26,20 +25,8 @@ def save_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], finge
     if any(np.asarray(a).dtype.hasobject for a in arrays.values()):
         raise TypeError(f"a checkpoint holds numbers and text, no objects: {sorted(arrays)}")
     content: dict[str, Any] = {_FINGERPRINT: np.array(fingerprint), **arrays}
-    temporary = path.with_name(f".part-{os.getpid()}-{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("wb") as stream:
-            np.savez(stream, **content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}); choose another place, or allow writing there"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **content)
 
 
 def load_checkpoint(path: Path, fingerprint: str) -> Arrays | None:

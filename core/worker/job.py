@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import json
-import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.messages import Reporter
 
 FORMAT = 1
@@ -64,10 +64,9 @@ class Job:
         return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
 
     def save(self, path: Path) -> None:
-        """Write atomically."""
-        temporary = path.with_name(f".{path.name}-{os.getpid()}")
-        temporary.write_text(json.dumps({"format": FORMAT, **asdict(self)}, indent=1), encoding="utf-8")
-        os.replace(temporary, path)
+        """Write atomically. Raises InputError when the file cannot be written."""
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps({"format": FORMAT, **asdict(self)}, indent=1), encoding="utf-8")
 
     @classmethod
     def load(cls, path: Path) -> Job:

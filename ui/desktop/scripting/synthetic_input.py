@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from PySide6.QtCore import QPoint, Qt
@@ -10,6 +9,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QTabBar, QWidget
 
 from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_path
 from palpate.ui.desktop.slices.slice_view import SliceView
 
 _LEFT = Qt.MouseButton.LeftButton
@@ -47,11 +47,9 @@ def press(window: QWidget, words: str) -> None:
 
 def shot(window: QWidget, path: Path) -> Path:
     """The window as it is, in a picture file; whoever waits for the file finds it whole. Raises InputError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".part-{path.name}")
-    if not window.grab().save(str(temporary)):
-        raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
-    os.replace(temporary, path)
+    with atomic_path(path) as temporary:
+        if not window.grab().save(str(temporary)):
+            raise InputError(f"{path} cannot be written; choose another place or a name that ends with .png")
     return path
 
 

@@ -8,6 +8,9 @@ import os
 import sys
 from pathlib import Path
 
+from palpate.core.errors import InputError
+from palpate.core.files.atomic import atomic_path
+
 _KEPT = 10
 
 
@@ -37,8 +40,5 @@ def remember(case: Path) -> None:
     """Puts a case first. A settings folder that cannot be written is no reason to stop."""
     case = case.absolute()
     listed = [str(case), *(str(path) for path in recent_cases() if path != case)][:_KEPT]
-    with contextlib.suppress(OSError):
-        recent_file().parent.mkdir(parents=True, exist_ok=True)
-        temporary = recent_file().with_suffix(f".{os.getpid()}")
+    with contextlib.suppress(InputError), atomic_path(recent_file()) as temporary:
         temporary.write_text(json.dumps(listed, indent=1), encoding="utf-8")
-        os.replace(temporary, recent_file())

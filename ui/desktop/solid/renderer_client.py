@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.files.atomic import atomic_path
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.solid.process_pipe import Pipe, Reply
 from palpate.ui.pictures.offscreen import REMEDY
@@ -35,9 +36,8 @@ class SolidClient:
     def labels(self, state: str, volume: Volume) -> None:
         """New labels of one state."""
         path = self._folder / f"labels_{state}.npy"
-        temporary = path.with_suffix(".part.npy")
-        np.save(temporary, volume.array)
-        temporary.replace(path)
+        with atomic_path(path) as temporary:
+            np.save(temporary, volume.array)
         self._pipe.say(type="labels", state=state, file=str(path), affine=volume.affine.tolist())
 
     def scan(self, file: Path, affine: FloatArray) -> None:
