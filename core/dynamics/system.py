@@ -127,7 +127,9 @@ class MovingBody:
         return state, self.assembler.residual(state, load).r_u.reshape(-1, 3)
 
     def damping_force(self, stage: Stage, u: FloatArray) -> FloatArray:
-        """(n, 3) mN, against the motion from the stage's base to u."""
+        """(n, 3) mN, against the motion from the stage's base to u; zero for a body without damping."""
+        if stage.damping is None:
+            return np.zeros_like(u)
         pattern, kept = self.assembler.pattern, self.assembler.kept
         rate = np.zeros(pattern.n)
         rate[: self.assembler.n_free] = ((u - stage.base) / stage.h).reshape(-1)[self.assembler.free]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
+
 
 @njit(cache=True)
-def deformation_gradients(u, conn, dN, inverse, F):  # type: ignore[no-untyped-def]
+def deformation_gradients(u: FloatArray, conn: IntArray, dN: FloatArray, inverse: FloatArray, F: FloatArray) -> None:
     """F (m, q, 3, 3) = 1 + du/dX of nodal u (n, 3), connectivity (m, k), reference gradients (q, k, 3), dxi/dX (m, 3, 3)."""
     for e in range(conn.shape[0]):
         for q in range(dN.shape[0]):
@@ -24,7 +26,7 @@ def deformation_gradients(u, conn, dN, inverse, F):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def spatial_gradients(dN, inverse, e, q, out):  # type: ignore[no-untyped-def]
+def spatial_gradients(dN: FloatArray, inverse: FloatArray, e: int, q: int, out: FloatArray) -> None:
     """out (k, 3) = dN_a/dX of cell e at point q."""
     for a in range(dN.shape[1]):
         for J in range(3):
@@ -32,7 +34,16 @@ def spatial_gradients(dN, inverse, e, q, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def add_internal_force(stress, cells, conn, dN, inverse, weight, out, magnitude):  # type: ignore[no-untyped-def]
+def add_internal_force(
+    stress: FloatArray,
+    cells: IntArray,
+    conn: IntArray,
+    dN: FloatArray,
+    inverse: FloatArray,
+    weight: FloatArray,
+    out: FloatArray,
+    magnitude: FloatArray,
+) -> None:
     """out (n, 3) += sum_q w P : dN/dX over cells (m,), stress (m, q, 3, 3); magnitude += |contribution|, a residual's scale."""
     grad = np.empty((dN.shape[1], 3))
     for k in range(cells.shape[0]):
@@ -52,7 +63,9 @@ def add_internal_force(stress, cells, conn, dN, inverse, weight, out, magnitude)
 
 
 @njit(cache=True)
-def add_volumetric_force(g, cells, Np, pressures, weight, out):  # type: ignore[no-untyped-def]
+def add_volumetric_force(
+    g: FloatArray, cells: IntArray, Np: FloatArray, pressures: IntArray, weight: FloatArray, out: FloatArray
+) -> None:
     """out (n_p,) += integral Np g over cells (m,), g (m, q)."""
     for k in range(cells.shape[0]):
         e = cells[k]
@@ -63,7 +76,7 @@ def add_volumetric_force(g, cells, Np, pressures, weight, out):  # type: ignore[
 
 
 @njit(cache=True)
-def pressure_at_points(p, cells, Np, pressures, out):  # type: ignore[no-untyped-def]
+def pressure_at_points(p: FloatArray, cells: IntArray, Np: FloatArray, pressures: IntArray, out: FloatArray) -> None:
     """out (m, q) = interpolated pressure in cells (m,)."""
     for k in range(cells.shape[0]):
         e = cells[k]
@@ -75,7 +88,7 @@ def pressure_at_points(p, cells, Np, pressures, out):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
-def add_pressure(p, G, P):  # type: ignore[no-untyped-def]
+def add_pressure(p: FloatArray, G: FloatArray, P: FloatArray) -> None:
     """P (m, q, 3, 3) += p (m, q) G, in place."""
     for e in range(P.shape[0]):
         for q in range(P.shape[1]):
@@ -86,7 +99,9 @@ def add_pressure(p, G, P):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def volume_rates(u, conn, dN, inverse, G, out):  # type: ignore[no-untyped-def]
+def volume_rates(
+    u: FloatArray, conn: IntArray, dN: FloatArray, inverse: FloatArray, G: FloatArray, out: FloatArray
+) -> None:
     """out (m, q) = G (m, q, 3, 3) : grad u, for nodal u (n, 3)."""
     for e in range(conn.shape[0]):
         for q in range(dN.shape[0]):
@@ -105,7 +120,7 @@ def volume_rates(u, conn, dN, inverse, G, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def complete_moduli(A, H, G, factor, curvature):  # type: ignore[no-untyped-def]
+def complete_moduli(A: FloatArray, H: FloatArray, G: FloatArray, factor: FloatArray, curvature: FloatArray) -> None:
     """A (m, q, 9, 9) += factor (m, q) H + curvature (m,) G G^T: the volumetric part of d2psi/dF dF, in place."""
     for e in range(A.shape[0]):
         for q in range(A.shape[1]):
@@ -117,7 +132,17 @@ def complete_moduli(A, H, G, factor, curvature):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def tangent_blocks(A, G, Np, dN, inverse, weight, cells, compliance, blocks):  # type: ignore[no-untyped-def]
+def tangent_blocks(
+    A: FloatArray,
+    G: FloatArray,
+    Np: FloatArray,
+    dN: FloatArray,
+    inverse: FloatArray,
+    weight: FloatArray,
+    cells: IntArray,
+    compliance: FloatArray,
+    blocks: FloatArray,
+) -> None:
     """blocks (m, 3 k + np, 3 k + np) of cells (m,): upper triangle of [[B^T A B, B^T G Np], [., -compliance]].
 
     Unknowns are ordered component by component (i, a), then pressures, so that the inner loops run along memory; entries
@@ -159,7 +184,7 @@ def tangent_blocks(A, G, Np, dN, inverse, weight, cells, compliance, blocks):  #
 
 
 @njit(cache=True)
-def smallest_determinant(F, needed):  # type: ignore[no-untyped-def]
+def smallest_determinant(F: FloatArray, needed: BoolArray) -> float:
     """Smallest det F over the cells marked in needed (m,); +inf when none is."""
     lowest = np.inf
     for e in range(F.shape[0]):

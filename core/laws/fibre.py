@@ -12,7 +12,17 @@ def with_fibres(law: Law, a: FloatArray) -> Law:
     """The law with one more parameter, k, for fibres along the unit vector a (3,)."""
     n = len(law.parameters)
 
-    def kernel(F, p, W, g, P, G, A, H, order):  # type: ignore[no-untyped-def]
+    def kernel(
+        F: FloatArray,
+        p: FloatArray,
+        W: FloatArray,
+        g: FloatArray,
+        P: FloatArray,
+        G: FloatArray,
+        A: FloatArray,
+        H: FloatArray,
+        order: int,
+    ) -> None:
         law.kernel(F, np.ascontiguousarray(p[:, :n]), W, g, P, G, A, H, order)
         k = p[:, n, None]
         f = F @ a

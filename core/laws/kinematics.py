@@ -8,7 +8,7 @@ from palpate.core.arrays import FloatArray
 
 
 @njit(cache=True, inline="always")
-def flat_with_cofactor(F, n, q, f, c):  # type: ignore[no-untyped-def]
+def flat_with_cofactor(F: FloatArray, n: int, q: int, f: FloatArray, c: FloatArray) -> float:
     """f (9,) = F[n, q] and c (9,) = its cofactor, index 3 i + J; returns det F. Without views of F, which cost more than the sums."""
     for i in range(3):
         for j in range(3):

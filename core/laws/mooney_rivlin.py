@@ -54,7 +54,19 @@ def _second_invariant_curvature(f: FloatArray, I1: float, b: float, A: FloatArra
 
 
 @njit(cache=True)
-def _second_derivatives(f, c, d, w1, w2, I1, I2, J, g2, A, H):  # type: ignore[no-untyped-def]
+def _second_derivatives(
+    f: FloatArray,
+    c: FloatArray,
+    d: FloatArray,
+    w1: float,
+    w2: float,
+    I1: float,
+    I2: float,
+    J: float,
+    g2: float,
+    A: FloatArray,
+    H: FloatArray,
+) -> None:
     """A and H (9, 9) but for the terms with the cofactor's derivative."""
     _second_invariant_curvature(f, I1, w2, A)
     curvature = (10.0 * w1 * I1 + 28.0 * w2 * I2) / (9.0 * J * J)
@@ -70,7 +82,18 @@ def _second_derivatives(f, c, d, w1, w2, I1, I2, J, g2, A, H):  # type: ignore[n
 
 
 @njit(cache=True)
-def _kernel(F, p, W, g, P, G, A, H, order, power):  # type: ignore[no-untyped-def]
+def _kernel(
+    F: FloatArray,
+    p: FloatArray,
+    W: FloatArray,
+    g: FloatArray,
+    P: FloatArray,
+    G: FloatArray,
+    A: FloatArray,
+    H: FloatArray,
+    order: int,
+    power: float,
+) -> None:
     f, c, d = np.empty(9), np.empty(9), np.empty(9)
     for n in range(F.shape[0]):
         mu1, mu2 = p[n, 0], p[n, 1]
@@ -104,7 +127,17 @@ def _kernel(F, p, W, g, P, G, A, H, order, power):  # type: ignore[no-untyped-de
 
 
 def _with_power(power: float) -> Kernel:
-    def kernel(F, p, W, g, P, G, A, H, order):  # type: ignore[no-untyped-def]
+    def kernel(
+        F: FloatArray,
+        p: FloatArray,
+        W: FloatArray,
+        g: FloatArray,
+        P: FloatArray,
+        G: FloatArray,
+        A: FloatArray,
+        H: FloatArray,
+        order: int,
+    ) -> None:
         _kernel(F, p, W, g, P, G, A, H, order, power)
 
     return kernel

@@ -11,7 +11,17 @@ from palpate.core.laws.kinematics import add_cofactor_derivative, flat_with_cofa
 
 
 @njit(cache=True)
-def _kernel(F, p, W, g, P, G, A, H, order):  # type: ignore[no-untyped-def]
+def _kernel(
+    F: FloatArray,
+    p: FloatArray,
+    W: FloatArray,
+    g: FloatArray,
+    P: FloatArray,
+    G: FloatArray,
+    A: FloatArray,
+    H: FloatArray,
+    order: int,
+) -> None:
     f, c = np.empty(9), np.empty(9)
     for n in range(F.shape[0]):
         shear = p[n, 0]

@@ -8,11 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from palpate.core.arrays import FloatArray
 from palpate.core.laws.base import Law, bulk_of_G_K, shear_of_G_K
 
 
 @njit(cache=True)
-def _point(f, shear, S, P, G, A, H, order):  # type: ignore[no-untyped-def]
+def _point(
+    f: FloatArray, shear: float, S: FloatArray, P: FloatArray, G: FloatArray, A: FloatArray, H: FloatArray, order: int
+) -> tuple[float, float]:
     """One point; S (3, 3) receives the deviatoric strain. Returns W and g."""
     for i in range(3):
         for j in range(3):
@@ -55,7 +58,17 @@ def _point(f, shear, S, P, G, A, H, order):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _kernel(F, p, W, g, P, G, A, H, order):  # type: ignore[no-untyped-def]
+def _kernel(
+    F: FloatArray,
+    p: FloatArray,
+    W: FloatArray,
+    g: FloatArray,
+    P: FloatArray,
+    G: FloatArray,
+    A: FloatArray,
+    H: FloatArray,
+    order: int,
+) -> None:
     S, P0, A0 = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 9))
     for n in range(F.shape[0]):
         for q in range(F.shape[1]):

@@ -77,7 +77,7 @@ def _features(loop: FloatArray, size: float) -> FloatArray:
 
 
 @njit(cache=True)
-def _path(cost, stretch):  # type: ignore[no-untyped-def]
+def _path(cost: FloatArray, stretch: float) -> tuple[float, FloatArray]:
     """Price of the cheapest monotone path from (0, 0) to (n - 1, m - 1), and the mean partner (n,) of each row along it."""
     n, m = cost.shape
     total = np.full((n, m), np.inf)

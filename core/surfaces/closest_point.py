@@ -43,7 +43,16 @@ def closest_points(tree: TriangleTree, x: FloatArray) -> ClosestPoints:
 
 
 @njit(cache=True, error_model="numpy")
-def _search(x, corners, boxes, order, barycentric, squared, triangle, part):  # type: ignore[no-untyped-def]
+def _search(
+    x: FloatArray,
+    corners: FloatArray,
+    boxes: FloatArray,
+    order: IntArray,
+    barycentric: FloatArray,
+    squared: FloatArray,
+    triangle: IntArray,
+    part: IntArray,
+) -> None:
     """Depth first, nearer child first, branches farther than the best so far cut off."""
     n_leaves, leaf = order.shape
     stack = np.empty(64, dtype=np.int64)
@@ -79,7 +88,7 @@ def _search(x, corners, boxes, order, barycentric, squared, triangle, part):  # 
 
 
 @njit(cache=True, error_model="numpy")
-def _to_box(px, py, pz, box):  # type: ignore[no-untyped-def]
+def _to_box(px: float, py: float, pz: float, box: FloatArray) -> float:
     """Squared distance of a point from a box, 0 inside."""
     dx = max(box[0] - px, 0.0, px - box[3])
     dy = max(box[1] - py, 0.0, py - box[4])
@@ -88,7 +97,7 @@ def _to_box(px, py, pz, box):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _closest_in_triangle(px, py, pz, t):  # type: ignore[no-untyped-def]
+def _closest_in_triangle(px: float, py: float, pz: float, t: FloatArray) -> tuple[float, float, float, float, int]:
     """Squared distance, barycentric coordinates and part (see ClosestPoints) of the closest point in triangle t (3, 3)."""
     b0, b1, b2, part = _project(px, py, pz, t)
     dx = px - (b0 * t[0, 0] + b1 * t[1, 0] + b2 * t[2, 0])
@@ -98,7 +107,7 @@ def _closest_in_triangle(px, py, pz, t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _project(px, py, pz, t):  # type: ignore[no-untyped-def]
+def _project(px: float, py: float, pz: float, t: FloatArray) -> tuple[float, float, float, int]:
     """Voronoi regions of corners first, then of edges, then the inside."""
     d1, d2 = _along(px, py, pz, t, 0)
     if d1 <= 0.0 and d2 <= 0.0:
@@ -126,7 +135,7 @@ def _project(px, py, pz, t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _along(px, py, pz, t, k):  # type: ignore[no-untyped-def]
+def _along(px: float, py: float, pz: float, t: FloatArray, k: int) -> tuple[float, float]:
     """(p - corner k) along edges 01 and 02."""
     rx, ry, rz = px - t[k, 0], py - t[k, 1], pz - t[k, 2]
     along_1 = (t[1, 0] - t[0, 0]) * rx + (t[1, 1] - t[0, 1]) * ry + (t[1, 2] - t[0, 2]) * rz

@@ -5,9 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from palpate.core.arrays import FloatArray, IntArray
+
 
 @njit(cache=True, error_model="numpy")
-def evaluate(coefficients, origin, scale, x, value, gradient, hessian):  # type: ignore[no-untyped-def]
+def evaluate(
+    coefficients: FloatArray,
+    origin: FloatArray,
+    scale: float,
+    x: FloatArray,
+    value: FloatArray,
+    gradient: FloatArray,
+    hessian: FloatArray,
+) -> None:
     """Fill value (q,), gradient (q, 3) and, when it has rows, hessian (q, 3, 3) at x (q, 3); scale = 1 / spacing.
 
     Beyond the grid d(x) = d(c) + grad d(c) . (x - c), c the closest point of the grid's box; the derivatives given are
@@ -50,7 +60,7 @@ def evaluate(coefficients, origin, scale, x, value, gradient, hessian):  # type:
 
 
 @njit(cache=True, error_model="numpy")
-def second_derivatives(moments, beyond, outside, scale, out):  # type: ignore[no-untyped-def]
+def second_derivatives(moments: FloatArray, beyond: FloatArray, outside: bool, scale: float, out: FloatArray) -> None:
     """Second derivatives (3, 3) of the continued spline."""
     for i in range(3):
         for j in range(3):
@@ -66,7 +76,7 @@ def second_derivatives(moments, beyond, outside, scale, out):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def derivative(moments, i, j, k):  # type: ignore[no-untyped-def]
+def derivative(moments: FloatArray, i: int, j: int, k: int) -> float:
     """The moment that holds the derivative along axes i, j, k (-1: none)."""
     a = (i == 0) + (j == 0) + (k == 0)
     b = (i == 1) + (j == 1) + (k == 1)
@@ -75,7 +85,7 @@ def derivative(moments, i, j, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def contract(coefficients, start, weights, order, moments):  # type: ignore[no-untyped-def]
+def contract(coefficients: FloatArray, start: IntArray, weights: FloatArray, order: int, moments: FloatArray) -> None:
     """moments[a, b, c] = derivative of orders a, b, c along the axes, in grid units, for a + b + c <= order."""
     moments[: order + 1, : order + 1, : order + 1] = 0.0
     for i in range(4):
@@ -91,7 +101,7 @@ def contract(coefficients, start, weights, order, moments):  # type: ignore[no-u
 
 
 @njit(cache=True, error_model="numpy")
-def basis(t, out):  # type: ignore[no-untyped-def]
+def basis(t: float, out: FloatArray) -> None:
     """out[d, k] = d-th derivative of the k-th of the four cubic B-splines at t in [0, 1] of a cell."""
     s = 1.0 - t
     out[0, 0], out[0, 3] = s * s * s / 6.0, t * t * t / 6.0

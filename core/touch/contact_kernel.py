@@ -5,15 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.terms.base import triangle_quadrature
 
 POINTS, WEIGHTS = triangle_quadrature(4)
 
 
 @njit(cache=True)
-def sphere_blocks(  # type: ignore[no-untyped-def]
-    rows, faces, area, x, centre, radius, stiffness, deepest, points, weights, energy, gradient, hessian
-):
+def sphere_blocks(
+    rows: IntArray,
+    faces: IntArray,
+    area: FloatArray,
+    x: FloatArray,
+    centre: FloatArray,
+    radius: float,
+    stiffness: FloatArray,
+    deepest: FloatArray,
+    points: FloatArray,
+    weights: FloatArray,
+    energy: FloatArray,
+    gradient: FloatArray,
+    hessian: FloatArray,
+) -> None:
     """For the faces `rows` (r,): energy (r,), its gradient (r, 9) and second derivative (r, 9, 9) over their corners; zero without contact.
 
     faces : (f, 3) into x (s, 3), where the nodes are, mm. area : (f,) mm2 at rest. stiffness : (f,) kPa/mm. hessian of no length:

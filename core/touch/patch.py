@@ -88,7 +88,7 @@ class Patch:
 
 
 @njit(cache=True)
-def _gather(gradient, hessian, unknowns, f, H):  # type: ignore[no-untyped-def]
+def _gather(gradient: FloatArray, hessian: FloatArray, unknowns: IntArray, f: FloatArray, H: FloatArray) -> None:
     for r in range(unknowns.shape[0]):
         for a in range(unknowns.shape[1]):
             if gradient[r, a] != 0.0 or hessian[r, a, a] != 0.0:

@@ -156,7 +156,7 @@ def _largest(values: FloatArray) -> float:
 
 
 @njit(cache=True)
-def symmetric_product(indptr, indices, values, x):  # type: ignore[no-untyped-def]
+def symmetric_product(indptr: Int32Array, indices: Int32Array, values: FloatArray, x: FloatArray) -> FloatArray:
     """A x for rows x (r, n) of a matrix given by its upper triangle in CSR."""
     y = np.zeros_like(x)
     for k in range(x.shape[0]):

@@ -53,7 +53,7 @@ class Pattern:
 
 
 @njit(cache=True)
-def _count(blocks, counts):  # type: ignore[no-untyped-def]
+def _count(blocks: IntArray, counts: IntArray) -> None:
     for b in range(blocks.shape[0]):
         for i in range(blocks.shape[1]):
             r = blocks[b, i]
@@ -65,14 +65,14 @@ def _count(blocks, counts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _fill_diagonal(columns, fill):  # type: ignore[no-untyped-def]
+def _fill_diagonal(columns: IntArray, fill: IntArray) -> None:
     for r in range(len(fill)):
         columns[fill[r]] = r
         fill[r] += 1
 
 
 @njit(cache=True)
-def _fill(blocks, columns, fill):  # type: ignore[no-untyped-def]
+def _fill(blocks: IntArray, columns: IntArray, fill: IntArray) -> None:
     for b in range(blocks.shape[0]):
         for i in range(blocks.shape[1]):
             r = blocks[b, i]
@@ -86,7 +86,7 @@ def _fill(blocks, columns, fill):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _compress(columns, start, lengths):  # type: ignore[no-untyped-def]
+def _compress(columns: IntArray, start: IntArray, lengths: IntArray) -> None:
     """Sort each row and drop repeats in place; lengths[r + 1] is what is left of row r."""
     for r in range(len(start) - 1):
         row = columns[start[r] : start[r + 1]]
@@ -100,14 +100,14 @@ def _compress(columns, start, lengths):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _copy(columns, start, indptr, indices):  # type: ignore[no-untyped-def]
+def _copy(columns: IntArray, start: IntArray, indptr: IntArray, indices: Int32Array) -> None:
     for r in range(len(start) - 1):
         n = indptr[r + 1] - indptr[r]
         indices[indptr[r] : indptr[r + 1]] = columns[start[r] : start[r] + n]
 
 
 @njit(cache=True)
-def _find_slots(blocks, indptr, indices):  # type: ignore[no-untyped-def]
+def _find_slots(blocks: IntArray, indptr: IntArray, indices: Int32Array) -> Int32Array:
     k = blocks.shape[1]
     slots = np.empty((blocks.shape[0], k * (k + 1) // 2), dtype=np.int32)
     for b in range(blocks.shape[0]):
@@ -132,7 +132,7 @@ def _find_slots(blocks, indptr, indices):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def scatter(blocks, slots, values):  # type: ignore[no-untyped-def]
+def scatter(blocks: FloatArray, slots: Int32Array, values: FloatArray) -> None:
     """values[slots] += upper triangle of symmetric blocks (b, k, k); dropped entries (slot -1) are skipped."""
     k = blocks.shape[1]
     for b in range(blocks.shape[0]):
