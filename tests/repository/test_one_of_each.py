@@ -49,4 +49,5 @@ def test_one_module_defines_the_types_of_arrays() -> None:
         if isinstance(node, ast.Assign)
         and any(getattr(t, "id", "") in ("FloatArray", "IntArray") for t in node.targets)
     ]
-    assert named == ["core/arrays.py"] * 2
+    # What compares with other programs runs in their environments, where palpate is not installed.
+    assert [name for name in named if name != "validate/bench/peers/protocol.py"] == ["core/arrays.py"] * 2
