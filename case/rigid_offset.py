@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from palpate.case.case_folder import CaseFolder
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.statistics import rms
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_labels
 from palpate.imaging.volume import Volume
@@ -95,4 +96,4 @@ def _apart(rest: Volume, deformed: Volume) -> float:
     if not edge.any():
         return 0.0
     off = there.at(rest.to_lps(np.argwhere(edge).astype(np.float64))) - here.grid.array[edge]
-    return float(np.sqrt((off**2).mean()))
+    return rms(off)

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import cg
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL, cell_volumes
+from palpate.core.statistics import rms
 from palpate.core.surfaces.triangles import areas, point_normals
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE
 from palpate.meshing.cells import KEPT, face_neighbours
@@ -70,7 +71,7 @@ def interface_report(points: FloatArray, interface: Interface) -> dict[str, Any]
     return {
         "faces": len(interface.faces),
         "mean_mm": float(faces.mean()),
-        "rms_mm": float(np.sqrt((faces**2).mean())),
+        "rms_mm": rms(faces),
         "p95_mm": float(np.percentile(np.abs(faces), 95)),
         "max_mm": float(np.abs(faces).max()),
         "vertex_p95_mm": float(np.percentile(np.abs(nodes), 95)),

@@ -15,6 +15,7 @@ from palpate.core.sketch.figure import FORCE_UNIT, Figure
 from palpate.core.sketch.fit import HIT, Fit
 from palpate.core.sketch.motion import Moving
 from palpate.core.sketch.outline import Outline, hausdorff
+from palpate.core.statistics import rms
 from palpate.imaging.drawings.drawing import Drawing
 
 # A ratio whose standard deviation (of ln) is larger than this is not told.
@@ -67,7 +68,7 @@ def _keyframe(figure: Figure, fit: Fit, k: int, drawn: Outline) -> dict[str, flo
         force = force + figure.pull(fit.states[k].u, fit.goals[k], fit.spring)
     moved = np.linalg.norm(rim.points - figure.outline.points, axis=1)
     return {
-        "rms_percent": round(100.0 * float(np.sqrt((both**2).mean())) / size, 3),
+        "rms_percent": round(100.0 * rms(both) / size, 3),
         "p95_percent": round(100.0 * float(np.percentile(both, 95)) / size, 3),
         "hausdorff_percent": round(100.0 * hausdorff(rim, drawn) / size, 3),
         "objective_mm2": round(float((drawn.distances(rim.points) ** 2).sum()), 4),

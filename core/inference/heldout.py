@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.statistics import rms
 
 # Draws of noise for the standard error of a gain.
 _DRAWS = 200
@@ -122,8 +123,7 @@ def gain(split: Split, before: FloatArray, after: FloatArray, noise_mm2: float =
     d = float((a - b).mean())
     error = min(float((a - b).std(ddof=1) / np.sqrt(len(a))), noise_mm2)
     surface = np.arange(len(split.points))
-    rms = [float(np.sqrt((x[surface] ** 2).mean())) for x in (before, after)]
-    return Gain(rms[0], rms[1], d, error, d / max(float(a.mean()), 1e-30), len(a))
+    return Gain(rms(before[surface]), rms(after[surface]), d, error, d / max(float(a.mean()), 1e-30), len(a))
 
 
 def gain_error(split: Split, plain: Linear, model: Linear, seed: int = 1) -> float:

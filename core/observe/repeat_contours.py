@@ -11,6 +11,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
+from palpate.core.statistics import rms
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.surface import Surface
 
@@ -40,7 +41,7 @@ def repeat_of(first: Surface, second: Surface) -> Repeat:
     """
     points = sample_surface(first, _SPACING_MM)[0]
     distance = SignedDistanceField.from_surface(second.points, second.faces).value_and_gradient(points)[0]
-    apart = float(np.sqrt((distance**2).mean()))
+    apart = rms(distance)
     if apart > MOST_MM:
         raise InputError(f"the two drawings are {apart:.1f} mm apart; give the same organ drawn twice on the same scan")
     sd = np.sqrt(max(apart**2 - EXTRACTION_MM**2, 0.0) / 2.0)

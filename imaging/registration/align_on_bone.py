@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
+from palpate.core.statistics import rms
 from palpate.imaging.registration.bone_surface import (
     BoneField,
     OrientedPoints,
@@ -153,7 +154,7 @@ def _accepted(found: Alignment) -> Alignment:
 
 
 def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float(PARTNER_WITHIN_MM)
+    return rms(values) if len(values) else float(PARTNER_WITHIN_MM)
 
 
 def _limits(surface: OrientedPoints) -> FloatArray:

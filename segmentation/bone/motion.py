@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from palpate.core.arrays import FloatArray
+from palpate.core.statistics import rms
 from palpate.imaging.labels import BONE_PART_VALUES
 from palpate.segmentation.bone.parts import BoneParts
 from palpate.segmentation.methods.surface_mesh import shell_of_mask
@@ -92,5 +93,4 @@ def _motion(points: FloatArray, there: FloatArray, normals: FloatArray) -> BoneM
         if np.abs(step).max() < 1e-4:
             break
     distance = np.linalg.norm(moved - chosen, axis=1)
-    rms = [float(np.sqrt(np.mean(x**2))) for x in (distance, along)]
-    return BoneMotion(rms[0], float(np.degrees(turn.magnitude())), rms[1])
+    return BoneMotion(rms(distance), float(np.degrees(turn.magnitude())), rms(along))

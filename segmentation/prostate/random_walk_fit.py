@@ -7,6 +7,7 @@ from scipy import ndimage
 from scipy.special import expit
 
 from palpate.core.arrays import Float32Array, FloatArray
+from palpate.core.statistics import rms
 from palpate.segmentation.methods.extreme_points import Ellipsoid
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.search_region import Scene
@@ -94,4 +95,4 @@ def _away(scene: Scene, centre: FloatArray) -> FloatArray:
 def _edge(fine: Float32Array, core: Mask) -> float:
     steps = [np.diff(fine, axis=axis)[core.take(range(1, core.shape[axis]), axis=axis)] for axis in range(3)]
     known = np.concatenate(steps)
-    return max(EDGE_SD * float(np.sqrt(np.mean(known**2))), 0.5) if len(known) else 10.0
+    return max(EDGE_SD * rms(known), 0.5) if len(known) else 10.0

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.statistics import rms
 from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
 from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
 from palpate.segmentation.methods.surface_mesh import Shell
@@ -110,7 +111,7 @@ def _confidence(path: Track, spoken: Mask, ends_given: bool) -> float:
     rule's error is as likely in as out, which costs half its share of the volume in expected overlap.
     """
     length = np.clip((path.z[-1] - path.z[0] - 20.0) / 40.0, 0.0, 1.0)
-    width = float(np.sqrt(np.mean(path.radii**2)))
+    width = rms(path.radii)
     size = np.exp(-0.5 * (np.log(width / 14.0) / 0.5) ** 2)
     area = (path.radii**2).mean(axis=1)
     doubt = GIVEN_MM if ends_given else RULED_MM

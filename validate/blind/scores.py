@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import kstest
 
+from palpate.core.statistics import rms
 from palpate.validate.blind.noise_floor import noise_floor_mm
 from palpate.validate.blind.records import Diagnosis, Modulus, Truth
 from palpate.validate.blind.score_table import (
@@ -92,7 +93,7 @@ def _nothing_hidden(pairs: Sequence[Pair]) -> NothingHidden | None:
         "p_median": float(np.median(p)),
         "p_uniform": float(kstest(p, "uniform").pvalue),
         "ln_G_mean": float(np.mean(z)),
-        "ln_G_rms": float(np.sqrt(np.mean(z**2))),
+        "ln_G_rms": rms(z),
         "ln_G_95": float(np.mean(np.abs(z) < _TWO_SIDED_95)),
     }
 

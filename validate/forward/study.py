@@ -14,6 +14,7 @@ from palpate.core.fem.meshes import ORGAN, refined, sphere_in_cube
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.scenes import DRIVES, Scene, sphere_scene, standard_sphere_mesh
 from palpate.core.mesh import TetMesh
+from palpate.core.statistics import rms
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.bench.options import BenchOptions
@@ -171,9 +172,9 @@ def errors(mesh: TetMesh, u: FloatArray, reference: FloatArray) -> Errors:
     size = np.linalg.norm(reference[:n], axis=1)
     organ = np.unique(mesh.cells[mesh.regions == ORGAN])
     return {
-        "rms": float(np.sqrt((difference**2).mean()) / size.max()),
+        "rms": float(rms(difference) / size.max()),
         "largest": float(difference.max() / size.max()),
-        "organ_rms": float(np.sqrt((difference[organ] ** 2).mean()) / size[organ].max()),
+        "organ_rms": float(rms(difference[organ]) / size[organ].max()),
         "largest_mm": float(size.max()),
     }
 

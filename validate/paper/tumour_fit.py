@@ -22,6 +22,7 @@ from palpate.core.observe.contour_noise import (
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
 from palpate.core.reduced.reduced_model import ReducedModel
+from palpate.core.statistics import rms
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.progress import Progress, silent
@@ -128,8 +129,8 @@ class TumourFit:
 
     def learn_meshes(self, uniform: TumourData) -> None:
         """Take from a uniform organ what this mesh and element leave of the data's own."""
-        rms = np.sqrt((self.of(uniform.organ.deformed).distance(self.identify(uniform).fit.theta) ** 2).mean())
-        self.meshes_mm = float(_ROOM * rms)
+        left = self.of(uniform.organ.deformed).distance(self.identify(uniform).fit.theta)
+        self.meshes_mm = _ROOM * rms(left)
 
     def identify_uneven(self, data: TumourData, error_mm: FloatArray | None = None) -> Found:
         """The stiffness of both halves, neither taken to be uniform: see `identify.uneven`. error_mm (q,) as in `of`.

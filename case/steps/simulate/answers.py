@@ -10,6 +10,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.files.atomic import atomic_path, writing
 from palpate.core.mesh import cell_volumes
+from palpate.core.statistics import rms
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
@@ -30,7 +31,7 @@ def truth_of(state: DeformedState, stiffness: Stiffness, deformed_to_rest: Float
         "tissue_G_kpa": stiffness.tissue,
         "tissue_poisson_ratio": stiffness.tissue_poisson_ratio,
         "organ_strain": state.strain,
-        "surface_displacement_rms_mm": float(np.sqrt((moved**2).mean())),
+        "surface_displacement_rms_mm": rms(moved),
         "surface_displacement_max_mm": float(moved.max()),
         "divide": _divide(state),
         "volume_cc": _volumes(state),
@@ -107,4 +108,4 @@ def _divide(state: DeformedState) -> dict[str, float]:
     organ = np.isin(mesh.regions, ORGAN_LABELS)
     centroid = mesh.volumes[organ] @ moved[mesh.cells[organ]].mean(axis=1) / mesh.volumes[organ].sum()
     away = moved[shared, 0] - centroid[0]
-    return {"mean_mm": float(away.mean()), "rms_mm": float(np.sqrt((away**2).mean()))}
+    return {"mean_mm": float(away.mean()), "rms_mm": rms(away)}

@@ -21,6 +21,7 @@ from palpate.core.diagnose.diagnosis_record import (
     ShrinkageRecord,
 )
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE
+from palpate.core.statistics import rms
 
 
 def by_state(fit: BodyFit) -> list[FloatArray]:
@@ -34,7 +35,7 @@ def gap(base: BodyFit, p: float) -> GapRecord:
     distance = np.linalg.norm(np.vstack(by_state(base)), axis=1)
     noise = [3.0 * base.model.stage.problem.states[k].sd_mm ** 2 for k in base.which]
     return GapRecord(
-        rms_mm=float(np.sqrt((distance**2).mean())),
+        rms_mm=rms(distance),
         p95_mm=float(np.quantile(distance, 0.95)),
         noise_floor_mm=float(np.sqrt(np.mean(noise))),
         detected=p < LEVEL,
@@ -150,8 +151,8 @@ def next_state(base: BodyFit, best: Rival) -> str:
 
 def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
     """A sentence."""
-    rms = float(np.sqrt((np.linalg.norm(np.vstack(by_state(base)), axis=1) ** 2).mean()))
-    start = f"The plain model misses the markers by {rms:.2f} mm"
+    missed = rms(np.linalg.norm(np.vstack(by_state(base)), axis=1))
+    start = f"The plain model misses the markers by {missed:.2f} mm"
     if verdict == NONE:
         return f"{start}, no more than their own error."
     if named is None:

@@ -8,6 +8,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.heldout import Gain, Linear, Split, gain
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
+from palpate.core.statistics import rms
 
 PLACEBOS = 40
 # An effect moved less far than this is not elsewhere, mm.
@@ -26,7 +27,7 @@ def placebo_gains(
     models = []
     for _ in range(PLACEBOS):
         S = forces.response @ rng.standard_normal(forces.response.shape[1])
-        S *= size / max(float(np.sqrt((S**2).mean())), 1e-30)
+        S *= size / max(rms(S), 1e-30)
         precision = np.concatenate([plain.precision, [1.0]])
         models.append(Linear(plain.r, np.column_stack([plain.J, S]), np.zeros(p + 1), precision))
     return [gain(split, before, after) for after in split.left_out(models)]

@@ -27,6 +27,7 @@ from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.diagnose.verdict.words import next_measurement, sentence
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.plain_fit import PlainFit
+from palpate.core.statistics import rms
 
 MAP_FILE = "gap_maps.npz"
 # A stiffness this close to a bound (ln G) is flagged: it may be absorbing an effect. Unless its standard deviation (ln G) says that the
@@ -140,7 +141,7 @@ def _gap(found: Diagnosis) -> GapRecord:
     left, variances = residuals(fit), _variances(fit)
     residual = np.abs(np.concatenate(left))
     return GapRecord(
-        rms_mm=float(np.sqrt((residual**2).mean())),
+        rms_mm=rms(residual),
         p95_mm=float(np.quantile(residual, 0.95)),
         noise_floor_mm=float(np.sqrt(np.mean(variances))),
         detected=found.test.detected,
@@ -150,10 +151,7 @@ def _gap(found: Diagnosis) -> GapRecord:
         p_values={"whole": found.test.p_whole, "smooth": found.test.p_smooth, "named": found.test.p_named},
         contour_noise_sd_mm=found.fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm,
         contour_noise_correlation_mm=found.fit.sizes.length,
-        states=[
-            StateGapRecord(float(np.sqrt((r**2).mean())), float(np.sqrt(variance)))
-            for r, variance in zip(left, variances, strict=True)
-        ],
+        states=[StateGapRecord(rms(r), float(np.sqrt(variance))) for r, variance in zip(left, variances, strict=True)],
     )
 
 

@@ -7,34 +7,35 @@ import numpy as np
 from palpate.core.diagnose.detection.location import residuals
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
+from palpate.core.statistics import rms
 
 _GENERAL = "another deformed scan with another bladder and rectum filling, and matched points inside the organ"
 
 
 def sentence(found: Diagnosis) -> str:
     """What was found, for somebody who reads stiffness and not statistics."""
-    rms = float(np.sqrt((np.concatenate(residuals(found.fit)) ** 2).mean()))
+    missed = rms(np.concatenate(residuals(found.fit)))
     verdict = found.verdict.verdict
     if verdict == NONE:
         return (
-            f"The model predicts the deformed organ as well as the contours allow ({rms:.1f} mm): nothing in these scans "
+            f"The model predicts the deformed organ as well as the contours allow ({missed:.1f} mm): nothing in these scans "
             "says that it leaves anything out."
         )
     said = {s.effect.id: s.effect.words for s in found.screened}
     if verdict == UNKNOWN:
         return (
-            f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows, and nothing in the "
+            f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, and nothing in the "
             "library explains it: the stiffness given here may be wrong."
         )
     words = [said[name] for name in found.verdict.candidates]
     if verdict == AMBIGUOUS:
         return (
-            f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows. "
+            f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows. "
             + (f"It could be that {' or that '.join(words)}: these scans cannot tell." if len(words) > 1 else
                f"It may be that {words[0]}, but these scans do not settle it: {found.verdict.why}.")
         )  # fmt: skip
     return (
-        f"The model misses the deformed organ by {rms:.1f} mm, more than the noise that this pair itself shows, because {words[0]}; "
+        f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, because {words[0]}; "
         "the stiffness with this taken into account is given beside the one without."
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray
 from palpate.core.fem.space import Space
 from palpate.core.identify.pair.no_information import SURFACE_MM, NoInformation
 from palpate.core.identify.pair.surface_only import WAYS, SurfaceAlone, explain_surface
@@ -12,6 +11,7 @@ from palpate.core.identify.result_record import LandmarkRecord
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem
+from palpate.core.statistics import rms
 
 # On the mesh of a case linear elements are 0.1 mm off inside the organ, these a tenth of that.
 ELEMENT = "p2p1"
@@ -64,7 +64,7 @@ def landmark_figures(found: SurfaceAlone) -> dict[str, LandmarkRecord] | None:
     if not found.landmarks_mm:
         return None
     return {
-        way: LandmarkRecord([round(float(d), 3) for d in distances], round(_rms(distances), 3))
+        way: LandmarkRecord([round(float(d), 3) for d in distances], round(rms(distances), 3))
         for way, distances in found.landmarks_mm.items()
     }
 
@@ -73,18 +73,14 @@ def landmark_words(found: SurfaceAlone) -> tuple[str, ...]:
     """What the landmarks say of the model, in one line; none without landmarks."""
     if not found.landmarks_mm:
         return ()
-    rms = {way: _rms(found.landmarks_mm[way]) for way in WAYS}
+    left = {way: rms(found.landmarks_mm[way]) for way in WAYS}
     count = len(found.landmarks_mm["model"])
     figures = (
-        f"{count} landmarks lie {rms['still']:.2f} mm rms from where the deformed state shows them with both in one frame, "
-        f"{rms['rigid']:.2f} after the best rigid motion of the surface, {rms['affine']:.2f} after the best affine one and "
-        f"{rms['model']:.2f} where a uniform body takes them"
+        f"{count} landmarks lie {left['still']:.2f} mm rms from where the deformed state shows them with both in one frame, "
+        f"{left['rigid']:.2f} after the best rigid motion of the surface, {left['affine']:.2f} after the best affine one and "
+        f"{left['model']:.2f} where a uniform body takes them"
     )
-    others = min(rms["rigid"], rms["affine"])
-    if rms["model"] < (1.0 - _BETTER) * others:
-        return (f"{figures}: mechanics predicts them better than a motion without, by {others - rms['model']:.2f} mm",)
+    others = min(left["rigid"], left["affine"])
+    if left["model"] < (1.0 - _BETTER) * others:
+        return (f"{figures}: mechanics predicts them better than a motion without, by {others - left['model']:.2f} mm",)
     return (f"{figures}: mechanics predicts them no better than a motion without",)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt((values**2).mean()))

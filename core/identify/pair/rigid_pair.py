@@ -17,6 +17,7 @@ from palpate.core.identify.misfit import LANDMARK_SD_MM
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
@@ -152,4 +153,4 @@ def _expected(problem: IdentificationProblem) -> dict[str, float]:
 
 
 def _rms(values: FloatArray) -> float:
-    return float(np.sqrt((values**2).mean())) if values.size else 0.0
+    return rms(values) if values.size else 0.0

@@ -8,6 +8,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.identify.pair.rigid_pair import rigid_motion
 from palpate.core.identify.pair.surface_only import transformed
 from palpate.core.problem import SurfacePair
+from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangle_tree import TriangleTree
@@ -52,4 +53,4 @@ def _left(pair: SurfacePair, matrix: FloatArray) -> float:
     target = TriangleTree.of(pair.deformed.points, pair.deformed.faces)
     step = max(1, len(pair.rest.points) // 2000)
     distance = closest_points(target, transformed(matrix, pair.rest.points[::step])).distance
-    return float(np.sqrt((distance**2).mean()))
+    return rms(distance)

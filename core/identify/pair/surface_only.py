@@ -16,6 +16,7 @@ from palpate.core.forward.sliding_match import slide_onto
 from palpate.core.identify.pair.rigid_pair import rigid_motion
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import SurfacePair
+from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
@@ -56,7 +57,7 @@ def explain_surface(
     points = sample_surface(pair.rest, spacing)[0]
     moved = _moved(points, rigid, affine, space, u)
     target = TriangleTree.of(pair.deformed.points, pair.deformed.faces)
-    surface = {way: _rms(closest_points(target, x).distance) for way, x in moved.items()}
+    surface = {way: rms(closest_points(target, x).distance) for way, x in moved.items()}
     marks = _moved(landmarks[:, :3], rigid, affine, space, u) if len(landmarks) else {}
     return SurfaceAlone(u, surface, {w: np.linalg.norm(x - landmarks[:, 3:], axis=1) for w, x in marks.items()})
 
@@ -93,7 +94,3 @@ def transformed(matrix: FloatArray, x: FloatArray) -> FloatArray:
 def _moved(x: FloatArray, rigid: FloatArray, affine: FloatArray, space: Space, u: FloatArray) -> dict[str, FloatArray]:
     ends = (x, transformed(rigid, x), transformed(affine, x), x + space.interpolation(x) @ u)
     return dict(zip(WAYS, ends, strict=True))
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt((values**2).mean()))
