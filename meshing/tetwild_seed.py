@@ -1,8 +1,13 @@
-"""fTetWild's random numbers, made the same every time.
+"""A seed for fTetWild, which offers none: pytetwild 0.4.2, the newest, has no such argument, and the C++ behind it seeds its
+shuffles from std::random_device (issue 72 of fTetWild: no two meshes are alike).
 
-It seeds its shuffles from std::random_device (its issue 72: no mesh is like the last) and has no option for that. On Linux a library
-finds the functions of others through a table that the loader fills; the one entry for random_device is set to a counter here.
-Elsewhere, or where the table may not be written, nothing happens, and meshes differ from run to run as the author made them.
+What `fix_random_device` does: a loaded library calls functions of others through a table of addresses that the loader fills
+(ELF's global offset table). The one entry for std::random_device's generator is overwritten, in the memory of this process,
+with the address of a counter that starts from the seed. No file is changed, and no other library of the process.
+
+When it does nothing, and says so by returning False: on another system than Linux, for a file that is no 64-bit little-endian
+ELF library for x86-64 or aarch64, for a library that is not loaded or never asks std::random_device, and where the table was
+made read-only after loading (full RELRO). Meshes then differ from run to run, as those of fTetWild alone do.
 """
 
 from __future__ import annotations
@@ -23,7 +28,11 @@ _kept: list[object] = []  # a callback must outlive whoever calls it
 
 
 def fix_random_device(library: Path, seed: int) -> bool:
-    """Let the loaded library's std::random_device give numbers that follow from `seed` alone. False: nothing was changed."""
+    """Let the std::random_device of a loaded library give numbers that follow from `seed` alone; see the module for how and when.
+
+    library : file of the loaded library. Returns whether it was done; False means that nothing was changed. Call it before the
+    library draws its first number, and in a process of its own: it cannot be undone.
+    """
     if not sys.platform.startswith("linux"):
         return False
     slots = list(_slots(library.read_bytes()))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import pytetwild
 import pyvista as pv
 
 from palpate.meshing.tetwild import Soup, tetrahedralize
@@ -36,3 +39,33 @@ def test_a_file_that_is_no_library_of_this_kind_is_left_alone(content: bytes, tm
     path = tmp_path / "library.so"
     path.write_bytes(content)
     assert not fix_random_device(path, 1)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs the tables of Linux' loader")
+def test_it_says_whether_a_loaded_library_was_changed() -> None:
+    """In a process of its own: the mesher's library is changed, one that draws no such numbers is not, nor one not loaded."""
+    program = """
+import sys
+from pathlib import Path
+import numpy.linalg._umath_linalg as other
+from palpate.meshing.tetwild_seed import fix_random_device
+import importlib.util
+mesher = Path(importlib.util.find_spec("pytetwild").origin).parent
+(library,) = mesher.glob("PyfTetWildWrapper*.so")
+said = [fix_random_device(Path(other.__file__), 1), fix_random_device(library, 1)]
+from pytetwild import PyfTetWildWrapper
+print([*said, fix_random_device(library, 1)])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[False,", "False,", "True]"]
+
+
+def test_nothing_is_done_on_another_system(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Not even the file is read."""
+    monkeypatch.setattr("palpate.meshing.tetwild_seed.sys.platform", "darwin")
+    assert not fix_random_device(tmp_path / "not there", 1)
+
+
+def test_the_mesher_offers_no_seed_of_its_own() -> None:
+    """Once it does, pass the seed to it in `tetwild._child` and remove `tetwild_seed`."""
+    assert not [name for name in inspect.signature(pytetwild.tetrahedralize).parameters if "seed" in name]
