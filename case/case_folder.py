@@ -99,11 +99,6 @@ class CaseFolder(CaseFiles):
         found = in_lps_order(read_nifti(self.file(name)))
         return found.with_array(found.array.astype(np.uint8)) if found.array.any() else None
 
-    def user_labels(self, state: str) -> Volume | None:
-        """What a person drew on a state's CT (rest frame, LPS order), None where nothing; user_labels.json says more."""
-        name = f"{_known(state)}_user.nii.gz"
-        return in_lps_order(read_labels(self.file(name))) if self.has(name) else None
-
     def write_labels(self, state: str, labels: Volume) -> Path:
         """Writes the label volume of a state, which must be in the rest frame, and labels.txt beside it."""
         name = f"{_known(state)}.nii.gz"

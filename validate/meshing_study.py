@@ -125,7 +125,7 @@ def row_of(name: str, labels: Volume, meshed: MeshedCase, seconds: float) -> Mes
     quality = meshed.quality
     voxel_mm = float(labels.spacing.mean())
     worst = max(abs(region["volume_error"]) for region in quality["regions"].values())
-    on_mesh = np.einsum("wc,fck->fwk", _INNER, meshed.mesh.points[_organ_faces(meshed)]).reshape(-1, 3)
+    on_mesh = points_on_organ(meshed)
     away = np.abs(distance_from_outline(labels, on_mesh))
     in_voxels = float(np.percentile(np.abs(distance_from_outline(labels, on_mesh, in_voxels=True)), 95))
     smooth = np.abs(distance_from_outline(labels, organ_surfaces(labels).points))
@@ -159,10 +159,9 @@ def row_of(name: str, labels: Volume, meshed: MeshedCase, seconds: float) -> Mes
     }
 
 
-def distance_of_organ(labels: Volume, meshed: MeshedCase) -> FloatArray:
-    """Signed distance (n,) mm of points on the mesh's organ surface from the outline of the label's voxels."""
-    faces = _organ_faces(meshed)
-    return distance_from_outline(labels, np.einsum("wc,fck->fwk", _INNER, meshed.mesh.points[faces]).reshape(-1, 3))
+def points_on_organ(meshed: MeshedCase) -> FloatArray:
+    """Points (4 f, 3) mm on the mesh's organ surface, four inside each face."""
+    return np.einsum("wc,fck->fwk", _INNER, meshed.mesh.points[_organ_faces(meshed)]).reshape(-1, 3)
 
 
 def distance_from_outline(labels: Volume, points: FloatArray, in_voxels: bool = False) -> FloatArray:

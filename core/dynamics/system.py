@@ -70,11 +70,6 @@ class MovingBody:
         """(3,) kg mm/s = mN s."""
         return np.asarray(self.mass.times(motion.v).sum(axis=0))
 
-    def angular_momentum(self, motion: Motion) -> FloatArray:
-        """(3,) mN mm s, about the origin."""
-        x = self.assembler.space.nodes + motion.u
-        return np.asarray(np.cross(x, self.mass.times(motion.v)).sum(axis=0))
-
     def centre(self, motion: Motion) -> FloatArray:
         """(3,) mm, centre of mass."""
         return np.asarray(self.mass.times(self.assembler.space.nodes + motion.u).sum(axis=0)) / self.mass.total

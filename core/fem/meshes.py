@@ -66,16 +66,11 @@ def sphere_in_cube(n: int, shells: int, layers: int, radius: float = 10.0, half_
     n : cells along an edge of the inner cube and so a quarter turn of the sphere; shells : layers from the inner cube to the
     sphere; layers : from the sphere to the cube's surface.
     """
-    return _onion(
+    return onion(
         n, [(shells, lambda s, c, d: _core(c, radius) * (1.0 - s) + radius * d * s, ORGAN),
             (layers, lambda s, c, d: radius * d * (1.0 - s**1.3) + half_width * c * s**1.3, TISSUE)],
         lambda c: _core(c, radius),
     )  # fmt: skip
-
-
-def hollow_sphere(n: int, layers: int, inner: float, outer: float) -> TetMesh:
-    """Thick spherical shell of region 1 between two radii, mm."""
-    return _onion(n, [(layers, lambda s, c, d: d * inner * (outer / inner) ** s, ORGAN)], None)
 
 
 def _core(c: FloatArray, radius: float) -> FloatArray:
@@ -87,8 +82,8 @@ def _core(c: FloatArray, radius: float) -> FloatArray:
 Layer = tuple[int, Callable[[FloatArray, FloatArray, FloatArray], FloatArray], int]
 
 
-def _onion(n: int, layers: list[Layer], core: Callable[[FloatArray], FloatArray] | None) -> TetMesh:
-    """Six blocks around a cube, layer upon layer.
+def onion(n: int, layers: list[Layer], core: Callable[[FloatArray], FloatArray] | None) -> TetMesh:
+    """Six blocks around a cube, layer upon layer; the cube itself is meshed where `core` maps it, else left hollow.
 
     A layer maps (s, c, d), s (k, 1) from 0 to 1 outwards, c (k, 3) on the cube's surface and d its direction, to points (k, 3).
     """

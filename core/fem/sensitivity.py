@@ -1,4 +1,4 @@
-"""Direct and adjoint derivatives of an equilibrium with respect to parameters and forces, from the factor of its tangent.
+"""Derivatives of an equilibrium with respect to parameters and forces, from the factor of its tangent.
 
 This is du/dmu of Eq 20 of Yang & Lin, MaterialCloning.
 """
@@ -19,17 +19,7 @@ Direction = Mapping[int, FloatArray]
 def direct(tangent: Tangent, directions: Sequence[Direction]) -> FloatArray:
     """du/dtheta (t, n, 3) mm per unit of each theta, at the equilibrium of a tangent: one back-substitution each."""
     tangent.set_materials()
-    return tangent.displacements(np.stack([-_parameter_force(tangent, d) for d in directions], axis=1))
-
-
-def adjoint(tangent: Tangent, directions: Sequence[Direction], gradient: FloatArray) -> FloatArray:
-    """dPhi/dtheta (t,) of a scalar whose derivative in nodal displacements is `gradient` (n, 3): one back-substitution in all."""
-    tangent.set_materials()
-    assembler = tangent.assembler
-    rhs = np.zeros(assembler.space.n_displacements + assembler.space.n_pressures)
-    rhs[: gradient.size] = gradient.reshape(-1)
-    multiplier = tangent.solve(rhs[assembler.kept])
-    return np.array([-float(multiplier @ _parameter_force(tangent, d)) for d in directions])
+    return tangent.displacements(np.stack([-parameter_force(tangent, d) for d in directions], axis=1))
 
 
 def response_to_forces(tangent: Tangent, forces: FloatArray) -> FloatArray:
@@ -40,7 +30,7 @@ def response_to_forces(tangent: Tangent, forces: FloatArray) -> FloatArray:
     return tangent.displacements(rhs[tangent.assembler.kept])
 
 
-def _parameter_force(tangent: Tangent, direction: Direction) -> FloatArray:
+def parameter_force(tangent: Tangent, direction: Direction) -> FloatArray:
     """dR/dtheta (kept,) for a parameter theta along which region r's law parameters change by direction[r] (k,) or (cells, k).
 
     Uses that every law is linear in its parameters, so the derivative of the residual is the residual of the direction.

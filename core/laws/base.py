@@ -38,7 +38,7 @@ class Law:
 
     name : the law's name in files and reports.
     parameters : names of the columns of a parameter array (n, k), kPa.
-    kernel : see `Kernel`; W must be linear in the parameters (checked by `laws.check`), g free of them.
+    kernel : see `Kernel`; W must be linear in the parameters (tests/core/fem/test_laws.py checks every law), g free of them.
     kappa_of : (n, k) parameters -> (n,) kappa, kPa; a linear function.
     shear_modulus_of : (n, k) -> (n,) small-strain shear modulus G, kPa.
     needs_positive_jacobian : True when psi is not defined for J <= 0.

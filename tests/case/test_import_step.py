@@ -15,6 +15,7 @@ import pydicom
 import pytest
 from bone_scans import bone_labels, largest_error, moving, scan
 from dicom_samples import structure_set
+from drawn_contours import user_labels
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.import_scans.options import ImportOptions
@@ -138,7 +139,7 @@ def test_drawn_labels_and_landmarks_come_along_in_the_rest_frame(pair: Path, tmp
         "prostate_is_split": False,
         "structures": {"prostate": ["Prostata"]},
     }
-    user = case.user_labels("deformed")
+    user = user_labels(case, "deformed")
     assert user is not None
     place = user.to_lps(np.argwhere(user.array == 1).astype(float)).mean(axis=0)
     np.testing.assert_allclose(place, (TRUTH @ [8.0, 2.0, 3.0, 1.0])[:3], atol=0.4)
@@ -148,7 +149,7 @@ def test_drawn_labels_and_landmarks_come_along_in_the_rest_frame(pair: Path, tmp
     # A forgotten option must not take away what a result stands on.
     with pytest.raises(InputError, match="was made with --rest-labels and --deformed-labels; give the same again"):
         run_import(pair / "rest", pair / "deformed", tmp_path / "case", ImportOptions(align=False))
-    assert CaseFolder(tmp_path / "case").user_labels("rest") is not None
+    assert user_labels(CaseFolder(tmp_path / "case"), "rest") is not None
 
 
 def test_a_whole_prostate_in_a_nifti_is_named_by_its_number(pair: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from palpate.validate.meshing_study import (
     contact_of_labels,
     contact_of_mesh,
     distance_from_outline,
-    distance_of_organ,
+    points_on_organ,
     row_of,
     study_text,
 )
@@ -62,12 +62,12 @@ def _quality(mesh: TetMesh) -> dict[str, object]:
 
 def test_a_mesh_on_the_voxels_is_on_their_outline() -> None:
     labels = _labels()
-    assert np.abs(distance_of_organ(labels, _meshed(labels))).max() < 0.3
+    assert np.abs(distance_from_outline(labels, points_on_organ(_meshed(labels)))).max() < 0.3
 
 
 def test_a_mesh_half_a_millimetre_out_is_half_a_millimetre_out() -> None:
     labels = _labels()
-    away = distance_of_organ(labels, _meshed(labels, grown=0.6))
+    away = distance_from_outline(labels, points_on_organ(_meshed(labels, grown=0.6)))
     assert np.percentile(away, 95) == pytest.approx(0.6, abs=0.25)
     assert abs(np.median(away)) < 0.3
 

@@ -46,24 +46,6 @@ def write_film(path: Path, pictures: Iterable[LabelArray], per_second: float) ->
     return codec
 
 
-def read_film(path: Path) -> list[LabelArray]:
-    """All pictures (height, width, 3) RGB of a film. Raises InputError when it cannot be read."""
-    import cv2
-
-    reader, pictures = cv2.VideoCapture(str(path)), list[LabelArray]()
-    try:
-        while True:
-            there, picture = reader.read()
-            if not there:
-                break
-            pictures.append(np.ascontiguousarray(picture[..., ::-1]))
-    finally:
-        reader.release()
-    if not pictures:
-        raise InputError(f"{path} is no film that can be read; make it again")
-    return pictures
-
-
 def _open(path: Path, per_second: float, size: tuple[int, int]) -> tuple[cv2.VideoWriter, str]:
     import cv2
 

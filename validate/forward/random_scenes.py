@@ -17,7 +17,6 @@ from palpate.core.fem.terms.base import Term, face_points
 from palpate.core.fem.terms.loads import traction
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, NEO_HOOKEAN, bulk_modulus, mooney_rivlin_parameters
-from palpate.core.laws.check import random_deformation_gradients
 from palpate.core.mesh import TetMesh
 
 SECOND_ORGAN = 2
@@ -80,6 +79,14 @@ def _random_mesh(rng: np.random.Generator) -> TetMesh:
     regions = np.where(organ, np.where(side & (rng.random() < 0.5), SECOND_ORGAN, ORGAN), TISSUE)
     shape = random_deformation_gradients(1, int(rng.integers(1 << 30)), stretch=(0.75, 1.3))[0]
     return TetMesh(points @ np.diag(np.linalg.svd(shape)[1]).T, mesh.cells, regions)
+
+
+def random_deformation_gradients(n: int, seed: int, stretch: tuple[float, float] = (0.6, 1.6)) -> FloatArray:
+    """n random F (n, 3, 3) = R1 diag(stretches) R2 with det F > 0 and arbitrary rotations."""
+    rng = np.random.default_rng(seed)
+    rotations = [np.linalg.qr(rng.normal(size=(n, 3, 3)))[0] for _ in range(2)]
+    rotations = [R * np.sign(np.linalg.det(R))[:, None, None] for R in rotations]
+    return np.einsum("nij,nj,njk->nik", rotations[0], rng.uniform(*stretch, size=(n, 3)), rotations[1])
 
 
 def _random_materials(rng: np.random.Generator) -> tuple[dict[int, Material], list[float]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from law_derivatives import derivative_errors
 from synthetic_case import problem
 
 from palpate.core.diagnose.effects import Surroundings, library
@@ -21,12 +22,12 @@ from palpate.core.forward.cut_interface import open_problem
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN
-from palpate.core.laws.check import derivative_errors, random_deformation_gradients
 from palpate.core.laws.fibre import with_fibres
 from palpate.core.laws.grown import grown
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import PLAIN, Hypothesis, Linearisation, StateModel
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.validate.forward.random_scenes import random_deformation_gradients
 
 IDS = {
     "interface_sliding", "inclusion", "fibre_anisotropy", "volume_change", "compressible_organ", "tissue_stiffening",

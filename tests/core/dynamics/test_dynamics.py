@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from palpate.core.arrays import FloatArray
 from palpate.core.dynamics.march import MarchOptions, march, open_ledger
 from palpate.core.dynamics.mass import KG_MM3, STANDARD_GRAVITY, Mass
 from palpate.core.dynamics.motion import Motion
@@ -35,6 +36,12 @@ def organ(
     assembler = Assembler(space, free)
     assembler.set_materials({1: Material(MOONEY_RIVLIN, mooney_rivlin_parameters(G, bulk_modulus(G, nu)))})
     return MovingBody(assembler, DENSITY, (0.0, 0.0, -gravity), damping)
+
+
+def angular_momentum(body: MovingBody, motion: Motion) -> FloatArray:
+    """(3,) mN mm s, about the origin."""
+    x = body.assembler.space.nodes + motion.u
+    return np.asarray(np.cross(x, body.mass.times(motion.v)).sum(axis=0))
 
 
 def struck(body: MovingBody, speed: float) -> Motion:
@@ -117,8 +124,8 @@ def test_momentum_is_kept_and_angular_momentum_to_the_order_of_the_step() -> Non
     for dt in (1e-3, 5e-4):
         end = march(body, start, 0.02, MarchOptions(dt=dt))
         assert body.momentum(end) == pytest.approx(body.momentum(start), rel=1e-6)
-        off.append(float(np.linalg.norm(body.angular_momentum(end) - body.angular_momentum(start))))
-    assert off[1] < 2e-3 * float(np.linalg.norm(body.angular_momentum(start)))
+        off.append(float(np.linalg.norm(angular_momentum(body, end) - angular_momentum(body, start))))
+    assert off[1] < 2e-3 * float(np.linalg.norm(angular_momentum(body, start)))
     assert off[0] > 3.0 * off[1]
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from law_derivatives import derivative_errors
 from scipy.optimize import brentq
 
 from palpate.core.laws import LAWS, Law
-from palpate.core.laws.check import derivative_errors, random_deformation_gradients
+from palpate.validate.forward.random_scenes import random_deformation_gradients
 
 NOT_OBJECTIVE = {"linear", "linear-stiffening"}
 ISOTROPIC_FINITE = ["mooney-rivlin", "mooney-rivlin-printed", "neo-hookean"]

@@ -9,7 +9,7 @@ from term_blocks import SIZE, TIGHT, block, faces_at, held_below, sphere_distanc
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
-from palpate.core.fem.meshes import hollow_sphere
+from palpate.core.fem.meshes import onion
 from palpate.core.fem.newton.newton import solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term, face_points
@@ -18,6 +18,7 @@ from palpate.core.fem.terms.pressure import FollowerPressure
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.laws import MOONEY_RIVLIN, mooney_rivlin_parameters
+from palpate.core.mesh import TetMesh
 
 
 def example_terms(space: Space) -> dict[str, Term]:
@@ -127,6 +128,11 @@ def test_a_follower_pressure_with_a_free_border_is_refused() -> None:
         free[np.flatnonzero(rim)[:loose]] = True
         with pytest.raises(InputError, match=f"open border has {loose} nodes that can move"):
             Assembler(space, free.ravel(), [term])
+
+
+def hollow_sphere(n: int, layers: int, inner: float, outer: float) -> TetMesh:
+    """Thick spherical shell of region 1 between two radii, mm."""
+    return onion(n, [(layers, lambda s, c, d: d * inner * (outer / inner) ** s, 1)], None)
 
 
 def mean_inner_motion(n: int, a: float, b: float, material: Material, p: float) -> float:

@@ -5,24 +5,22 @@ import pytest
 from triangle_shapes import box, icosphere
 
 from palpate.core.errors import InputError
-from palpate.core.surfaces.surface_distance import (
-    hausdorff,
-    multi_region_objective,
-    objective,
-    region_distances,
-    shared_points,
-    surface_misfit,
-)
+from palpate.core.surfaces.surface import Surface
+from palpate.core.surfaces.surface_distance import SurfaceMisfit, region_distances, surface_misfit
 from palpate.core.surfaces.triangle_tree import TriangleTree
+
+
+def of_one_region(points: np.ndarray, target: TriangleTree) -> SurfaceMisfit:
+    return surface_misfit(points, np.ones(len(points), dtype=int), {1: target})
 
 
 def test_hausdorff_is_one_sided_and_to_the_surface_not_its_points():
     cube = TriangleTree.of(*box((0, 0, 0), (10, 20, 30)))
     points = np.array([[5.0, 10.0, -0.5], [12.0, 10.0, 15.0], [3.0, 7.0, 30.0]])
-    assert hausdorff(points, cube) == pytest.approx(2.0, abs=1e-12)
-    assert objective(points, cube) == pytest.approx(0.25 + 4.0, abs=1e-12)
+    assert of_one_region(points, cube).hausdorff_mm == pytest.approx(2.0, abs=1e-12)
+    assert of_one_region(points, cube).objective_mm2 == pytest.approx(0.25 + 4.0, abs=1e-12)
     back = TriangleTree.of(points, np.array([[0, 1, 2]]))
-    assert hausdorff(box((0, 0, 0), (10, 20, 30))[0], back) > 10.0
+    assert of_one_region(box((0, 0, 0), (10, 20, 30))[0], back).hausdorff_mm > 10.0
 
 
 def test_a_surface_on_its_target_has_no_misfit():
@@ -45,7 +43,7 @@ def two_halves():
 
 def test_shared_points_are_those_on_the_dividing_plane():
     points, faces, region, _ = two_halves()
-    np.testing.assert_array_equal(shared_points(faces, region, len(points)), points[:, 0] == 4.0)
+    np.testing.assert_array_equal(Surface(points, faces, region).rim, np.flatnonzero(points[:, 0] == 4.0))
 
 
 def test_each_region_is_measured_against_its_own_target():
@@ -54,16 +52,16 @@ def test_each_region_is_measured_against_its_own_target():
     points = np.array([[1.0, 2.0, 6.0], [1.0, 2.0, 6.0], [7.0, 2.0, 6.5]])
     d = region_distances(points, np.array([1, 2, 2]), targets)
     np.testing.assert_allclose(d, [0.0, 3.0, 0.5], atol=1e-12)
-    assert multi_region_objective(points, np.array([1, 2, 2]), targets) == pytest.approx(9.25)
+    assert surface_misfit(points, np.array([1, 2, 2]), targets).objective_mm2 == pytest.approx(9.25)
 
 
 def test_shared_points_do_not_count():
     points, faces, region, targets = two_halves()
     owner = np.where(points[:, 0] < 4.0, 1, 2)
-    shared = shared_points(faces, region, len(points))
+    shared = np.isin(np.arange(len(points)), Surface(points, faces, region).rim)
     moved = points + np.where(shared[:, None], 100.0, 0.0)
-    assert multi_region_objective(moved, owner, targets, shared) == 0.0
-    assert multi_region_objective(moved, owner, targets) > 1000.0
+    assert surface_misfit(moved[~shared], owner[~shared], targets).objective_mm2 == 0.0
+    assert surface_misfit(moved, owner, targets).objective_mm2 > 1000.0
 
 
 def test_figures_follow_their_definitions():
@@ -82,4 +80,4 @@ def test_missing_targets_and_points_are_named():
     with pytest.raises(InputError, match="region 3 has points"):
         region_distances(points, np.full(len(points), 3), targets)
     with pytest.raises(InputError, match="no surface point belongs to one region"):
-        region_distances(points, np.ones(len(points)), targets, np.ones(len(points), dtype=bool))
+        region_distances(points[:0], np.ones(0), targets)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from films import read_film
 
 from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.case.steps import drop as drop_step
@@ -20,7 +21,7 @@ from palpate.ui.pictures.drop import film as drop_film
 from palpate.ui.pictures.drop.canvas import Canvas, slower
 from palpate.ui.pictures.drop.stage import DropStage
 from palpate.ui.pictures.drop.words import stage_of
-from palpate.ui.pictures.film import read_film, write_film
+from palpate.ui.pictures.film import write_film
 
 G = {"prostate_left": 12.0, "prostate_right": 30.0}
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from films import read_film
 from PIL import Image, ImageDraw
 
 from palpate.case.steps.sketch import run_sketch
 from palpate.case.steps.sketch_options import SketchOptions
 from palpate.core.sketch.motion import MotionOptions
 from palpate.ui.cli.main import main
-from palpate.ui.pictures.film import read_film
 from palpate.ui.pictures.sketch.example import letter_loops, write_example
 from palpate.ui.pictures.sketch.files import write_sketch
 

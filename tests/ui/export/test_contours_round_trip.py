@@ -10,6 +10,7 @@ import pydicom
 import pytest
 import SimpleITK as sitk
 from dicom_cases import FLIPS, TURN, pair
+from drawn_contours import user_labels
 from phantoms import affine
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
@@ -175,7 +176,7 @@ def test_every_form_is_imported_by_the_command_line(form: str, fine: CaseFolder,
         "--quiet",
     ]
     assert cli.main([*command, "--rest-labels", str(drawn)]) == 0
-    found = CaseFolder(case).user_labels("rest")
+    found = user_labels(CaseFolder(case), "rest")
     assert found is not None
     assert_same(found, fine.labels("rest"), 0.93, f"{form}, imported")
 
@@ -188,7 +189,7 @@ def test_a_workspace_whose_labels_changed_is_imported_again(fine: CaseFolder, tm
     ct = fine.ct("rest")
     write_labels(tmp_path / "rest_labels_on_ct.nii.gz", ct.with_array((ct.array > 500).astype(np.uint8)))
     assert cli.main(command) == 0
-    found = CaseFolder(tmp_path / "case").user_labels("rest")
+    found = user_labels(CaseFolder(tmp_path / "case"), "rest")
     assert found is not None and np.unique(found.array).tolist() == [0, 1]
     (tmp_path / "rest_labels_on_ct.nii.gz").unlink()
     assert cli.main(command) == 3
