@@ -118,14 +118,19 @@ def _walk(data: object, kind: inspect.Type, steps: str) -> tuple[str, object, in
     return path, data, kind
 
 
+_WITH_PARTS = (
+    *(inspect.StructType, inspect.DataclassType, inspect.DictType, inspect.Metadata),
+    *(inspect.ListType, inspect.VarTupleType, inspect.TupleType),
+)
+
+
 def _without_metadata(kind: inspect.Type) -> inspect.Type:
-    """The one type that has parts: not its metadata, nor null beside it."""
+    """The one type that has parts: not its metadata, nor null or a word beside it."""
     while isinstance(kind, inspect.Metadata | inspect.UnionType):
         if isinstance(kind, inspect.Metadata):
             kind = kind.type
         else:
-            parted = [t for t in kind.types if not isinstance(t, inspect.NoneType)]
-            kind = parted[0]
+            kind = next((t for t in kind.types if isinstance(t, _WITH_PARTS)), inspect.AnyType())
     return kind
 
 
@@ -145,6 +150,8 @@ def _fits(value: object, kind: inspect.Type) -> bool:
         except msgspec.ValidationError:
             return False
         return True
+    if isinstance(kind, inspect.Metadata) and isinstance(kind.type, inspect.StrType):
+        return isinstance(value, str) and (kind.type.pattern is None or re.search(kind.type.pattern, value) is not None)
     if isinstance(inner, inspect.FloatType):
         number = isinstance(value, int | float) and not isinstance(value, bool)
         return number and (inner.ge is None or value >= inner.ge) and (inner.le is None or value <= inner.le)  # type: ignore[operator]

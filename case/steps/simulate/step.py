@@ -14,7 +14,8 @@ from palpate.case.case_folder import CaseFolder, check_new_case
 from palpate.case.steps.simulate.answers import surface_truth, truth_of, write_answers
 from palpate.case.steps.simulate.case_source import case_source
 from palpate.case.steps.simulate.from_ct import CtSource, ct_source
-from palpate.case.steps.simulate.spec import ScanSpec, SimulationSpec, parse_spec
+from palpate.case.steps.simulate.spec import SimulationSpec, parse_spec
+from palpate.case.steps.simulate.spec_file import ScanFile
 from palpate.case.steps.simulate.write import SimulatedPair, write_label_case, write_scans
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -31,7 +32,7 @@ GRAVITY_SUPINE = (0.0, 9.81, 0.0)
 
 
 def run_simulate(
-    spec: Mapping[str, Any],
+    spec: Mapping[str, object],
     case_path: Path | str,
     answers_path: Path | str,
     progress: Progress = silent,
@@ -91,7 +92,7 @@ def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mes
     )
 
 
-def second_position(scan: ScanSpec, centre: FloatArray) -> FloatArray:
+def second_position(scan: ScanFile, centre: FloatArray) -> FloatArray:
     """The rigid motion (4, 4) of the patient from the first scan to the second: about ``centre`` (3,) mm, then shifted."""
     motion = np.eye(4)
     motion[:3, :3] = Rotation.from_euler("xyz", scan.rotation_deg, degrees=True).as_matrix()
