@@ -76,10 +76,10 @@ def opening(window: Any, handle: Callable[[], None], folder: Path) -> dict[str, 
     memory, began = Memory(), time.perf_counter()
     window.controller.open_pair(folder / "rest", folder / "deformed", folder / "case")
     window.stack.setCurrentIndex(1)
-    window.stalls.reset()
+    window.responsiveness.reset()
     _until(lambda: len(window.controller.scans) == 2, handle)
     handle()
-    told: dict[str, Any] = {"shown_seconds": time.perf_counter() - began, "stall_ms": window.stalls.longest_ms}
+    told: dict[str, Any] = {"shown_seconds": time.perf_counter() - began, "stall_ms": window.responsiveness.longest_ms}
     _until(lambda: window.controller.case is not None, handle)
     told |= {"case_seconds": time.perf_counter() - began, "peak_mb": memory.peak_mb}
     for mode in ("rest", "side by side", "blend"):
@@ -107,14 +107,14 @@ def identifying(window: Any, handle: Callable[[], None], case: Path, folder: Pat
     _until(lambda: window.controller.case is not None and not window.controller.reader.running, handle)
     window.controller.run("identify")
     _for(8.0, handle)
-    window.stalls.reset()
+    window.responsiveness.reset()
     x, y, z = window.controller.case.display.crosshair
     for k in range(12):
         window.controller.show(
             crosshair=(x + k % 4, y - k % 3, z + k % 5), mode=("side by side", "blend", "rest")[k // 4]
         )
         _for(1.5, handle)
-    longest, own = window.stalls.longest_ms, window.stalls.longest_own_ms
+    longest, own = window.responsiveness.longest_ms, window.responsiveness.longest_own_ms
     window.controller.cancel()
     _until(lambda: not window.controller.jobs.running, handle)
     return {"stall_ms": longest, "own_ms": own, "cancel_seconds": window.controller.jobs.state.cancel_seconds}

@@ -10,7 +10,7 @@ import pytest
 from PySide6.QtCore import QRectF, QSize, Qt
 
 from palpate.ui.desktop.slices import slice_marks
-from palpate.ui.desktop.slices.slice_viewport import Field, Screen
+from palpate.ui.desktop.slices.slice_viewport import Screen, Viewport
 from palpate.ui.pictures.planes import PLANES, Plane
 
 WIDE = 7.2  # pixels of a letter of DejaVu Sans at 8 points, the widest but W and M
@@ -48,7 +48,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, QRectF]]:
 def test_letters_titles_window_and_scale_bar_keep_apart(
     written: list[tuple[str, QRectF]], plane: Plane, width: int
 ) -> None:
-    screen = Screen(plane, Field(np.zeros(3), 0.7), QSize(width, 220))
+    screen = Screen(plane, Viewport(np.zeros(3), 0.7), QSize(width, 220))
     painter = MagicMock()
     slice_marks.letters(painter, screen)
     slice_marks.captions(

@@ -11,10 +11,10 @@ from palpate.core.identify.map.smoothness_prior import SmoothPrior
 from palpate.core.identify.map.stiffness_map import StiffnessMap
 from palpate.imaging.grid import in_lps_order
 from palpate.ui.desktop.session.display import Display
-from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel, to_grey
+from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel, apply_window
 from palpate.ui.desktop.slices import overlay
 from palpate.ui.desktop.slices.map_layer import map_layer
-from palpate.ui.desktop.slices.slice_sampling import Sheet, cut, is_aligned, positions
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice, cut, is_aligned, positions
 from palpate.ui.desktop.solid.solid_shapes import map_colours
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import AXIAL, PLANES, SAGITTAL, Plane
@@ -23,12 +23,12 @@ from palpate.ui.report.regions import RegionStiffness
 GRIDS = [(0.0, (1, 1, 1), "ijk"), (0.0, (-1, -1, -1), "kij"), (0.0, (1, -1, -1), "jki"), (7.0, (-1, 1, -1), "ijk")]
 
 
-def place_of_brightest(sheet: Sheet) -> tuple[float, float]:
+def place_of_brightest(sampled: SampledSlice) -> tuple[float, float]:
     """Across and down, mm, of the middle of the brightest pixels."""
-    rows, columns = np.nonzero(sheet.values > 500)
-    left, right, bottom, top = sheet.extent
-    across = left + (columns.mean() + 0.5) * (right - left) / sheet.values.shape[1]
-    return across, top + (rows.mean() + 0.5) * (bottom - top) / sheet.values.shape[0]
+    rows, columns = np.nonzero(sampled.values > 500)
+    left, right, bottom, top = sampled.extent
+    across = left + (columns.mean() + 0.5) * (right - left) / sampled.values.shape[1]
+    return across, top + (rows.mean() + 0.5) * (bottom - top) / sampled.values.shape[0]
 
 
 @pytest.mark.parametrize("plane", PLANES, ids=lambda p: p.name)
@@ -38,9 +38,9 @@ def test_the_marker_is_where_it_is_in_the_patient(
 ) -> None:
     ct = in_lps_order(marked_ct(affine(rotation, flips, order), order))
     assert is_aligned(ct) == (rotation == 0.0)
-    sheet = cut(ct, plane, float(MARKER[plane.normal]), -1024.0)
-    assert sheet is not None
-    across, down = place_of_brightest(sheet)
+    sampled = cut(ct, plane, float(MARKER[plane.normal]), -1024.0)
+    assert sampled is not None
+    across, down = place_of_brightest(sampled)
     assert across == pytest.approx(MARKER[plane.across], abs=1.0)
     assert down == pytest.approx(MARKER[plane.down], abs=1.0)
 
@@ -48,9 +48,9 @@ def test_the_marker_is_where_it_is_in_the_patient(
 @pytest.mark.parametrize("plane", PLANES, ids=lambda p: p.name)
 def test_first_row_is_the_letter_at_the_top(plane: Plane) -> None:
     ct = marked_ct(affine())
-    sheet = cut(ct, plane, float(CENTRE[plane.normal]))
-    assert sheet is not None
-    left, right, bottom, top = sheet.extent
+    sampled = cut(ct, plane, float(CENTRE[plane.normal]))
+    assert sampled is not None
+    left, right, bottom, top = sampled.extent
     assert left < right
     # Top is anterior (lower y) on axial, superior (higher z) on the others.
     assert (top < bottom) == (plane is AXIAL)
@@ -77,13 +77,15 @@ def test_an_oblique_slice_can_be_cut_in_part_and_says_so_itself() -> None:
 
 def test_labels_are_never_mixed() -> None:
     volume = in_lps_order(labels(affine(11.0)))
-    sheet = cut(volume, SAGITTAL, float(CENTRE[0]) + 3.0, nearest=True)
-    assert sheet is not None and set(np.unique(sheet.values)) <= {0, 1, 2, 3, 6} and sheet.values.dtype == np.uint8
+    sampled = cut(volume, SAGITTAL, float(CENTRE[0]) + 3.0, nearest=True)
+    assert (
+        sampled is not None and set(np.unique(sampled.values)) <= {0, 1, 2, 3, 6} and sampled.values.dtype == np.uint8
+    )
 
 
 def test_window_and_level_as_dicom_defines_them() -> None:
     hu = np.array([[-160, -159, 40, 239, 240, 3000]], dtype=np.int16)
-    assert to_grey(hu, WindowLevel(40.0, 400.0)).tolist() == [[0, 0, 127, 254, 255, 255]]
+    assert apply_window(hu, WindowLevel(40.0, 400.0)).tolist() == [[0, 0, 127, 254, 255, 255]]
     moved = PRESETS["Soft tissue"].moved(1e6, -1e6)
     assert moved == WindowLevel(3071.0, 1.0)
 
@@ -91,11 +93,11 @@ def test_window_and_level_as_dicom_defines_them() -> None:
 def test_outlines_run_along_the_voxels_edges() -> None:
     values = np.zeros((6, 8), dtype=np.uint8)
     values[2:4, 3:6] = 1
-    sheet = Sheet(values, (10.0, 26.0, 12.0, 0.0))  # 2 mm pixels, down grows downwards
-    (line,) = overlay.outlines(sheet, 1)
+    sampled = SampledSlice(values, (10.0, 26.0, 12.0, 0.0))  # 2 mm pixels, down grows downwards
+    (line,) = overlay.outlines(sampled, 1)
     assert line[:, 0].min() == pytest.approx(10.0 + 3 * 2) and line[:, 0].max() == pytest.approx(10.0 + 6 * 2)
     assert line[:, 1].min() == pytest.approx(2 * 2) and line[:, 1].max() == pytest.approx(4 * 2)
-    assert overlay.outlines(sheet, 2) == []
+    assert overlay.outlines(sampled, 2) == []
 
 
 def region(label: int, G: float, ci: tuple[float, float], told: bool = True) -> RegionStiffness:
@@ -131,17 +133,17 @@ def test_the_map_is_painted_where_the_scans_tell_it_and_left_is_left() -> None:
     arrays = made.arrays()
     values = np.zeros((20, 20), dtype=np.uint8)
     values[5:15, 2:18] = 1
-    sheet = Sheet(values, (-10.0, 10.0, 10.0, -10.0))
+    sampled = SampledSlice(values, (-10.0, 10.0, 10.0, -10.0))
     display, scale = Display(opacity=1.0), StiffnessScale(0.0, 100.0)
-    layer = map_layer(arrays, sheet, AXIAL, 0.0, display, scale)
+    layer = map_layer(arrays, sampled, AXIAL, 0.0, display, scale)
     left, right = layer.data[10, 3], layer.data[10, 16]
     np.testing.assert_allclose(left[:3], 255.0 * np.array(scale.rgb(20.0)), atol=12)
     assert right[3] == 0, "what is not told is not coloured"
     assert not layer.data[values == 0].any()
     (path,) = layer.hatched
     assert path.boundingRect().left() >= 0.0 and path.boundingRect().right() <= 8.5
-    assert not map_layer(arrays, sheet, AXIAL, 0.0, Display(low_kpa=50.0), scale).data.any()
-    assert not map_layer(arrays, sheet, AXIAL, 0.0, Display(surest_factor=1.1), scale).data.any()
+    assert not map_layer(arrays, sampled, AXIAL, 0.0, Display(low_kpa=50.0), scale).data.any()
+    assert not map_layer(arrays, sampled, AXIAL, 0.0, Display(surest_factor=1.1), scale).data.any()
     # In 3D the same colours, and the grey that is asked for where nothing is told.
     how = {"scale": [0.0, 100.0, False], "untold": [9, 9, 9], "low_kpa": None, "high_kpa": None, "surest_factor": None}
     rgb = map_colours(arrays, centres, how)

@@ -73,10 +73,10 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
 def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> Touched:
     """Without a window."""
     from palpate.ui.desktop.scripting.script_runner import play
-    from palpate.ui.desktop.touch.protocol import Hand
+    from palpate.ui.desktop.touch.protocol import ProbeControl
     from palpate.ui.desktop.touch.script import Driver
 
-    driver = Driver(Hand(body, args.radius), args.script.absolute().parent, str(args.script))
+    driver = Driver(ProbeControl(body, args.radius), args.script.absolute().parent, str(args.script))
     return {"events": play(commands, driver)}
 
 

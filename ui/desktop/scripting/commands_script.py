@@ -1,4 +1,4 @@
-"""The language that drives the window without hands, for tests and demonstrations: one command a line, words as in a shell.
+"""The language that drives the window by a script, for tests and demonstrations: one command a line, words as in a shell.
 
 docs/desktop.md tells all commands.
 
@@ -50,7 +50,7 @@ class Driver(Correcting):
     def run(self, command: Command) -> WindowEvent:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
         began = time.monotonic()
-        told = script_runner.obeyed(self, command, self._source)
+        told = script_runner.carried_out(self, command, self._source)
         self.process(0.0)
         seconds = round(time.monotonic() - began, 3)
         return {"line": command.line, "command": command.name, "seconds": seconds, **facts_of(self.controller), **told}
@@ -153,7 +153,7 @@ class Driver(Correcting):
 
     def do_stalls(self) -> Told:
         """The longest stall since the last time."""
-        meter = self.window.stalls
+        meter = self.window.responsiveness
         told: Told = {"longest_stall_ms": round(meter.longest_ms, 1), "longest_own_ms": round(meter.longest_own_ms, 1)}
         meter.reset()
         return told

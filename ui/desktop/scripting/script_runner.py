@@ -1,4 +1,4 @@
-"""Scripts that drive `open` and `touch` without hands, as far as both are alike: how they are read and carried out. Needs no Qt."""
+"""Scripts that drive `open` and `touch`: how they are read and carried out. Needs no Qt."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def play(commands: list[Command], driver: Driver[Event]) -> list[Event]:
     return events
 
 
-def obeyed(driver: object, command: Command, source: str) -> Told:
+def carried_out(driver: object, command: Command, source: str) -> Told:
     """Calls the driver's ``do_NAME`` with the command's words; what it tells. Raises InputError naming the script and its line."""
     try:
         told: Told | None = getattr(driver, f"do_{command.name}")(*command.words)

@@ -1,4 +1,4 @@
-"""Mouse and buttons pressed by a program: the window gets the same events as from a person."""
+"""Synthetic mouse and button events: the window gets the same as from a person."""
 
 from __future__ import annotations
 

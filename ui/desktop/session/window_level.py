@@ -35,7 +35,7 @@ PRESETS: dict[str, WindowLevel] = {
 }
 
 
-def to_grey(hu: NDArray[Any], window: WindowLevel) -> LabelArray:
+def apply_window(hu: NDArray[Any], window: WindowLevel) -> LabelArray:
     """Grey values 0 to 255 of any array of HU, same shape, C order. Linear as DICOM's LINEAR_EXACT function."""
     low = window.centre - window.width / 2.0
     scaled = np.subtract(hu, np.float32(low), dtype=np.float32)

@@ -16,7 +16,7 @@ from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.map_values import map_at
-from palpate.ui.desktop.slices.slice_sampling import Sheet
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import Plane
 
@@ -34,12 +34,12 @@ class MapLayer:
 
 
 def map_layer(
-    arrays: Arrays, sheet: Sheet, plane: Plane, position: float, display: Display, scale: StiffnessScale
+    arrays: Arrays, sampled: SampledSlice, plane: Plane, position: float, display: Display, scale: StiffnessScale
 ) -> MapLayer:
-    """The layer over a sheet of labels at rest. arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`."""
-    inside = np.isin(sheet.values, ORGAN_LABELS)
+    """The layer over a slice of labels at rest. arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`."""
+    inside = np.isin(sampled.values, ORGAN_LABELS)
     rows, columns = np.nonzero(inside)
-    points = _places(sheet, plane, position, rows, columns)
+    points = _places(sampled, plane, position, rows, columns)
     G, told = map_at(arrays, points, display.surest_factor)
     low = -np.inf if display.low_kpa is None else display.low_kpa
     high = np.inf if display.high_kpa is None else display.high_kpa
@@ -53,21 +53,21 @@ def map_layer(
     untold[rows[~told], columns[~told]] = 1.0
     height, width = inside.shape
     image = QImage(data.data, width, height, 4 * width, QImage.Format.Format_RGBA8888_Premultiplied)
-    return MapLayer(image, _outlines(untold, sheet), data)
+    return MapLayer(image, _outlines(untold, sampled), data)
 
 
-def _places(sheet: Sheet, plane: Plane, position: float, rows: IntArray, columns: IntArray) -> FloatArray:
+def _places(sampled: SampledSlice, plane: Plane, position: float, rows: IntArray, columns: IntArray) -> FloatArray:
     """Patient coordinates (n, 3) mm of pixel centres."""
-    left, right, bottom, top = sheet.extent
-    height, width = sheet.values.shape
+    left, right, bottom, top = sampled.extent
+    height, width = sampled.values.shape
     out = np.full((len(rows), 3), position, dtype=np.float64)
     out[:, plane.across] = left + (columns + 0.5) * (right - left) / width
     out[:, plane.down] = top + (rows + 0.5) * (bottom - top) / height
     return out
 
 
-def _outlines(inside: FloatArray, sheet: Sheet) -> list[QPainterPath]:
-    left, right, bottom, top = sheet.extent
+def _outlines(inside: FloatArray, sampled: SampledSlice) -> list[QPainterPath]:
+    left, right, bottom, top = sampled.extent
     height, width = inside.shape
     paths = []
     for line in measure.find_contours(np.pad(inside, 1), 0.5):

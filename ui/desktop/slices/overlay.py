@@ -12,7 +12,7 @@ from skimage import measure
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
 from palpate.ui.desktop.session.display import Display
-from palpate.ui.desktop.slices.slice_sampling import Sheet
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice
 from palpate.ui.pictures.colours import OUTLINES, StiffnessScale
 from palpate.ui.report.regions import RegionStiffness
 
@@ -79,14 +79,14 @@ def only_at_rest(overlay: str, state: str) -> str:
     return f"{overlay} is shown at rest only" if overlay in ("map", "misfit") and state == "deformed" else ""
 
 
-def outlines(sheet: Sheet, label: int) -> list[FloatArray]:
-    """Lines (n, 2) of (across, down) mm around a label in a sheet of labels."""
-    inside = np.pad(np.asarray(sheet.values == label, dtype=np.float32), 1)
+def outlines(sampled: SampledSlice, label: int) -> list[FloatArray]:
+    """Lines (n, 2) of (across, down) mm around a label in a slice of labels."""
+    inside = np.pad(np.asarray(sampled.values == label, dtype=np.float32), 1)
     if not inside.any():
         return []
-    left, _, _, top = sheet.extent
-    step_a, step_d = sheet.step
-    down = 1.0 if sheet.extent[2] > top else -1.0
+    left, _, _, top = sampled.extent
+    step_a, step_d = sampled.step
+    down = 1.0 if sampled.extent[2] > top else -1.0
     lines = measure.find_contours(inside, 0.5)
     # Row r of the padded picture has its centre r - 1/2 pixels below the top edge.
     return [np.column_stack([left + (c[:, 1] - 0.5) * step_a, top + down * (c[:, 0] - 0.5) * step_d]) for c in lines]

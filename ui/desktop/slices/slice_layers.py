@@ -11,9 +11,9 @@ from PySide6.QtGui import QImage, QPainterPath, QPolygonF, qRgba
 
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.window_level import WindowLevel, to_grey
+from palpate.ui.desktop.session.window_level import WindowLevel, apply_window
 from palpate.ui.desktop.slices.overlay import RGBA, outlines
-from palpate.ui.desktop.slices.slice_sampling import Sheet, cut, is_aligned
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice, cut, is_aligned
 from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.pictures.images import AIR_HU
 
@@ -35,51 +35,53 @@ class Kept:
         self._made.clear()
 
 
-def sheet_of(kept: Kept, name: str, volume: Volume, version: int, screen: Screen, position: float) -> Sheet | None:
+def sampled_slice(
+    kept: Kept, name: str, volume: Volume, version: int, screen: Screen, position: float
+) -> SampledSlice | None:
     """The slice of a volume that a view shows. version : changes when voxels or place of the volume do."""
     oblique = not kept.get(f"{name} aligned", version, lambda: is_aligned(volume))
     region = screen.region() if oblique else None
     labels = volume.array.dtype == np.uint8
     fill = 0.0 if labels else AIR_HU
     key = (version, position, region)
-    made: Sheet | None = kept.get(
-        f"{name} sheet", key, lambda: cut(volume, screen.plane, position, fill, labels, region)
+    made: SampledSlice | None = kept.get(
+        f"{name} slice", key, lambda: cut(volume, screen.plane, position, fill, labels, region)
     )
     return made
 
 
-def grey_image(kept: Kept, name: str, sheet: Sheet, window: WindowLevel) -> QImage:
+def grey_image(kept: Kept, name: str, sampled: SampledSlice, window: WindowLevel) -> QImage:
     """A slice of HU as grey."""
-    made: tuple[QImage, Any] = kept.get(f"{name} grey", (id(sheet), window), lambda: _grey(sheet, window))
+    made: tuple[QImage, Any] = kept.get(f"{name} grey", (id(sampled), window), lambda: _grey(sampled, window))
     return made[0]
 
 
-def label_image(kept: Kept, name: str, sheet: Sheet, table: Mapping[int, RGBA]) -> QImage:
+def label_image(kept: Kept, name: str, sampled: SampledSlice, table: Mapping[int, RGBA]) -> QImage:
     """A slice of labels in colours."""
-    key = (id(sheet), tuple(table.items()))
-    made: tuple[QImage, Any] = kept.get(f"{name} colours", key, lambda: _coloured(sheet, table))
+    key = (id(sampled), tuple(table.items()))
+    made: tuple[QImage, Any] = kept.get(f"{name} colours", key, lambda: _coloured(sampled, table))
     return made[0]
 
 
-def outline_paths(kept: Kept, name: str, sheet: Sheet, labels: tuple[int, ...]) -> dict[int, QPainterPath]:
+def outline_paths(kept: Kept, name: str, sampled: SampledSlice, labels: tuple[int, ...]) -> dict[int, QPainterPath]:
     """Outlines of labels, with their holes, in mm across and down."""
 
     def make() -> dict[int, QPainterPath]:
-        present = [label for label in labels if (sheet.values == label).any()]
-        return {label: _path(outlines(sheet, label)) for label in present}
+        present = [label for label in labels if (sampled.values == label).any()]
+        return {label: _path(outlines(sampled, label)) for label in present}
 
-    made: dict[int, QPainterPath] = kept.get(f"{name} outlines", (id(sheet), labels), make)
+    made: dict[int, QPainterPath] = kept.get(f"{name} outlines", (id(sampled), labels), make)
     return made
 
 
-def _grey(sheet: Sheet, window: WindowLevel) -> tuple[QImage, LabelArray]:
-    data = to_grey(sheet.values, window)
+def _grey(sampled: SampledSlice, window: WindowLevel) -> tuple[QImage, LabelArray]:
+    data = apply_window(sampled.values, window)
     rows, columns = data.shape
     return QImage(data.data, columns, rows, columns, QImage.Format.Format_Grayscale8), data
 
 
-def _coloured(sheet: Sheet, table: Mapping[int, RGBA]) -> tuple[QImage, LabelArray]:
-    data = np.ascontiguousarray(sheet.values, dtype=np.uint8)
+def _coloured(sampled: SampledSlice, table: Mapping[int, RGBA]) -> tuple[QImage, LabelArray]:
+    data = np.ascontiguousarray(sampled.values, dtype=np.uint8)
     rows, columns = data.shape
     image = QImage(data.data, columns, rows, columns, QImage.Format.Format_Indexed8)
     image.setColorTable([qRgba(*table.get(value, (0, 0, 0, 0))) for value in range(256)])

@@ -80,7 +80,7 @@ def _wide(painter: QPainter, words: str) -> float:
 
 def scale_bar(painter: QPainter, screen: Screen) -> None:
     """A bar of a round length, at most a quarter of the view."""
-    mm = screen.field.mm_per_pixel
+    mm = screen.viewport.mm_per_pixel
     longest = 0.25 * screen.size.width() * mm
     length = max((bar for bar in _BARS_MM if bar <= longest), default=_BARS_MM[0])
     x, y, pixels = 12.0, screen.size.height() - 12.0, length / mm

@@ -9,8 +9,8 @@ from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices import overlay, slice_marks
 from palpate.ui.desktop.slices.map_layer import map_layer
-from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sheet_of
-from palpate.ui.desktop.slices.slice_sampling import Sheet
+from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sampled_slice
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice
 from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.pictures.planes import Plane
 
@@ -46,31 +46,31 @@ class SlicePicture:
         if volume is None:
             return None
         version = hash((id(volume.array), volume.affine.tobytes()))
-        sheet = sheet_of(self._kept, f"ct {state}", volume, version, screen, position)
-        if sheet is None:
+        sampled = sampled_slice(self._kept, f"ct {state}", volume, version, screen, position)
+        if sampled is None:
             return None
         painter.setOpacity(self._controller.display.blend if self._state == BLEND and state == "deformed" else 1.0)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        place = screen.rect(sheet.extent)
-        painter.drawImage(place, grey_image(self._kept, state, sheet, self._controller.display.window))
+        place = screen.rect(sampled.extent)
+        painter.drawImage(place, grey_image(self._kept, state, sampled, self._controller.display.window))
         painter.setOpacity(1.0)
         return place
 
     def _overlay(self, painter: QPainter, screen: Screen, position: float, state: str) -> None:
         labels, display = self._controller.labels(state), self._controller.display
-        sheet = None
+        sampled = None
         if labels is not None:
-            sheet = sheet_of(self._kept, f"labels {state}", labels, self.labels_version, screen, position)
-        if sheet is None:
+            sampled = sampled_slice(self._kept, f"labels {state}", labels, self.labels_version, screen, position)
+        if sampled is None:
             return
         painted = self._painted()
-        in_mm, to_pixels = outline_paths(self._kept, state, sheet, tuple(overlay.OUTLINED)), screen.transform()
+        in_mm, to_pixels = outline_paths(self._kept, state, sampled, tuple(overlay.OUTLINED)), screen.transform()
         paths = {label: to_pixels.map(path) for label, path in in_mm.items()}
         if display.overlay == "map" and state == "rest":
-            self._map(painter, screen, position, sheet)
+            self._map(painter, screen, position, sampled)
         if painted is not None and (self._state != BLEND or state == "rest"):
             painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
-            painter.drawImage(screen.rect(sheet.extent), label_image(self._kept, state, sheet, painted.table))
+            painter.drawImage(screen.rect(sampled.extent), label_image(self._kept, state, sampled, painted.table))
             hatched = [path for label, path in paths.items() if label in painted.hatched]
             slice_marks.hatch(painter, hatched)
         if display.outlines:
@@ -80,15 +80,15 @@ class SlicePicture:
                 painter.setBrush(Qt.BrushStyle.NoBrush)
                 painter.drawPath(path)
 
-    def _map(self, painter: QPainter, screen: Screen, position: float, sheet: Sheet) -> None:
+    def _map(self, painter: QPainter, screen: Screen, position: float, sampled: SampledSlice) -> None:
         case, display = self._controller.case, self._controller.display
         if case is None or case.stiffness_map is None:
             return
         arrays, scale = case.stiffness_map, case.scale
-        key = (id(sheet), id(arrays), display.opacity, display.low_kpa, display.high_kpa, display.surest_factor)
-        layer = self._kept.get("map", key, lambda: map_layer(arrays, sheet, self._plane, position, display, scale))
+        key = (id(sampled), id(arrays), display.opacity, display.low_kpa, display.high_kpa, display.surest_factor)
+        layer = self._kept.get("map", key, lambda: map_layer(arrays, sampled, self._plane, position, display, scale))
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        painter.drawImage(screen.rect(sheet.extent), layer.image)
+        painter.drawImage(screen.rect(sampled.extent), layer.image)
         slice_marks.hatch(painter, [screen.transform().map(path) for path in layer.hatched])
 
     def _painted(self) -> overlay.Painted | None:

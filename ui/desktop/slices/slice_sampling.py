@@ -20,7 +20,7 @@ _MOST_INTERPOLATED = 60_000
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class SampledSlice:
     """values (rows, columns), first row at the top of the screen. extent : patient coordinates, mm, at the left, right,
     bottom and top edge, as in `planes.Slice`."""
 
@@ -50,7 +50,7 @@ def cut(
     fill: float = 0.0,
     nearest: bool = False,
     region: tuple[float, float, float, float] | None = None,
-) -> Sheet | None:
+) -> SampledSlice | None:
     """The slice at a patient coordinate (mm) along the plane's normal; None where the volume does not reach.
 
     volume : axes in LPS order. fill : value outside an oblique volume. nearest : labels, which must not be mixed. region : what of
@@ -68,7 +68,7 @@ def positions(volume: Volume, plane: Plane) -> tuple[float, float, float]:
     return float(corners.min()) + step / 2.0, float(corners.max()) - step / 2.0, step
 
 
-def _own_voxels(volume: Volume, plane: Plane, position: float) -> Sheet | None:
+def _own_voxels(volume: Volume, plane: Plane, position: float) -> SampledSlice | None:
     n, a, d = plane.normal, plane.across, plane.down
     origin, spacing = volume.affine[:3, 3], np.diag(volume.affine[:3, :3])
     index = int(np.floor((position - origin[n]) / spacing[n] + 0.5))
@@ -80,7 +80,7 @@ def _own_voxels(volume: Volume, plane: Plane, position: float) -> Sheet | None:
     low = origin - spacing / 2.0
     high = low + spacing * volume.array.shape
     top, bottom = (low[d], high[d]) if plane.down_sign > 0 else (high[d], low[d])
-    return Sheet(
+    return SampledSlice(
         values if plane.down_sign > 0 else values[::-1], (float(low[a]), float(high[a]), float(bottom), float(top))
     )
 
@@ -92,7 +92,7 @@ def _sampled(
     fill: float,
     nearest: bool,
     region: tuple[float, float, float, float] | None,
-) -> Sheet | None:
+) -> SampledSlice | None:
     n, a, d = plane.normal, plane.across, plane.down
     corners = _corners(volume)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -116,7 +116,7 @@ def _sampled(
         )
     first, last = float(low[d]), float(low[d] + rows * step[d])
     top, bottom = (first, last) if plane.down_sign > 0 else (last, first)
-    return Sheet(values, (float(low[a]), float(low[a] + columns * step[a]), bottom, top))
+    return SampledSlice(values, (float(low[a]), float(low[a] + columns * step[a]), bottom, top))
 
 
 def _indices(volume: Volume, plane: Plane, position: float, across: FloatArray, down: FloatArray) -> Float32Array:

@@ -11,18 +11,18 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from palpate.core.errors import InputError
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices.slice_picture import SlicePicture
-from palpate.ui.desktop.slices.slice_viewport import Field, Screen
+from palpate.ui.desktop.slices.slice_viewport import Screen, Viewport
 from palpate.ui.pictures.planes import Plane
 
 _LEFT, _RIGHT, _MIDDLE = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton, Qt.MouseButton.MiddleButton
 
 
 class SliceView(QWidget):
-    """plane : which. state : "rest", "deformed", or "blend" for one over the other. field : shared by all views."""
+    """plane : which. state : "rest", "deformed", or "blend" for one over the other. viewport : shared by all views."""
 
-    def __init__(self, controller: Controller, field: Field, plane: Plane, state: str) -> None:
+    def __init__(self, controller: Controller, viewport: Viewport, plane: Plane, state: str) -> None:
         super().__init__()
-        self.controller, self.field, self.plane, self.state = controller, field, plane, state
+        self.controller, self.viewport, self.plane, self.state = controller, viewport, plane, state
         self._picture = SlicePicture(controller, plane, state)
         self._pressed: Any = None
         self._mouse: QPointF | None = None
@@ -40,7 +40,7 @@ class SliceView(QWidget):
     @property
     def screen_map(self) -> Screen:
         """Pixels to millimetres, as the view is now."""
-        return Screen(self.plane, self.field, self.size())
+        return Screen(self.plane, self.viewport, self.size())
 
     @property
     def position(self) -> float:
@@ -63,7 +63,7 @@ class SliceView(QWidget):
         if self.controller.display.tool in ("brush", "eraser") and self._mouse is not None:
             painter.setPen(QPen(QColor("white"), 1.2))
             painter.setBrush(Qt.BrushStyle.NoBrush)
-            radius = self.controller.display.radius_mm / self.field.mm_per_pixel
+            radius = self.controller.display.radius_mm / self.viewport.mm_per_pixel
             painter.drawEllipse(self._mouse, radius, radius)
         painter.end()
 
@@ -99,8 +99,8 @@ class SliceView(QWidget):
             window = self.controller.display.window.moved(2.0 * moved.y(), 2.0 * moved.x())
             self.controller.show(centre=window.centre, width=window.width)
         elif act == "pan":
-            self.field.centre[self.plane.across] -= moved.x() * self.field.mm_per_pixel
-            self.field.centre[self.plane.down] -= self.plane.down_sign * moved.y() * self.field.mm_per_pixel
+            self.viewport.centre[self.plane.across] -= moved.x() * self.viewport.mm_per_pixel
+            self.viewport.centre[self.plane.down] -= self.plane.down_sign * moved.y() * self.viewport.mm_per_pixel
             self.controller.notify("view")
         else:
             point = self.screen_map.point(event.position(), self.controller.display.crosshair)
@@ -122,7 +122,7 @@ class SliceView(QWidget):
     def wheelEvent(self, event: QWheelEvent) -> None:
         turns = event.angleDelta().y() / 120.0
         if event.modifiers() & Qt.KeyboardModifier.ControlModifier:
-            self.field.zoom(1.15**turns)
+            self.viewport.zoom(1.15**turns)
             self.controller.notify("view")
         else:
             self.scroll_slices(turns)

@@ -13,7 +13,7 @@ from palpate.ui.pictures.planes import Plane
 
 
 @dataclass
-class Field:
+class Viewport:
     """centre (3,) mm LPS in the middle of every view. mm_per_pixel : magnification."""
 
     centre: FloatArray
@@ -31,28 +31,28 @@ class Field:
 
 @dataclass(frozen=True)
 class Screen:
-    """The mapping of one view: plane, field and size in pixels. A coordinate across grows to the right; one down grows
+    """The mapping of one view: plane, viewport and size in pixels. A coordinate across grows to the right; one down grows
     downwards where the plane's down_sign is +1, else upwards."""
 
     plane: Plane
-    field: Field
+    viewport: Viewport
     size: QSize
 
     def to_pixel(self, across: float, down: float) -> QPointF:
         """The pixel of a place in the plane, mm."""
-        centre, mm = self.field.centre, self.field.mm_per_pixel
+        centre, mm = self.viewport.centre, self.viewport.mm_per_pixel
         x = self.size.width() / 2.0 + (across - centre[self.plane.across]) / mm
         y = self.size.height() / 2.0 + self.plane.down_sign * (down - centre[self.plane.down]) / mm
         return QPointF(x, y)
 
     def transform(self) -> QTransform:
         """The same mapping for whole paths in mm."""
-        origin, scale = self.to_pixel(0.0, 0.0), 1.0 / self.field.mm_per_pixel
+        origin, scale = self.to_pixel(0.0, 0.0), 1.0 / self.viewport.mm_per_pixel
         return QTransform(scale, 0.0, 0.0, self.plane.down_sign * scale, origin.x(), origin.y())
 
     def to_mm(self, pixel: QPointF) -> tuple[float, float]:
         """The place in the plane, mm, of a pixel."""
-        centre, mm = self.field.centre, self.field.mm_per_pixel
+        centre, mm = self.viewport.centre, self.viewport.mm_per_pixel
         across = centre[self.plane.across] + (pixel.x() - self.size.width() / 2.0) * mm
         down = centre[self.plane.down] + self.plane.down_sign * (pixel.y() - self.size.height() / 2.0) * mm
         return float(across), float(down)

@@ -29,7 +29,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.window_level import WindowLevel, to_grey
+from palpate.ui.desktop.session.window_level import WindowLevel, apply_window
 from palpate.ui.desktop.slices.slice_sampling import cut
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.drawing_child import off_screen_plotter, picture, serve_scene
@@ -140,13 +140,13 @@ class SolidScene:
         for plane in PLANES:
             name = f"plane {plane.name}"
             wanted = plane.name in message["planes"]
-            sheet = cut(self._scan, plane, at[plane.normal], AIR_HU) if wanted else None
-            sheet = None if sheet is None else near(sheet, plane, self._centre, 1.1 * self._half)
-            if sheet is None:
+            sampled = cut(self._scan, plane, at[plane.normal], AIR_HU) if wanted else None
+            sampled = None if sampled is None else near(sampled, plane, self._centre, 1.1 * self._half)
+            if sampled is None:
                 self._plotter.remove_actor(name, render=False)  # type: ignore[arg-type]
                 continue
-            quad = quad_of(sheet, plane, at[plane.normal])
-            grey = to_grey(sheet.values, WindowLevel(*message["window"]))
+            quad = quad_of(sampled, plane, at[plane.normal])
+            grey = apply_window(sampled.values, WindowLevel(*message["window"]))
             texture = pv.Texture(np.ascontiguousarray(np.repeat(grey[..., None], 3, axis=2)))
             self._plotter.add_mesh(
                 quad, texture=texture, name=name, lighting=False, render=False, reset_camera=False, opacity=1.0

@@ -12,7 +12,7 @@ from scipy import ndimage
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.map_values import map_at
-from palpate.ui.desktop.slices.slice_sampling import Sheet
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import Plane
 
@@ -40,25 +40,25 @@ def surface(labels: Volume, label: int) -> pv.PolyData | None:
     return shape.compute_normals(auto_orient_normals=True)
 
 
-def near(sheet: Sheet, plane: Plane, centre: FloatArray, reach: float) -> Sheet | None:
-    """The part of a sheet within `reach` mm of a centre (3,), None where there is none: the whole pelvis would hide the organ."""
-    left, _, _, top = sheet.extent
-    step_a, step_d = sheet.step
+def near(sampled: SampledSlice, plane: Plane, centre: FloatArray, reach: float) -> SampledSlice | None:
+    """The part of a slice within `reach` mm of a centre (3,), None where there is none: the whole pelvis would hide the organ."""
+    left, _, _, top = sampled.extent
+    step_a, step_d = sampled.step
     first = int(np.floor((centre[plane.across] - reach - left) / step_a))
     last = int(np.ceil((centre[plane.across] + reach - left) / step_a))
     middle = plane.down_sign * (centre[plane.down] - top)
     upper, lower = int(np.floor((middle - reach) / step_d)), int(np.ceil((middle + reach) / step_d))
-    rows, columns = sheet.values.shape
+    rows, columns = sampled.values.shape
     first, last, upper, lower = max(first, 0), min(last, columns), max(upper, 0), min(lower, rows)
     if first >= last or upper >= lower:
         return None
     y0, y1 = (top + plane.down_sign * step_d * edge for edge in (upper, lower))
-    return Sheet(sheet.values[upper:lower, first:last], (left + step_a * first, left + step_a * last, y1, y0))
+    return SampledSlice(sampled.values[upper:lower, first:last], (left + step_a * first, left + step_a * last, y1, y0))
 
 
-def quad_of(sheet: Sheet, plane: Plane, position: float) -> pv.PolyData:
-    """A sheet as one square in space with texture coordinates. position : mm along the plane's normal."""
-    left, right, bottom, top = sheet.extent
+def quad_of(sampled: SampledSlice, plane: Plane, position: float) -> pv.PolyData:
+    """A slice as one square in space with texture coordinates. position : mm along the plane's normal."""
+    left, right, bottom, top = sampled.extent
     corners = np.full((4, 3), float(position))
     corners[:, plane.across] = (left, right, right, left)
     corners[:, plane.down] = (bottom, bottom, top, top)

@@ -26,7 +26,7 @@ from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.touch.body import Body
 from palpate.ui.desktop.solid.pipe_child import Answer, Message, serve
-from palpate.ui.desktop.touch.protocol import Felt, Hand
+from palpate.ui.desktop.touch.protocol import Felt, ProbeControl
 
 
 def save_body(path: Path, body: Body) -> None:
@@ -50,10 +50,10 @@ def load_body(path: Path) -> Body:
 
 
 class Child:
-    """Messages to a hand, and what it feels back."""
+    """Messages to a probe, and what it feels back."""
 
     def __init__(self) -> None:
-        self._hand: Hand | None = None
+        self._probe: ProbeControl | None = None
         self._told = 0
 
     def handle(self, messages: list[Message], answer: Answer) -> None:
@@ -69,37 +69,37 @@ class Child:
 
     def _do(self, message: Message, answer: Answer) -> None:
         if message["type"] == "body":
-            self._hand = Hand(load_body(Path(message["file"])), message["radius"])
-            answer({"type": "ready", "id": message["id"], "facts": self._hand.facts()}, b"")
+            self._probe = ProbeControl(load_body(Path(message["file"])), message["radius"])
+            answer({"type": "ready", "id": message["id"], "facts": self._probe.facts()}, b"")
             return
-        hand = self._hand
-        assert hand is not None
-        facts = self._ask(hand, message)
-        new = [(row.touch, row.region, row.indentation_mm, row.force_n) for row in hand.rows[self._told :]]
-        self._told = len(hand.rows)
-        u = np.zeros((len(hand.session.body.surface.nodes), 3))
-        if hand.answer is not None:
-            u = hand.answer.u[hand.session.body.surface.nodes]
+        probe = self._probe
+        assert probe is not None
+        facts = self._ask(probe, message)
+        new = [(row.touch, row.region, row.indentation_mm, row.force_n) for row in probe.rows[self._told :]]
+        self._told = len(probe.rows)
+        u = np.zeros((len(probe.session.body.surface.nodes), 3))
+        if probe.answer is not None:
+            u = probe.answer.u[probe.session.body.surface.nodes]
         head = {"type": "felt", "id": message["id"], "facts": facts, "rows": new}
         answer(head, np.ascontiguousarray(u, dtype=np.float32).tobytes())
 
-    def _ask(self, hand: Hand, message: Message) -> Felt:
+    def _ask(self, probe: ProbeControl, message: Message) -> Felt:
         kind = message["type"]
         if kind == "touch":
-            return hand.touch(np.array(message["point"]))
+            return probe.touch(np.array(message["point"]))
         if kind == "slide":
-            return hand.slide(np.array(message["point"]))
+            return probe.slide(np.array(message["point"]))
         if kind == "at":
-            hand.session.slide(np.array(message["point"]))
-            return hand.go(message["depth"])
+            probe.session.slide(np.array(message["point"]))
+            return probe.go(message["depth"])
         if kind == "press":
-            return hand.press(message["depth"])
+            return probe.press(message["depth"])
         if kind == "radius":
-            return hand.resize(message["mm"])
+            return probe.resize(message["mm"])
         if kind == "save":
-            return hand.save(Path(message["path"]))
+            return probe.save(Path(message["path"]))
         self._told = 0
-        return hand.forget()
+        return probe.forget()
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ _RATE_OVER_S = 1.0
 class TouchModel:
     """folder : for what passes between the processes. process : lets the window's events be handled for so many seconds.
 
-    facts : of the hand. u : (s, 3) mm. curve : [touch, region, indentation_mm, force_n]. said : what went wrong last. ready : whether
+    facts : of the probe. u : (s, 3) mm. curve : [touch, region, indentation_mm, force_n]. said : what went wrong last. ready : whether
     the probe can be used.
     """
 
@@ -55,7 +55,7 @@ class TouchModel:
         save_body(self.folder / "body.npz", self.body)
         rgb = np.array([self.colours[int(r)] for r in self.body.mesh.regions[surface.owner]])
         np.savez(self.folder / "surface.npz", points=self.rest, faces=self.faces, rgb=rgb)
-        self._hand = Pipe(_CHILD, self.folder / "hand.log")
+        self._probe = Pipe(_CHILD, self.folder / "probe.log")
         self.drawing = Pipe(_DRAWING, self.folder / "drawing.log")
         self.drawing.say(type="body", file=str(self.folder / "surface.npz"))
         self.ask("body", file=str(self.folder / "body.npz"), radius=self.radius)
@@ -74,19 +74,19 @@ class TouchModel:
     @property
     def busy(self) -> bool:
         """Whether an answer is still to come."""
-        return self._answered < self._sent and not self._hand.over
+        return self._answered < self._sent and not self._probe.over
 
     def ask(self, kind: str, **what: object) -> int:
-        """Sends a message to the hand and returns its number."""
+        """Sends a message to the probe and returns its number."""
         self._sent += 1
-        self._hand.say(type=kind, id=self._sent, **what)
+        self._probe.say(type=kind, id=self._sent, **what)
         return self._sent
 
     def tick(self) -> None:
         """Takes what has come."""
-        for reply in self._hand.replies():
+        for reply in self._probe.replies():
             self._take(reply)
-        if self._hand.over and not self.said:
+        if self._probe.over and not self.said:
             self.said, self.changed = (
                 "the process that answers the probe has ended; close this window and open it again",
                 True,
@@ -107,43 +107,43 @@ class TouchModel:
 
     def close(self) -> None:
         """Ends both processes."""
-        self._hand.close()
+        self._probe.close()
         self.drawing.close()
 
-    # As `Hand`, for scripts: each waits for its answer.
+    # As `ProbeControl`, for scripts: each waits for its answer.
 
     def touch(self, point: FloatArray) -> Felt:
-        """See `Hand.touch`."""
+        """See `ProbeControl.touch`."""
         return self._wait(self.ask("touch", point=list(map(float, point))))
 
     def press(self, depth: float) -> Felt:
-        """See `Hand.press`."""
+        """See `ProbeControl.press`."""
         return self._wait(self.ask("press", depth=float(depth)))
 
     def slide(self, point: FloatArray) -> Felt:
-        """See `Hand.slide`."""
+        """See `ProbeControl.slide`."""
         return self._wait(self.ask("slide", point=list(map(float, point))))
 
     def resize(self, radius: float) -> Felt:
-        """See `Hand.resize`."""
+        """See `ProbeControl.resize`."""
         return self._wait(self.ask("radius", mm=float(radius)))
 
     def forget(self) -> Felt:
-        """See `Hand.forget`."""
+        """See `ProbeControl.forget`."""
         return self._wait(self.ask("forget"))
 
     def save(self, path: Path) -> Saved:
-        """See `Hand.save`."""
+        """See `ProbeControl.save`."""
         return {**self._wait(self.ask("save", path=str(path))), "files": self._files}
 
     def facts(self) -> Felt:
-        """See `Hand.facts`; all that was asked is answered first."""
+        """See `ProbeControl.facts`; all that was asked is answered first."""
         return {**self._wait(self._sent), "answers_per_second": self.answers_per_second}
 
     def _wait(self, number: int) -> Felt:
         end = time.monotonic() + _SECONDS
         while self._answered < number:
-            if self._hand.over or time.monotonic() > end:
+            if self._probe.over or time.monotonic() > end:
                 raise InputError(self.said or f"the probe did not answer within {_SECONDS:g} s")
             self.process(0.002)
             self.tick()

@@ -1,4 +1,4 @@
-"""The hand of `palpate touch`: what a person or a script asks of the probe, answered by the mechanics and told in plain facts."""
+"""The probe of `palpate touch`: what a person or a script asks of the probe, answered by the mechanics and told in plain facts."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Saved(Felt):
     files: list[str]
 
 
-class Hand:
+class ProbeControl:
     """session : the body and the probe. depth : mm, where the probe is now. rows : the curve, answers with an equilibrium."""
 
     def __init__(self, body: Body, radius: float = 8.0) -> None:

@@ -1,4 +1,4 @@
-"""The language that drives `palpate touch` without hands, for tests and measurements: one command a line, words as in a shell.
+"""The language that drives `palpate touch` by a script, for tests and measurements: one command a line, words as in a shell.
 
 | command | does |
 | --- | --- |
@@ -43,28 +43,28 @@ OF_THE_WINDOW = frozenset({"resize", "turn", "pause", "hold", "lift", "click", "
 
 
 class Feeling(Protocol):
-    """Who answers: a `Hand` in this process, or the window's."""
+    """Who answers: a `ProbeControl` in this process, or the window's."""
 
     def touch(self, point: FloatArray) -> Felt:
-        """See `Hand`."""
+        """See `ProbeControl`."""
 
     def press(self, depth: float) -> Felt:
-        """See `Hand`."""
+        """See `ProbeControl`."""
 
     def slide(self, point: FloatArray) -> Felt:
-        """See `Hand`."""
+        """See `ProbeControl`."""
 
     def resize(self, radius: float) -> Felt:
-        """See `Hand`."""
+        """See `ProbeControl`."""
 
     def forget(self) -> Felt:
-        """See `Hand`."""
+        """See `ProbeControl`."""
 
     def save(self, path: Path) -> Saved:
-        """See `Hand`."""
+        """See `ProbeControl`."""
 
     def facts(self) -> Felt:
-        """See `Hand`."""
+        """See `ProbeControl`."""
 
 
 def parse(text: str, source: str) -> list[Command]:
@@ -86,7 +86,7 @@ class Driver:
     def run(self, command: Command) -> TouchEvent:
         """Does one command and returns its event. Raises InputError naming the line when it cannot be done."""
         began = time.monotonic()
-        told = script_runner.obeyed(self, command, self._source)
+        told = script_runner.carried_out(self, command, self._source)
         seconds = round(time.monotonic() - began, 3)
         return {"line": command.line, "command": command.name, "seconds": seconds, **self.feeling.facts(), **told}
 

@@ -52,7 +52,7 @@ def show(case: Path | None, headless: bool = False) -> Shown:
     finally:
         signal.signal(signal.SIGTERM, ended)
         signal.signal(signal.SIGINT, interrupted)
-        longest = round(window.stalls.longest_ms, 1)
+        longest = round(window.responsiveness.longest_ms, 1)
         if window.controller.listeners:  # ended by a signal rather than by the window's own button
             window.shut()
     return {"longest_stall_ms": longest}
@@ -62,7 +62,7 @@ def play(commands: list[Command], folder: Path, source: str, headless: bool = Tr
     """Drives the window by a script: the events of its commands. Raises InputError naming the line that cannot be done."""
     window, application = new_window(headless)
     window.show()
-    window.stalls.reset()
+    window.responsiveness.reset()
 
     try:
         return {"events": script_runner.play(commands, Driver(window, events_for(application), folder, source))}

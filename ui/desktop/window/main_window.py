@@ -29,7 +29,7 @@ from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import words_at_crosshair
 from palpate.ui.desktop.window import questions
 from palpate.ui.desktop.window.open_page import OpenPage
-from palpate.ui.desktop.window.responsiveness import StallMeter
+from palpate.ui.desktop.window.responsiveness import ResponsivenessMeter
 from palpate.ui.desktop.window.views import Views
 
 _POLL_MS = 30
@@ -43,7 +43,7 @@ class MainWindow(QMainWindow):
         super().__init__()
         self.controller = controller
         self._folder = tempfile.TemporaryDirectory(prefix="palpate-3d-")
-        self.stalls = StallMeter(self)
+        self.responsiveness = ResponsivenessMeter(self)
         self.steps = StepBar(controller, self.step_pressed)
         self.views = Views(controller, Path(self._folder.name))
         self.bar = ColourBar(controller)

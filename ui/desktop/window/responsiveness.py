@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Qt, QTimer
 INTERVAL_MS = 5
 
 
-class StallMeter(QObject):
+class ResponsivenessMeter(QObject):
     """longest_ms : the longest time between two rings beyond the interval, since `reset`. longest_own_ms : the most processor
     time that the window's own thread took between two rings: what would be left of a stall on a machine with nothing else to do."""
 

@@ -13,21 +13,21 @@ from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices.slice_picture import BLEND
 from palpate.ui.desktop.slices.slice_view import SliceView
-from palpate.ui.desktop.slices.slice_viewport import Field
+from palpate.ui.desktop.slices.slice_viewport import Viewport
 from palpate.ui.desktop.solid.solid_view import SolidView
 from palpate.ui.pictures.planes import AXIAL, CORONAL, SAGITTAL
 from palpate.ui.pictures.planes import PLANES as _PLANES
 
 
 class Views(QWidget):
-    """All views of the case. field : where the slices look."""
+    """All views of the case. viewport : where the slices look."""
 
     def __init__(self, controller: Controller, folder: Path) -> None:
         super().__init__()
         self._controller = controller
-        self.field = Field(np.zeros(3))
+        self.viewport = Viewport(np.zeros(3))
         self.slices = {
-            (plane.name, state): SliceView(controller, self.field, plane, state)
+            (plane.name, state): SliceView(controller, self.viewport, plane, state)
             for plane in _PLANES
             for state in ("rest", "deformed", BLEND)
         }
@@ -81,7 +81,7 @@ class Views(QWidget):
             return
         low, high = _reach(volume, labels is not None)
         pixels = min(min(v.width(), v.height()) for v in self.visible_slices())
-        self.field.fit(low, high, pixels)
+        self.viewport.fit(low, high, pixels)
         self._controller.notify("view")
 
     def _fit_new(self) -> None:
