@@ -1,4 +1,4 @@
-"""A composition ready to be solved: the coupled scene with whatever the composition adds to it."""
+"""The coupled scene of a composition: with its laws, loads, interface, supports and stress-free geometry."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ _STEP = 1e-4
 
 
 class CompositionScene(CoupledScene):
-    """`CoupledScene` of a composition. Nodal displacements are counted from the stress-free mesh; `seen` from the scanned one."""
+    """`CoupledScene` of a composition.
+
+    Nodal displacements are counted from the stress-free mesh; `seen` counts them from the scanned one.
+    """
 
     def __init__(self, stage: SharedGeometry, composition: Composition) -> None:
         self.stage, self.composition = stage, composition
@@ -80,7 +83,7 @@ class CompositionScene(CoupledScene):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """All that acts on the body."""
+        """All terms that act on the body: walls, drags along them, loads and interface."""
         return (*self.walls, *self.drags, *self.loads)
 
     def _drags(self, u: FloatArray, way: float) -> list[Springs]:
@@ -97,7 +100,7 @@ class CompositionScene(CoupledScene):
         return composition.materials(self.parameters.materials(theta))
 
     def directions(self, theta: FloatArray) -> list[Direction]:
-        """For each ln G, how the composition's material values change with it: central differences of smooth functions."""
+        """Derivatives of the composition's material values in each ln G, by central differences."""
         out: list[Direction] = []
         for k in range(len(theta)):
             h = np.zeros(len(theta))
@@ -115,7 +118,7 @@ class CompositionScene(CoupledScene):
         return u + self.shift
 
     def _prescribed(self, scanned_nodes: FloatArray) -> FloatArray:
-        """(3 n,) mm: bones move as the composition says, from where the scan at rest shows them, and the region's edge near them."""
+        """Prescribed displacements (3 n,) mm: the bones' motion, and its share at the region's edge near them."""
         out = -self.shift.copy()
         faces, edge_mm = self.problem.boundary.get("bone"), self.composition.edge_mm
         if faces is not None and self.composition.support:
@@ -130,7 +133,7 @@ class CompositionScene(CoupledScene):
         return out.ravel()
 
     def _assembler(self, free: BoolArray) -> Assembler:
-        """All compositions with the same unknowns share one matrix structure and one solver, whatever their loads and rest shape."""
+        """Assembler of the composition; those with the same unknowns share matrix structure and solver."""
         key = self.composition.interface > 0.0
         if key not in self.stage.assemblers:
             self.stage.assemblers[key] = Assembler(self.space, free, self.terms)

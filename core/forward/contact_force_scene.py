@@ -1,4 +1,4 @@
-"""The `contact-force` boundary: the organ alone, loaded by what the tissue's deformation says (Eq 9 of Yang & Lin)."""
+"""The `contact-force` boundary: the organ alone, loaded by the tissue's reaction (Eq 9 of Yang & Lin)."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from palpate.core.problem import IdentificationProblem
 
 
 class ContactForceScene:
-    """One problem with the organ loaded by contact forces; same use as `CoupledScene`.
+    """One problem with the organ loaded by contact forces; same interface as `CoupledScene`.
 
-    interface : (n, 3) displacement of all vertices of the problem's mesh, read on the organ's surface; by default it comes from
-    sliding the rest surface onto the deformed one at the least energy of a uniform organ.
-    Raises ConvergenceError when the surfaces cannot be matched or the tissue cannot follow.
+    interface : (n, 3) displacement of all vertices of the problem's mesh, read on the organ's surface; by default it
+    comes from sliding the rest surface onto the deformed one at the least energy of a uniform organ. Raises
+    ConvergenceError when the surfaces cannot be matched or the tissue cannot follow.
     """
 
     def __init__(
@@ -61,17 +61,17 @@ class ContactForceScene:
     ) -> Equilibrium:
         """Equilibrium of the loaded organ at parameters theta; not converged, with its reason, where it is unstable."""
         materials = {r: m for r, m in self.parameters.materials(theta).items() if r != TISSUE}
-        # Beyond buckling a dead load finds another branch, far from what was seen: a failure, to be said.
+        # Beyond buckling a dead load leads to another branch, far from the observed one: reported as a failure.
         options = replace(options or NewtonOptions(), follow_buckling=False)
         return solve_equilibrium(self.assembler, materials, start=start, options=options)
 
     def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:
-        """There are no walls to settle: one solve."""
+        """One solve: there are no walls to settle."""
         state = None if start is None else State(start.u, start.p)
         return Settled(self.solve(theta, state), 0.0, 1)
 
     def linearise(self, u: FloatArray, way: float = 1.0) -> None:
-        """Nothing to linearise."""
+        """No effect but on `linearised_at`: there are no walls."""
         self.linearised_at = u
 
     def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
@@ -79,7 +79,7 @@ class ContactForceScene:
         return direct(found.tangent, self.parameters.directions(theta))
 
     def _reaction(self, motion: InterfaceMotion, options: SceneOptions) -> FloatArray:
-        """Force on the organ's surface nodes from the tissue alone, its walls where both scans show them."""
+        """Force on the organ's surface nodes from the tissue alone, with its walls where both scans show them."""
         coupled = CoupledScene(self.problem, options)
         mesh, _ = self.problem.mesh.submesh((TISSUE,))
         tissue = Space.of(mesh, options.element)
@@ -93,7 +93,10 @@ class ContactForceScene:
 
 
 def _same_points(nodes: FloatArray, wanted: FloatArray, required: bool = True) -> IntArray:
-    """Index in `nodes` of each wanted point; those that are not there are left out, or an error when required."""
+    """Indices in `nodes` of the wanted points; missing ones are left out.
+
+    Raises ConvergenceError when they are required.
+    """
     distance, index = cKDTree(nodes).query(wanted)
     same = distance < 1e-6
     if required and not same.all():

@@ -1,4 +1,4 @@
-"""The `coupled` boundary: organ and tissue in one system, driven by the walls, the organ's own surface left to be predicted."""
+"""The `coupled` boundary: organ and tissue in one system, driven by the walls; the organ's surface is predicted."""
 
 from __future__ import annotations
 
@@ -22,13 +22,16 @@ from palpate.core.problem import IdentificationProblem
 SETTLED_MM = 0.01
 
 
-# Solves on the way to where the walls belong: no more exact than that asks for.
+# Solves while the walls settle: their linearisation changes by more than this tolerance.
 _ON_THE_WAY = NewtonOptions(rtol=1e-5, stability=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The last equilibrium of `CoupledScene.settle`, the walls' last motion (rms mm) and the rounds it took."""
+    """Outcome of `CoupledScene.settle`.
+
+    equilibrium : the last one. last_motion_mm : of the walls in the last round, rms. rounds : their number.
+    """
 
     equilibrium: Equilibrium
     last_motion_mm: float
@@ -37,7 +40,10 @@ class Settled:
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """How a problem is discretised. element : see core.fem.elements. solver : "auto", "pardiso" or "superlu"."""
+    """Discretisation and parameters of a problem.
+
+    element : see core.fem.elements. solver : "auto", "pardiso" or "superlu". split_mu : see `StiffnessParameters`.
+    """
 
     element: str = "p2p1"
     solver: str = "auto"
@@ -45,7 +51,7 @@ class SceneOptions:
 
 
 class CoupledScene:
-    """One problem, ready to be solved for any stiffness.
+    """One identification problem, ready to be solved for any stiffness.
 
     Raises InputError when the problem has nothing that deforms the organ or nothing that holds it.
     """
@@ -76,10 +82,10 @@ class CoupledScene:
         return solve_equilibrium(self.assembler, self.parameters.materials(theta), start=start, options=options)
 
     def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:
-        """Let the walls find their place on the deformed surfaces for parameters theta: solve, linearise again, repeat.
+        """Settle the walls on the deformed surfaces for parameters theta: solve, linearise the walls anew, repeat.
 
-        Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at most,
-        which moves them off the surface by a thousandth.
+        Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at
+        most, which moves them off the surface by a thousandth.
         """
         found = self._approach(theta) if start is None else None
         if found is not None and not found.converged:
@@ -95,13 +101,13 @@ class CoupledScene:
                 return Settled(found, moved, k)
             before, moved = moved, self._wall_motion(found.u - target)
             if moved > 0.8 * before:
-                pace = max(0.5 * pace, 0.2)  # they swing: go part of the way
+                pace = max(0.5 * pace, 0.2)  # the walls oscillate: under-relax
             target = target + pace * (found.u - target)
             state = _state(found)
         return Settled(self.solve(theta, state), moved, k)
 
     def _approach(self, theta: FloatArray, stages: int = 4) -> Equilibrium:
-        """Bring the walls to their surfaces in equal stages, each with normals of its own."""
+        """Move the walls onto their surfaces in equal stages, each with its own normals."""
         state: State | None = None
         for k in range(stages):
             self.linearise(np.zeros((self.space.n_nodes, 3)) if state is None else state.u, 1.0 / (stages - k))
@@ -112,7 +118,7 @@ class CoupledScene:
         return found
 
     def linearise(self, u: FloatArray, way: float = 1.0) -> None:
-        """Linearise the walls at nodal displacements u (n, 3); way as in `SlidingWall.linearised_at`."""
+        """Linearise the walls at nodal displacements u (n, 3) mm. way : see `SlidingWall.linearised_at`."""
         self.linearised_at = u
         self.walls = [w.linearised(u, way) for w in self.walls]
         self.assembler.terms = tuple(self.walls)
@@ -126,7 +132,7 @@ class CoupledScene:
         return direct(found.tangent, self.parameters.directions(theta))
 
     def held_nodes(self) -> IntArray:
-        """Nodes that do not move: bone, and the outer surface where the case says so."""
+        """Nodes that do not move: those of bone, and of the outer surface where the case fixes it."""
         names = ("bone", "outer") if self.problem.facts.outer_fixed else ("bone",)
         faces = [self.problem.boundary[n] for n in names if n in self.problem.boundary]
         if not faces:

@@ -1,4 +1,4 @@
-"""The problem with its organ cut out of its surroundings along their common surface, so that the two can slide."""
+"""A problem with the mesh cut between organ and surroundings, so that the two can slide along their common surface."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from palpate.core.surfaces.triangles import point_normals
 
 @dataclass(frozen=True, eq=False)
 class OpenedProblem:
-    """problem : on the opened mesh. split : its two sides. original : (n,) index each point had before."""
+    """problem : on the cut mesh. split : the two sides of the cut. original : (n,) index each point had before the cut."""
 
     problem: IdentificationProblem
     split: SplitInterface
@@ -26,7 +26,7 @@ class OpenedProblem:
 
 
 def open_problem(problem: IdentificationProblem) -> OpenedProblem:
-    """Raises InputError when organ and tissue share no face."""
+    """The problem with its mesh cut along the organ's surface. Raises InputError when organ and tissue share no face."""
     mesh = problem.mesh
     split = open_interface(mesh, problem.regions)
     n = len(mesh.points)
@@ -44,7 +44,7 @@ def open_problem(problem: IdentificationProblem) -> OpenedProblem:
 
 
 def _renamed(faces: IntArray, organ_faces: set[tuple[int, ...]], twin_of: IntArray) -> IntArray:
-    """Boundary faces (f, 3) of organ cells take the organ's points."""
+    """Boundary faces (f, 3) with the organ's side of the cut where they belong to organ cells."""
     own = np.array([tuple(sorted(f)) in organ_faces for f in faces.tolist()], dtype=bool)
     out = faces.copy()
     out[own] = twin_of[faces[own]]
@@ -52,10 +52,10 @@ def _renamed(faces: IntArray, organ_faces: set[tuple[int, ...]], twin_of: IntArr
 
 
 def sliding_springs(space: Space, split: SplitInterface, across: float, along: float) -> Springs:
-    """Springs between the twin nodes of a cut, kPa/mm across and along the surface.
+    """Springs between the twin nodes of a cut. across, along : stiffness normal and tangential to the surface, kPa/mm.
 
-    One point a node, with the mean normal there: springs at more points than nodes would let nothing slide along a curved
-    surface, because its flat faces would have to pass through each other.
+    One spring per node, with the mean normal there. More springs than nodes would lock sliding along a curved surface,
+    because its flat faces would have to pass through each other.
     """
     inner, outer = space.face_nodes(split.inner), space.face_nodes(split.outer)
     ours = wall_points(inner, space.nodes)

@@ -1,4 +1,4 @@
-"""What an effect is: an id, parameters phi with prior scale, and how a composition changes with them. phi = 0 is the plain model."""
+"""Type of an effect: id, parameters phi with their prior, and the change of a composition; phi = 0 is the plain model."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ Vector = tuple[float, float, float]
 class Parameter:
     """name, unit; scale : standard deviation of phi's prior around 0; low, high : bounds of phi.
 
-    physical : phi -> the value in `unit`, where phi itself is only a convenient coordinate of it. secondary : it refines another
-    parameter (a place, an edge) and changes nothing while that one is 0. own : every deformed state has its own value (what happened
-    between two scans, or in one of them); state : whose it is, None for what is the same in all.
+    physical : phi -> the value in `unit`, where phi itself is only a convenient coordinate of it. secondary : it
+    refines another parameter (a place, an edge) and changes nothing while that one is 0. own : every deformed state has
+    its own value (what happened between two scans, or in one of them); state : whose it is, None for what is the same
+    in all.
     """
 
     name: str
@@ -37,7 +38,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One way in which an effect may be there (a place, a direction). change : (composition, phi (k,)) -> composition.
+    """One form of an effect (a place, a direction). change : (composition, phi (k,)) -> composition.
 
     where : centre in mm LPS if the effect has one.
     """
@@ -47,17 +48,17 @@ class Variant:
     where: Vector | None = None
 
     def applied(self, composition: Composition, phi: FloatArray) -> Composition:
-        """The composition with the effect; the very same object at phi = 0."""
+        """Composition with the effect at phi (k,); the very same object at phi = 0."""
         return self.change(composition, phi) if np.any(phi) else composition
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What an effect may look at to decide where it could be.
+    """Facts of a case by which an effect decides on its variants.
 
     gravity : (rest, deformed) m/s2 in patient coordinates as the case states them, each None when unknown.
-    pressure_fields : name of a hollow organ -> displacement (points, 3) that filling it by 1 mm rms causes in the plain model.
-    density_kg_m3 : of all that gravity pulls on.
+    pressure_fields : name of a hollow organ -> displacement (points, 3) that filling it by 1 mm rms causes in the plain
+    model. density_kg_m3 : of all that gravity pulls on.
     """
 
     problem: IdentificationProblem
@@ -67,19 +68,19 @@ class Surroundings:
 
     @cached_property
     def cell_centres(self) -> FloatArray:
-        """(m, 3) mm."""
+        """Centres (m, 3) mm of the mesh's cells."""
         mesh = self.problem.mesh
         return np.asarray(mesh.points[mesh.cells].mean(axis=1))
 
     @cached_property
     def organ_centre(self) -> FloatArray:
-        """(3,) mm."""
+        """Centroid (3,) mm of the organ."""
         mesh = self.problem.mesh
         inside = np.isin(mesh.regions, self.problem.regions)
         return np.average(self.cell_centres[inside], axis=0, weights=mesh.volumes[inside])
 
     def spread_points(self, candidates: FloatArray, spacing_mm: float) -> FloatArray:
-        """(k, 3) of the candidates (n, 3), about spacing_mm apart, the same ones every time."""
+        """Means (k, 3) mm of the candidates (n, 3) mm in cubes of spacing_mm; deterministic."""
         cube = np.floor((candidates - self.organ_centre) / spacing_mm + 0.5).astype(np.int64)
         _, group = np.unique(cube, axis=0, return_inverse=True)
         group = group.ravel()
@@ -94,11 +95,11 @@ def _as_named(phi: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """One thing a model may leave out.
+    """An effect that a model may leave out.
 
     words : "the organ slides along its surroundings". parameters : of every variant. variants : where it could be; none
-    when the case excludes it. settled_by : the measurement that shows this effect most clearly, in words. unlike : phi by name of its
-    parameter -> why what fits best is not what the name means, in words; "" where it is.
+    when the case excludes it. settled_by : the measurement that shows this effect most clearly, in words. unlike : phi
+    by name of its parameter -> why what fits best is not what the name means, in words; "" where it is.
     """
 
     id: str
@@ -110,20 +111,20 @@ class Effect:
 
     @property
     def scales(self) -> FloatArray:
-        """(k,) prior standard deviations."""
+        """Prior standard deviations (k,) of phi."""
         return np.array([p.scale for p in self.parameters])
 
     @property
     def bounds(self) -> FloatArray:
-        """(k, 2)."""
+        """Lower and upper bounds (k, 2) of phi."""
         return np.array([[p.low, p.high] for p in self.parameters])
 
     def over(self, states: int) -> Effect:
-        """The same effect in a case with so many deformed states: parameters that are `own` once for each of them."""
+        """The same effect for a case with `states` deformed states: parameters that are `own` occur once for each."""
         if states < 2 or not any(p.own for p in self.parameters):
             return self
         parameters = [replace(p, state=0 if p.own else None) for p in self.parameters]
-        places = [list(range(len(parameters)))]  # of the parameters that each state sees, in their own order
+        places = [list(range(len(parameters)))]  # for each state, the indices of its parameters
         for state in range(1, states):
             places.append(list(places[0]))
             for k, p in enumerate(self.parameters):

@@ -1,4 +1,4 @@
-"""Where the walls go under loads that are known: what a plan needs where a deformation is stated by its cause."""
+"""Deformation under known loads: for plans that state the cause of a deformation instead of the walls' motion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _HELD, _WALLS = ("bone", "outer"), ("bladder", "rectum")
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """problem : with the walls' deformed surfaces where the loads take them, as a scan would show them. equilibrium : under them."""
+    """problem : with the walls' deformed surfaces as predicted, in place of a scan. equilibrium : under the loads."""
 
     problem: IdentificationProblem
     equilibrium: Equilibrium
@@ -37,7 +37,9 @@ def loaded(
     element: str = "p2p1",
     start: Equilibrium | None = None,
 ) -> Loaded:
-    """Organ and tissue at theta = ln G (t,) under `loads`; bone held, and the outer surface where the case fixes it, walls free.
+    """Equilibrium of organ and tissue at theta = ln G (t,) under `loads`, with the walls free.
+
+    Bone is held, and the outer surface where the case fixes it. start : equilibrium to start from.
 
     Raises InputError where nothing holds the body, no wall is there, or a load has no energy under these constraints.
     """
@@ -59,7 +61,7 @@ def loaded(
 
 
 def _moved(points: FloatArray, faces: IntArray, u: FloatArray) -> SurfacePair:
-    """The mesh's own faces of a wall at rest and displaced, normals into the tissue as those of a hollow organ."""
+    """A wall's faces (f, 3) of the mesh at rest and displaced; normals point into the tissue, as a hollow organ's do."""
     used, inverse = np.unique(faces, return_inverse=True)
     turned = np.ascontiguousarray(inverse.reshape(-1, 3)[:, ::-1])
     label = np.zeros(len(turned), dtype=np.int64)

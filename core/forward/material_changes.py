@@ -1,4 +1,4 @@
-"""Pieces that effects on materials are made of."""
+"""Building blocks of effects that change materials."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from palpate.core.mesh import TetMesh
 
 
 def per_cell(mesh: TetMesh, materials: Mapping[int, Material], region: int) -> tuple[FloatArray, Law]:
-    """A region's parameter values (cells of the region, k) and its law."""
+    """Parameter values (cells of the region, k) of a region, and its law."""
     material = materials[region]
     return material.per_cell(int((mesh.regions == region).sum())), material.law
 
 
 def scaled(regions: tuple[int, ...], factor: FloatArray) -> MaterialChange:
-    """All moduli of the given regions' cells times factor (cells of the mesh,)."""
+    """Change that multiplies all moduli of the given regions' cells by factor (cells of the mesh,)."""
 
     def change(mesh: TetMesh, materials: Mapping[int, Material]) -> dict[int, Material]:
         out = dict(materials)

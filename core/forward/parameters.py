@@ -1,4 +1,4 @@
-"""What is identified: the logarithm of every organ region's stiffness, and what laws it sets."""
+"""Identified parameters: the logarithm of every organ region's shear modulus, and the materials that follow from it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ SHARE_BOUNDS = (0.02, 0.98)
 
 @dataclass(frozen=True)
 class StiffnessParameters:
-    """theta = ln G of each organ region, G = 2 (mu1 + mu2) in kPa; or, with `split_mu`, (ln G, mu1 / (mu1 + mu2)) of each region.
+    """theta = ln G of each organ region, G = 2 (mu1 + mu2) in kPa; or, with `split_mu`, (ln G, mu1 / (mu1 + mu2)) of
+    each region.
 
-    With ln G alone mu1 = mu2, as Yang & Lin set them (section 3.3). Small strains depend on G only, so a share beside G is
-    told apart from it, where (mu1, mu2) would be two names of one thing. The organ's bulk modulus follows G by a fixed Poisson
-    ratio: large, and not identified.
+    With ln G alone mu1 = mu2, as Yang & Lin set them (section 3.3). Small strains depend on G only, so a share beside G
+    can be identified, where both of (mu1, mu2) could not. The organ's bulk modulus follows G by a
+    fixed Poisson ratio: large, and not identified.
     """
 
     regions: tuple[int, ...]
@@ -37,39 +38,39 @@ class StiffnessParameters:
 
     @property
     def bounds(self) -> FloatArray:
-        """(n, 2) lower and upper bound of theta."""
+        """Lower and upper bounds (n, 2) of theta."""
         stiffness = np.log(self.facts.bounds_kpa)
         rows = [stiffness, SHARE_BOUNDS] if self.split_mu else [stiffness]
         return np.array(rows * len(self.regions), dtype=float)
 
     @property
     def stiffness(self) -> slice:
-        """Where in theta the regions' ln G are."""
+        """Positions in theta of the regions' ln G."""
         return slice(0, None, 2) if self.split_mu else slice(None)
 
     @property
     def shares(self) -> slice:
-        """Where in theta the regions' mu1 / (mu1 + mu2) are; nowhere without `split_mu`."""
+        """Positions in theta of the regions' mu1 / (mu1 + mu2); empty without `split_mu`."""
         return slice(1, None, 2) if self.split_mu else slice(0, 0)
 
     def shear_moduli(self, theta: FloatArray) -> FloatArray:
-        """G of each region, (regions,) kPa."""
+        """Shear modulus G (regions,) kPa of each region."""
         return np.exp(np.asarray(theta, dtype=float)[self.stiffness])
 
     def mu(self, theta: FloatArray) -> FloatArray:
-        """(regions, 2) mu1, mu2 kPa."""
+        """mu1 and mu2 (regions, 2) kPa."""
         share = np.asarray(theta, dtype=float)[self.shares] if self.split_mu else np.full(len(self.regions), 0.5)
         return 0.5 * self.shear_moduli(theta)[:, None] * np.stack([share, 1.0 - share], axis=1)
 
     def materials(self, theta: FloatArray) -> dict[int, Material]:
-        """Mooney-Rivlin organ regions in linear tissue."""
+        """Materials at theta: Mooney-Rivlin organ regions in linear tissue (Eqs 8 and 3 of Yang & Lin)."""
         out = {r: Material(MOONEY_RIVLIN, p) for r, p in zip(self.regions, self._organ(theta), strict=True)}
         G = self.facts.tissue_shear_modulus_kpa
         out[TISSUE] = Material(LINEAR, np.array([G, bulk_modulus(G, self.facts.tissue_poisson_ratio)]))
         return out
 
     def directions(self, theta: FloatArray) -> list[Direction]:
-        """For each theta, how the laws' parameters change with it."""
+        """Derivatives of the laws' parameters in each theta."""
         out: list[Direction] = []
         for region, p in zip(self.regions, self._organ(theta), strict=True):
             out.append({region: p})  # of ln G: every law parameter is proportional to G

@@ -1,4 +1,4 @@
-"""How the body moves when a hollow organ fills: what an earlier filling has done to the shape that a scan calls rest."""
+"""Displacement of the body when a hollow organ fills: directions in which a scan at rest may be loaded already."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from palpate.core.surfaces.triangles import normals
 
 
 def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: FloatArray) -> dict[str, FloatArray]:
-    """Wall name -> displacement (points, 3) mm at rest when that wall alone is pushed by a pressure; 1 mm rms on the wall."""
+    """Wall name -> linear displacement (points, 3) mm under a uniform pressure on that wall alone.
+
+    Scaled to 1 mm rms on the wall. theta (t,) : ln G. scene : of the plain model.
+    """
     problem = stage.problem
     space = Space.of(problem.mesh, "p1p1")
     free = np.ones((space.n_nodes, 3), dtype=bool)

@@ -1,4 +1,4 @@
-"""What a scene is put together from: its walls, loads and observation on a space, and the same matrix on another rest shape."""
+"""Parts of scenes: walls, dead loads and observation on a space, and an assembler on another rest shape."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from palpate.core.surfaces.distance_field import SignedDistanceField
 # Signed distance fields of one surface at rest and deformed.
 DistanceFields = tuple[SignedDistanceField, SignedDistanceField]
 
-# Wall stiffness over the tissue's shear modulus, 1/mm. Nearly incompressible tissue that must make room pulls on a wall with up to
-# ten times its modulus (measured): walls still stay within 0.03 mm of what was seen.
+# Wall stiffness over the tissue's shear modulus, 1/mm. Nearly incompressible tissue that must make room pulls on a wall
+# with up to ten times its modulus (measured): walls still stay within 0.03 mm of what was seen.
 WALL_STIFFNESS = 400.0
 
 
 def on_other_shape(assembler: Assembler, space: Space) -> Assembler:
-    """The same structure and solver on a mesh of the same cells whose points lie elsewhere."""
+    """Assembler with the same structure and solver on a space whose mesh has the same cells and other points."""
     out = copy.copy(assembler)
     out.space = space
     out.total_volume = float(space.mesh.volumes.sum())
@@ -38,7 +38,7 @@ def on_other_shape(assembler: Assembler, space: Space) -> Assembler:
 
 
 def dead_load(space: Space, loads: Sequence[Term]) -> PointForce:
-    """All dead loads as forces on nodes; there even when it is zero, so that a load changes no matrix structure."""
+    """All dead loads as nodal forces. Present even when zero, so that a load does not change the matrix structure."""
     force = np.zeros((space.n_nodes, 3))
     for load in loads:
         np.add.at(force.reshape(-1), load.unknowns, -load.evaluate(np.zeros_like(force), 1.0, 1)[1])
@@ -67,7 +67,10 @@ def wall_of(
     space: Space,
     scanned_nodes: FloatArray,
 ) -> SlidingWall:
-    """The mesh's wall `name`, between the distance fields of its surface at rest and deformed."""
+    """Wall `name` of the mesh, between the distance fields of its surface at rest and deformed.
+
+    scanned_nodes (n, 3) mm : the nodes where the scan at rest shows them.
+    """
     points = wall_points(space.face_nodes(problem.boundary[name]), scanned_nodes)
     at_rest, deformed = fields
     scanned = points.positions(scanned_nodes)
@@ -78,7 +81,10 @@ def wall_of(
 
 
 def prolonged(u: FloatArray, space: Space) -> FloatArray:
-    """Nodal values (n, 3) of a space from values u at its vertices, further rows unread: mid-edge nodes take the mean of their ends."""
+    """Nodal values (n, 3) of a space from values u at its vertices; mid-edge nodes take the mean of their ends.
+
+    Rows of u beyond the vertices are not read.
+    """
     vertices = u[: len(space.mesh.points)]
     if space.element.degree == 1:
         return vertices.copy()
@@ -91,7 +97,7 @@ def prolonged(u: FloatArray, space: Space) -> FloatArray:
 def moved_observation(
     observation: SurfaceObservation, space: Space, problem: IdentificationProblem
 ) -> SurfaceObservation:
-    """The same observation of another space."""
+    """The same observation, with operators on another space."""
     marks = observation.landmarks
     operator: sp.csr_matrix = space.interpolation(observation.points, problem.regions)
     return replace(observation, operator=operator, landmark_operator=space.interpolation(marks[:, :3], problem.regions))

@@ -1,4 +1,4 @@
-"""What all compositions of one problem share, so that trying another one costs no more than its solve."""
+"""Geometry that all compositions of one problem share, so that another composition costs no more than its solve."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CUBES = 1.5
 
 @dataclass(eq=False)
 class SharedGeometry:
-    """What all compositions of one problem share: distance fields, walls' likeliest motions, and scenes' structures by need.
+    """Distance fields, posterior motions of the walls, and matrix structures (made when needed) of one problem.
 
     element : see core.fem.elements. walls : what is taken to be known of their motions.
     """
@@ -48,7 +48,10 @@ class SharedGeometry:
         like: SharedGeometry | None = None,
         walls: WallMotionOptions | None = None,
     ) -> SharedGeometry:
-        """A stage with another element shares the distance fields and the walls' motions of `like`; walls : for a first one."""
+        """Geometry of a problem with an element; distance fields and walls' motions are those of `like` where given.
+
+        walls : priors of the walls' motion; the program's own where None. Not read with `like`.
+        """
         space = Space.of(problem.mesh, element)
         if like is not None:
             observation = moved_observation(like.observation, space, problem)
@@ -63,14 +66,17 @@ class SharedGeometry:
 
     @property
     def opened(self) -> OpenedProblem:
-        """The problem with the organ cut from its surroundings."""
+        """The problem with the organ cut from its surroundings; made once."""
         if self._opened is None:
             self._opened = open_problem(self.problem)
         return self._opened
 
 
 def _seen(problem: IdentificationProblem, name: str, fields: DistanceFields, within_mm: float) -> SlidingWall:
-    """The wall as the scans show it where the model has it: the same points whatever the mesh, so that its motion is the same."""
+    """A wall as the scans show it, where the mesh has it.
+
+    Its points do not depend on the mesh, so that the motion learnt from them is the same on every mesh.
+    """
     surface, faces = problem.walls[name].rest, problem.boundary[name]
     X = problem.mesh.points[faces]
     area = float(areas(X).sum())

@@ -1,6 +1,7 @@
-"""A body whose surface slides onto a surface that was seen, at the least energy: the motion that normal pressures alone could make.
+"""Displacement of least energy that takes a body's surface onto an observed surface, free to slide along it.
 
-Only the normal part of a surface's motion is visible. Along the surface each point goes where a uniform body wants it.
+Scans show the normal part of a surface's motion only. The tangential part is that of a uniform body under normal
+pressures.
 """
 
 from __future__ import annotations
@@ -22,20 +23,21 @@ from palpate.core.laws import LINEAR, bulk_modulus
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.distance_field import SignedDistanceField
 
-# Rounds in which the surface slides onto the deformed one; the first so many take their part of the way only.
+# Rounds of linearisation; the first _STAGES of them approach the deformed surface in equal parts.
 _ROUNDS, _STAGES = 8, 4
 # Stiffness of the surface's springs over the body's shear modulus, 1/mm.
 _WALL = 50.0
-# A round body could spin or slide freely within its own surface: softly held, over its shear modulus, 1/mm2.
+# Weak springs that hold the rigid motion of a round body, over its shear modulus, 1/mm2.
 _HOLD = 1e-4
 
 
 def slide_onto(
     space: Space, faces: IntArray, pair: SurfacePair, shear_modulus: float = 1.0, poisson_ratio: float = 0.4
 ) -> FloatArray:
-    """(n, 3) mm displacement of a uniform linear body whose boundary faces (f, 3) go from pair.rest onto pair.deformed.
+    """Displacement (n, 3) mm of a uniform linear body whose boundary faces (f, 3) go from pair.rest onto pair.deformed.
 
-    The shear modulus (kPa) changes nothing in the displacement. Raises ConvergenceError when the surfaces cannot be matched.
+    The displacement does not depend on the shear modulus (kPa). Raises ConvergenceError when the surfaces cannot be
+    matched.
     """
     points = wall_points(space.face_nodes(faces), space.nodes)
     rest = points.positions(space.nodes)

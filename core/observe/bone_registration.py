@@ -1,4 +1,4 @@
-"""How the bones moved between the scans, as their two surfaces show it: a rigid motion with its own uncertainty."""
+"""Rigid motion of the bones between two scans, from their surfaces, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ _SPACING_MM, _FEWEST, _ROUNDS = 6.0, 50, 4
 
 @dataclass(frozen=True, eq=False)
 class BoneSight:
-    """points (q, 3) mm on bone at rest; field : distance of the deformed scan's bone.
+    """Rigid registration of the bones between two scans, ready to be compared with a predicted motion.
 
-    design : (q, 6) takes a rigid motion (mm, degrees about the pivot) to distances; reader (6, q) distances to the motion still missing.
-    misfit : (q,) mm, distances that are left where the bones fit best. floor_sd : (6,) of the motion, what no registration is better than.
+    points (q, 3) mm on bone at rest. field : signed distance of the deformed scan's bone. design (q, 6) : takes a rigid
+    motion (mm, degrees about the pivot) to distances. reader (6, q) : takes distances to the motion still missing.
+    misfit (q,) mm : distances left where the bones fit best. floor_sd (6,) : standard deviations that no registration
+    of contours falls below.
     """
 
     points: FloatArray
@@ -33,7 +35,11 @@ class BoneSight:
 
     @classmethod
     def of(cls, pair: SurfacePair, pivot: FloatArray, floor_sd: FloatArray, far_mm: float) -> BoneSight | None:
-        """None when the surfaces have too little in common. far_mm : distances beyond this are where a scan ends, not where bone went."""
+        """Registration of a pair of bone surfaces; None when they have too little in common.
+
+        pivot (3,) mm : rotations are about it. floor_sd (6,) : see the class. far_mm : larger distances are left out,
+        for they occur where a scan ends.
+        """
         points, normals, _, _ = sample_surface(pair.rest, _SPACING_MM)
         field = SignedDistanceField.from_surface(pair.deformed.points, pair.deformed.faces, spacing_mm=1.5)
         inside = _common(points, pair)
@@ -55,17 +61,18 @@ class BoneSight:
         return cls(points, field, N, reader, _misfit(points, field, reader, pivot), floor_sd)
 
     def residual(self, motion: Motion) -> FloatArray:
-        """(6,) rigid motion (mm, degrees) by which the bones seem to be from where `motion` puts them, sign turned."""
+        """Residual (6,): minus the rigid motion (mm, degrees) that would still take the bones from where `motion` puts
+        them to where they are."""
         return self.reader @ self.field.value_and_gradient(self.points + motion(self.points))[0]
 
     @property
     def floor(self) -> FloatArray:
-        """(6, 6) of the motion, what no registration of contours is better than."""
+        """Covariance (6, 6) of the motion that no registration of contours falls below (mm2, degrees2)."""
         return np.diag(self.floor_sd**2)
 
 
 def _misfit(points: FloatArray, field: SignedDistanceField, reader: FloatArray, pivot: FloatArray) -> FloatArray:
-    """(q,) mm, distances after the rigid motion (about the pivot) that leaves the least."""
+    """Distances (q,) mm left after the rigid motion about the pivot (3,) that fits best."""
     motion = np.zeros(6)
     distance = field.value_and_gradient(points)[0]
     for _ in range(_ROUNDS):
@@ -75,7 +82,7 @@ def _misfit(points: FloatArray, field: SignedDistanceField, reader: FloatArray, 
 
 
 def _common(points: FloatArray, pair: SurfacePair) -> BoolArray:
-    """Points well within the box that both surfaces fill: at its ends the scan is cut, not the bone."""
+    """Points well within the common bounding box of both surfaces: near its faces the scan ends, not the bone."""
     low = np.maximum(pair.rest.points.min(axis=0), pair.deformed.points.min(axis=0)) + 4.0
     high = np.minimum(pair.rest.points.max(axis=0), pair.deformed.points.max(axis=0)) - 4.0
     return ((points > low) & (points < high)).all(axis=1)

@@ -1,4 +1,4 @@
-"""The contours' own error from an organ drawn twice on one scan: how far apart the two are, and over what length they err alike."""
+"""Standard deviation and correlation length of contour noise, from an organ drawn twice on one scan."""
 
 from __future__ import annotations
 
@@ -20,14 +20,16 @@ MOST_MM = 5.0
 # Least that is believed of a person, mm.
 LEAST_MM = 0.1
 _SPACING_MM = 2.0
-# Distances between points at which two errors are compared: beyond the surface extraction's own reach, within an organ's.
+# Distances between points at which two errors are compared: beyond the surface extraction's own reach, within an
+# organ's.
 _NEAR_MM, _FAR_MM = 3.0, 20.0
 _LENGTHS_MM = np.linspace(3.0, 15.0, 49)
 
 
 @dataclass(frozen=True)
 class Repeat:
-    """sd_mm : of one contour, along its normal. correlation_mm : l of exp(-r^2 / (2 l^2)). apart_mm : rms distance of the two."""
+    """Noise of one contour along its normal: sd_mm, and correlation_mm, the l of exp(-r^2 / (2 l^2)). apart_mm : rms
+    distance of the two."""
 
     sd_mm: float
     correlation_mm: float
@@ -35,7 +37,9 @@ class Repeat:
 
 
 def repeat_of(first: Surface, second: Surface) -> Repeat:
-    """From the surfaces of one organ drawn twice. Both err, and each by what extraction from voxels adds (core.observe.contour_noise).
+    """Noise of one contour from two surfaces of one organ on one scan, whose errors are independent.
+
+    What extraction from voxels adds (`contour_noise.EXTRACTION_MM`) is subtracted.
 
     Raises InputError when they are too far apart to be two drawings of one organ.
     """
@@ -49,7 +53,8 @@ def repeat_of(first: Surface, second: Surface) -> Repeat:
 
 
 def _length(points: FloatArray, distance: FloatArray) -> float:
-    """The l whose Gaussian fits the products of errors at pairs of points best (least squares, its height free)."""
+    """Correlation length l, mm: least-squares fit of a Gaussian of free height to the products of errors at pairs of
+    points."""
     r = pdist(points)
     i, j = np.triu_indices(len(points), 1)
     use = (r > _NEAR_MM) & (r < _FAR_MM)

@@ -1,8 +1,9 @@
-"""What two scans show of the organ: how far its predicted surface is from the one that was seen, along the normal.
+"""Signed distance of the organ's predicted surface from its surface in the deformed scan, and landmarks.
 
-The residual of a point X of the rest surface is d(X + u(X)), d the signed distance of the deformed organ's surface: the
-one-sided distance of Eqs 11 to 13 of Yang & Lin, MaterialCloning, with a sign, so that its square is their objective and its
-derivative exists. Points near the line where regions meet are left out, as they leave out shared nodes (section 3.2.5).
+The residual of a point X of the rest surface is d(X + u(X)), with d the signed distance of the deformed organ's surface.
+It is the one-sided distance of Eqs 11 to 13 of Yang & Lin, MaterialCloning, with a sign: its square is their objective,
+and its derivative exists everywhere. Points near the line where regions meet are left out, as they leave out shared
+nodes (section 3.2.5).
 """
 
 from __future__ import annotations
@@ -58,35 +59,37 @@ class SurfaceObservation:
 
     @property
     def all_points(self) -> sp.csr_matrix:
-        """(q + k, n) takes nodal displacements to surface points and landmarks."""
+        """Operator (q + k, n) that takes nodal displacements to surface points and landmarks."""
         return sp.vstack([self.operator, self.landmark_operator]).tocsr()
 
     def residual(self, u: FloatArray) -> FloatArray:
-        """(q,) mm for nodal displacements u (n, 3)."""
+        """Residual (q,) mm for nodal displacements u (n, 3) mm."""
         return self.residual_of(self.operator @ u)
 
     def residual_of(self, v: FloatArray) -> FloatArray:
-        """(q,) mm for the points' own displacements v (q, 3)."""
+        """Residual (q,) mm for displacements v (q, 3) mm of the observed points."""
         return self.target.value_and_gradient(self.points + v)[0]
 
     def residual_and_normal(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residual (q,) and its derivative in the points' displacement (q, 3)."""
+        """Residual (q,) mm and its derivative (q, 3) in the points' displacements, for nodal displacements u (n, 3) mm."""
         return self.target.value_and_gradient(self.points + self.operator @ u)
 
     def jacobian(self, u: FloatArray, sensitivities: FloatArray) -> FloatArray:
-        """(q, t) derivative of the residual for du/dtheta (t, n, 3)."""
+        """Derivative (q, t) of the residual, mm per unit of theta, for sensitivities du/dtheta (t, n, 3) at u (n, 3)."""
         _, normal = self.residual_and_normal(u)
         return np.stack([((self.operator @ s) * normal).sum(axis=1) for s in sensitivities], axis=1)
 
     def landmark_residual(self, u: FloatArray) -> FloatArray:
-        """(k, 3) mm, predicted minus seen position of interior points."""
+        """Predicted minus observed positions (k, 3) mm of interior points, for nodal displacements u (n, 3) mm."""
         return self.landmarks[:, :3] + self.landmark_operator @ u - self.landmarks[:, 3:]
 
 
 def sample_surface(surface: Surface, spacing_mm: float) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
-    """Points (q, 3), outward normals, regions and areas of a surface, about `spacing_mm` apart, away from dividing lines.
+    """Sample of a surface about every `spacing_mm`: points (q, 3) mm, outward normals (q, 3), regions (q,) and areas
+    (q,) mm2.
 
-    Triangle centres are gathered into cubes of that size; each cube gives its area-weighted centre's nearest triangle centre.
+    Triangle centres are grouped by cubes of that size; each cube yields the triangle centre nearest to its
+    area-weighted mean. Points within RIM_MM of a line between regions are left out.
     """
     centre = surface.points[surface.faces].mean(axis=1)
     keep = _away_from_rim(surface, centre)

@@ -1,14 +1,19 @@
-"""How a wall moved along itself, which no scan shows: mostly straight out or in, as pressure moves it, and smoothly.
+"""Prior for the motion of a hollow organ's wall, and its posterior given two scans; CT shows only the normal component.
 
-What fills or leaves a hollow organ presses along its wall's normal. The wall's motion is therefore a Gaussian process in space,
-v = a n + t + g + w: a scalar process a along the normal n of the wall at rest, a translation t, of a bag as a whole and of a tube
-section by section, the growth g of a bag to another size of the same shape, and a little, w, for whatever else moves it. Random
-pressures on a wall add up to a force whose covariance is the mean of n n'; t and w go as far along an axis as that says, so that a
-tube hardly moves along its own, where nothing pushes it and no scan would show it. a and w have a squared-exponential kernel of one
-length; that and the size of a are those that make what is seen across the wall most likely (type-II maximum likelihood; Rasmussen &
-Williams 2006, 5.4). How far t and g may go is not asked of the data: across the wall a shift looks like a swelling to one side, and the
-likeliest size is often 0. Large parts of a wall may besides have slid along themselves together, pushed by what no scan shows: that
-moves no expectation, but is unknown and so noise.
+What fills or leaves a hollow organ presses along its wall's normal. The motion is a Gaussian process in space,
+v = a n + t + g + w:
+
+- a n : a scalar process a along the normal n of the wall at rest;
+- t : a translation, of a bag as one, of a tube section by section;
+- g : growth of a bag to another size of the same shape;
+- w : a small motion of any direction.
+
+Independent pressures on a wall add up to a force with covariance mean(n n'). Along each axis t and w have the variance
+that this covariance has, so that a tube hardly moves along its own axis, where nothing pushes it and no scan would show
+it. a and w share one squared-exponential kernel, whose length and size maximise the marginal likelihood of the normal
+motion (type-II maximum likelihood; Rasmussen & Williams 2006, 5.4). The sizes of t and g are options, see
+`WallRigidModes`. Large parts of a wall may also slide along themselves, driven by what no scan shows; that has mean 0
+and is counted as noise (`slide_mm`).
 """
 
 from __future__ import annotations
@@ -27,24 +32,26 @@ from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.observe.wall_motion_prior import Kernel, likeliest
 from palpate.core.observe.wall_rigid_and_growth import WallRigidModes
 
-# Resolution: points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; share of the kernel's variance that is
-# kept.
+# Resolution: points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; share of the
+# kernel's variance that is kept.
 POINTS, _FEWER, _SHARE = 400, 200, 0.98
 
 
 @dataclass(frozen=True, eq=False)
 class WallMotion:
-    """points (q, 3) mm the motion was learnt at; at_rest : signed distance of the wall at rest, whose gradient is its normal.
+    """Posterior of a wall's motion.
 
-    whole : t and g; w has its axes too. basis (q, m) takes kernel values to modes, sections (q, s) those along a tube, slides (q, w)
-    those of large parts. mean (a,), factor (a, r) : of a = 4 m + 3 s + 1 amplitudes, of the modes along the normal and along the axes,
-    of the translations and the growth; unit normal numbers (r,) times `factor` are what is left unknown.
+    points (q, 3) mm : where the motion was learnt. at_rest : signed distance of the wall at rest, whose gradient is its
+    normal. kernel : of a and w. rigid : t and g, and the axes of w. basis (q, m), sections (q, s), slides (q, w) : take
+    kernel values at `points` to the modes of a and w, of a tube's sections, and of slides of large parts.
+    mean (a,), factor (a, r) : posterior mean of a = 4 m + 3 s + 1 amplitudes (modes along the normal and the axes,
+    translations, growth), and a factor of their posterior covariance.
     """
 
     points: FloatArray
     at_rest: DistanceFunction
     kernel: Kernel
-    whole: WallRigidModes
+    rigid: WallRigidModes
     basis: FloatArray
     sections: FloatArray
     slides: FloatArray
@@ -55,65 +62,67 @@ class WallMotion:
     def of(
         cls, wall: SlidingWall, at_rest: DistanceFunction, noise_sd_mm: float, options: WallMotionOptions
     ) -> WallMotion:
-        """From a wall at rest that lies where the first scan shows it; noise_sd_mm : of one contour."""
+        """Posterior for a wall that lies, at rest, where the first scan shows it. noise_sd_mm : of one contour."""
         chosen = np.random.default_rng(0).permutation(len(wall.rest))[:POINTS]
         X = wall.rest[chosen]
         out = _normals(at_rest, X)
         noise = 2.0 * smooth_covariance(X, noise_sd_mm, options.noise_length_mm)
         noise += options.voxels_mm**2 * np.eye(len(X))
-        whole = WallRigidModes.of(wall.rest, _normals(at_rest, wall.rest), options)
+        rigid = WallRigidModes.of(wall.rest, _normals(at_rest, wall.rest), options)
         few = slice(None, None, -(-len(X) // _FEWER))
         near = np.exp(-0.5 * (cdist(X, X) / options.smooth_mm) ** 2)
         v, off = np.zeros_like(wall.rest), np.zeros(len(X))
         for k in range(options.rounds):
             seen = wall.linearised_at(v)
             normal, shift = seen.normal[chosen], seen.shift[chosen]
-            if k > 0:  # at rest a point may lie far from where the wall went, and its neighbours see other parts of it
+            if k > 0:  # at first points may lie far from the deformed wall, and neighbours see different parts of it
                 normal, shift = _smoothed(near, v[chosen], normal, shift)
             trusted = _trusted(noise, off, options.cauchy)
-            kernel = likeliest(X[few], out[few], normal[few], shift[few], trusted[few, few], whole)
-            found = _posterior(X, at_rest, normal, shift, trusted, kernel, whole)
+            kernel = likeliest(X[few], out[few], normal[few], shift[few], trusted[few, few], rigid)
+            found = _posterior(X, at_rest, normal, shift, trusted, kernel, rigid)
             v = found.at(wall.rest)
             off = shift - (normal * v[chosen]).sum(axis=1)
         return found
 
     def at(self, x: FloatArray) -> FloatArray:
-        """(n, 3) mm, the likeliest motion at x (n, 3)."""
+        """Posterior mean of the motion (n, 3) mm at x (n, 3) mm."""
         return np.asarray(self._motions(x) @ self.mean)
 
     @property
     def options(self) -> WallMotionOptions:
-        """What was taken to be known of the wall."""
-        return self.whole.options
+        """Numbers of the prior and of the contours' noise."""
+        return self.rigid.options
 
     @property
     def slide_mm(self) -> float:
-        """Standard deviation of a slide, an axis."""
+        """Standard deviation per axis of a slide of large parts, mm: a share of the rms motion."""
         return self.options.slide_share * float(np.sqrt((self.at(self.points) ** 2).sum(axis=1).mean()))
 
     def unknown_at(self, x: FloatArray) -> FloatArray:
-        """(r, n, 3) mm: motions whose sum with unit normal amplitudes is what is not known at x (n, 3), slides included."""
+        """Motions (r, n, 3) mm at x (n, 3) mm whose sum with independent unit normal amplitudes has the posterior
+        covariance, slides included."""
         parts = np.exp(-0.5 * (cdist(x, self.points) / self.options.slide_length_mm) ** 2) @ self.slides
         slides = np.einsum("nm,ik->mkni", self.slide_mm * parts, np.eye(3)).reshape(-1, len(x), 3)
         return np.concatenate([np.moveaxis(self._motions(x) @ self.factor, 2, 0), slides])
 
     def _motions(self, x: FloatArray) -> FloatArray:
-        """(n, 3, a) mm at x (n, 3) for unit amplitudes."""
+        """Motions (n, 3, a) mm at x (n, 3) mm for unit amplitudes."""
         modes = np.exp(-0.5 * (cdist(x, self.points) / self.kernel.length) ** 2) @ self.basis
         along = self.kernel.size * _normals(self.at_rest, x)[:, :, None]
-        axes = np.tile(self.whole.axes, (len(x), 1, 1))
+        axes = np.tile(self.rigid.axes, (len(x), 1, 1))
         ways = np.concatenate([along, self.options.sideways_mm * axes], axis=2)
         smooth = np.einsum("nik,nm->nikm", ways, modes).reshape(len(x), 3, -1)
-        grown = self.whole.growth(x)[:, :, None]
-        shifts = self.whole.together(x, self.points) @ self.sections
-        moved = np.einsum("nik,ns->niks", self.whole.moved_mm * axes, shifts).reshape(len(x), 3, -1)
+        grown = self.rigid.growth(x)[:, :, None]
+        shifts = self.rigid.correlation(x, self.points) @ self.sections
+        moved = np.einsum("nik,ns->niks", self.rigid.translation_mm * axes, shifts).reshape(len(x), 3, -1)
         return np.concatenate([smooth, moved, grown], axis=2)
 
     def drag(self, wall: SlidingWall, shift: FloatArray, u: FloatArray, way: float, shear_kpa: float) -> Springs:
-        """Springs that take a wall along itself to where this motion has it.
+        """Springs along a wall's surface that hold it where the posterior mean puts it.
 
-        shift : (q, 3) mm from the scanned to the stress-free rest position of its points. u : nodal displacements (n, 3) the wall is
-        linearised at. way : how much of the remaining distance to ask for. shear_kpa : the tissue's modulus.
+        shift : (q, 3) mm from the scanned to the stress-free rest position of its points. u : nodal displacements (n,
+        3) the wall is linearised at. way : share of the remaining distance to ask for. shear_kpa : shear modulus of the
+        tissue.
         """
         now = wall.points.displacements(u)
         target = now + way * (self.at(wall.rest - shift) - shift - now)
@@ -128,25 +137,26 @@ def _posterior(
     shift: FloatArray,
     noise: FloatArray,
     kernel: Kernel,
-    whole: WallRigidModes,
+    rigid: WallRigidModes,
 ) -> WallMotion:
-    basis, slides = (_basis(X, length) for length in (kernel.length, whole.options.slide_length_mm))
-    sections = _basis(np.outer(X @ whole.along, whole.along), whole.options.section_length_mm)
+    basis, slides = (_basis(X, length) for length in (kernel.length, rigid.options.slide_length_mm))
+    sections = _basis(np.outer(X @ rigid.along, rigid.along), rigid.options.section_length_mm)
     nothing = np.zeros(0)
-    motions = WallMotion(X, at_rest, kernel, whole, basis, sections, slides, nothing, nothing)._motions(X)
+    motions = WallMotion(X, at_rest, kernel, rigid, basis, sections, slides, nothing, nothing)._motions(X)
     A = np.einsum("nik,ni->nk", motions, normal)
     weighed = cho_solve(cho_factor(noise, lower=True), A)
     precision = np.eye(A.shape[1]) + A.T @ weighed
     mean = np.linalg.solve(precision, weighed.T @ shift)
     return WallMotion(
-        X, at_rest, kernel, whole, basis, sections, slides, mean, np.linalg.inv(np.linalg.cholesky(precision)).T
+        X, at_rest, kernel, rigid, basis, sections, slides, mean, np.linalg.inv(np.linalg.cholesky(precision)).T
     )
 
 
 def _trusted(noise: FloatArray, off: FloatArray, cauchy: float) -> FloatArray:
-    """Noise (q, q) mm2, larger at points that are off (q,) mm the likeliest motion by more than it, as a Cauchy density's weights have it.
+    """Noise covariance (q, q) mm2, inflated at outliers by Cauchy's weights (Holland & Welsch 1977).
 
-    Where a wall leaves the scan its two surfaces may end differently, by centimetres.
+    off (q,) mm : misfit of the present motion. Outliers occur where a wall leaves the scan: its two surfaces may end
+    centimetres apart.
     """
     usual = max(1.4826 * float(np.median(np.abs(off))), float(np.sqrt(np.diag(noise).mean())))
     wider = np.sqrt(1.0 + (off / (cauchy * usual)) ** 2)
@@ -154,13 +164,14 @@ def _trusted(noise: FloatArray, off: FloatArray, cauchy: float) -> FloatArray:
 
 
 def _basis(X: FloatArray, length: float) -> FloatArray:
-    """(q, m) that takes kernel values (n, q) to the kernel's modes (n, m)."""
+    """Matrix (q, m) that takes kernel values (n, q) to the kernel's modes (n, m)."""
     modes = noise_modes(X, 1.0, length, _SHARE)
     return modes / np.maximum((modes**2).sum(axis=0), 1e-30)
 
 
 def _smoothed(near: FloatArray, v: FloatArray, normal: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Normals (q, 3) averaged with weights near (q, q), and shifts (q,) that ask for the same distance along them from v (q, 3)."""
+    """Normals (q, 3) averaged with weights near (q, q), and shifts (q,) mm with the same distances left along them from
+    v (q, 3) mm."""
     away = (normal * v).sum(axis=1) - shift
     mean = near @ normal
     mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-9)[:, None]

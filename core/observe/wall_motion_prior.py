@@ -1,4 +1,4 @@
-"""How smoothly and how far a wall moves along its normal: the likeliest kernel (type-II maximum likelihood)."""
+"""Kernel of a wall's normal motion by type-II maximum likelihood (Rasmussen & Williams 2006, 5.4)."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from palpate.core.observe.wall_rigid_and_growth import WallRigidModes
 
 @dataclass(frozen=True)
 class Kernel:
-    """length, and size along the normal, mm."""
+    """Squared-exponential kernel. length : correlation length, mm. size : standard deviation along the normal, mm."""
 
     length: float
     size: float
 
 
 def likeliest(
-    X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray, whole: WallRigidModes
+    X: FloatArray, out: FloatArray, normal: FloatArray, shift: FloatArray, noise: FloatArray, rigid: WallRigidModes
 ) -> Kernel:
-    """The kernel under which motions shift (q,) mm along `normal` (q, 3) at X (q, 3) mm are likeliest (Rasmussen & Williams 2006, 5.4).
+    """The kernel that maximises the marginal likelihood of motions shift (q,) mm along `normal` (q, 3), at points X (q,
+    3) mm.
 
-    normal, out (q, 3) : unit normals, deformed and at rest. noise (q, q) mm2 : of shift. Kernels of `whole.options` are compared.
-    Raises LinAlgError when noise is no covariance.
+    normal, out (q, 3) : unit normals, deformed and at rest. noise (q, q) mm2 : covariance of shift. Kernels of
+    `whole.options` are compared. Raises LinAlgError when noise is not positive definite.
     """
-    options = whole.options
+    options = rigid.options
     squared = cdist(X, X) ** 2
-    turned, larger = (normal * out).sum(axis=1), (normal * whole.growth(X)).sum(axis=1)
-    across = normal @ whole.axes
+    turned, larger = (normal * out).sum(axis=1), (normal * rigid.growth(X)).sum(axis=1)
+    across = normal @ rigid.axes
     straight, other = np.outer(turned, turned), across @ across.T
-    known = noise + whole.moved_mm**2 * whole.together(X, X) * other + np.outer(larger, larger)
+    known = noise + rigid.translation_mm**2 * rigid.correlation(X, X) * other + np.outer(larger, larger)
     best = (-np.inf, Kernel(options.lengths_mm[0], options.sizes_mm[0]))
     for length in options.lengths_mm:
         near = np.exp(-0.5 * squared / length**2)

@@ -91,7 +91,7 @@ def _slides(fit: PlainFit, used: NoiseSizes, forces: FloatArray) -> FloatArray:
 
 def _sliding(motion: WallMotion, share: float) -> WallMotion:
     options = replace(motion.options, slide_share=share)
-    return replace(motion, whole=replace(motion.whole, options=options))
+    return replace(motion, rigid=replace(motion.rigid, options=options))
 
 
 def _parts(fit: PlainFit) -> NoiseParts:

@@ -12,7 +12,7 @@ from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.observe.wall_motion_prior import likeliest
-from palpate.core.observe.wall_rigid_and_growth import WallRigidModes, pushed
+from palpate.core.observe.wall_rigid_and_growth import WallRigidModes, force_covariance
 
 RADIUS = np.array([14.0, 10.0, 22.0])
 USUAL = WallMotionOptions()
@@ -167,10 +167,10 @@ def test_points_at_an_end_where_the_two_surfaces_differ_move_little_else() -> No
 
 def test_a_ball_may_be_pushed_anywhere_and_a_tube_not_along_its_axis() -> None:
     ball = np.random.default_rng(1).standard_normal((20000, 3))
-    np.testing.assert_allclose(pushed(ball / np.linalg.norm(ball, axis=1)[:, None]), np.eye(3), atol=0.05)
+    np.testing.assert_allclose(force_covariance(ball / np.linalg.norm(ball, axis=1)[:, None]), np.eye(3), atol=0.05)
     phi = np.linspace(0.0, 2.0 * np.pi, 200)[:-1]
     np.testing.assert_allclose(
-        pushed(np.column_stack([np.cos(phi), np.sin(phi), 0.0 * phi])), np.diag([1.5, 1.5, 0.0]), atol=1e-12
+        force_covariance(np.column_stack([np.cos(phi), np.sin(phi), 0.0 * phi])), np.diag([1.5, 1.5, 0.0]), atol=1e-12
     )
 
 
