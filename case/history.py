@@ -6,9 +6,21 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from typing import TypedDict
 
 from palpate import __version__
 from palpate.case.case_folder import CaseFolder
+
+
+class Entry(TypedDict, total=False):
+    """A command that ran, with its options as they would be typed again. seconds : it took. Older files have fewer of these."""
+
+    date: str
+    command: str
+    options: str
+    version: str
+    seconds: float
+
 
 FILE = "history.json"
 # Commands that are kept, the last ones.
@@ -25,7 +37,7 @@ def recorded(case: CaseFolder, command: str, options: str) -> Iterator[None]:
 
 def add_entry(case: CaseFolder, command: str, options: str, seconds: float) -> None:
     """Adds a command. options : as they would be typed again, without paths."""
-    entry = {
+    entry: Entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": command,
         "options": options,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -39,6 +39,45 @@ DEFORMATIONS: Mapping[str, tuple[str, tuple[float, ...], str]] = {
 _FROM_TISSUE = "the surrounding tissue's stiffness"
 
 
+class NoRow(TypedDict):
+    """An amount without an equilibrium."""
+
+    amount: float
+    sd_ln_G: None
+    reason: str
+
+
+class PredictedRow(TypedDict):
+    """One amount: by region the standard deviation of ln G, its 95 % interval (kPa) and the signal (mm); motion of the organ, mm."""
+
+    amount: float
+    sd_ln_G: dict[str, float]
+    ci95_kpa: dict[str, list[float]]
+    signal_mm: dict[str, float]
+    organ_motion_mm: float
+    singular_values: list[float]
+
+
+class _Told(TypedDict):
+    deformation: str
+    what: str
+    unit: str
+    element: str
+    rows: list[PredictedRow | NoRow]
+    verdict: str
+    notes: list[str]
+    research_use: bool
+
+
+class PlanRecord(_Told):
+    """plan.json: what is assumed, the deformation, and a row an amount, the last of which may have no equilibrium."""
+
+    case: str
+    assumed_G_kpa: dict[str, float]
+    assumed_from: str
+    noise_sd_mm: float
+
+
 @dataclass(frozen=True)
 class PlanOptions:
     """deformation : see DEFORMATIONS. amounts : ascending, in its unit. stiffness_kpa : label name -> G that the prediction assumes.
@@ -54,7 +93,7 @@ class PlanOptions:
     mesh: MeshOptions = field(default_factory=MeshOptions)
 
 
-def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress = silent) -> PlanRecord:
     """Write plan.json of a case and return it: the predicted standard deviation of ln G by region and amount.
 
     Only rest.nii.gz is needed. Raises InputError when it is missing or the plan asks for what it does not show,
@@ -71,7 +110,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
     names = {r: LABELS[r] for r in ORGAN_LABELS if (meshed.mesh.regions == r).any()}
     stiffness, source = _stiffness(case, options, list(names.values()))
     theta = np.log([stiffness[name] for name in names.values()])
-    rows, last = [], None
+    rows, last = list[PredictedRow | NoRow](), None
     for k, amount in enumerate(amounts):
         progress(0.2 + 0.8 * k / len(amounts), f"{options.deformation} {amount:g} {unit}")
         problem, found = _predicted(case, labels, meshed, names, options, amount, theta, last)
@@ -83,11 +122,10 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
         raise ConvergenceError(
             f"{options.deformation} {amounts[0]:g} {unit}: {rows[0]['reason']}; plan smaller amounts"
         )
-    about = {
+    plan: PlanRecord = {
         "case": case.facts.name, "assumed_G_kpa": stiffness, "assumed_from": source,
-        "noise_sd_mm": problem.facts.noise_sd_mm,
+        "noise_sd_mm": problem.facts.noise_sd_mm, **_told(options, rows, list(names.values())),
     }  # fmt: skip
-    plan = about | _told(options, rows, list(names.values()))
     case.write_json("plan.json", plan)
     PLAN.mark_done(case, made_from)
     progress(1.0, "planned")
@@ -105,7 +143,7 @@ def _asked(options: PlanOptions) -> tuple[str, tuple[float, ...]]:
     return unit, amounts
 
 
-def _told(options: PlanOptions, rows: list[dict[str, Any]], names: list[str]) -> dict[str, Any]:
+def _told(options: PlanOptions, rows: list[PredictedRow | NoRow], names: list[str]) -> _Told:
     """What plan.json says of the deformation."""
     unit, _, words = DEFORMATIONS[options.deformation]
     return {
@@ -179,7 +217,7 @@ def _pair(wall: MovedWall) -> SurfacePair:
     return SurfacePair(rest, rest.with_points(moved))
 
 
-def _row(amount: float, found: Prediction, names: list[str]) -> dict[str, Any]:
+def _row(amount: float, found: Prediction, names: list[str]) -> PredictedRow | NoRow:
     if found.posterior is None:
         return {"amount": amount, "sd_ln_G": None, "reason": found.reason}
     return {
@@ -192,13 +230,14 @@ def _row(amount: float, found: Prediction, names: list[str]) -> dict[str, Any]:
     }
 
 
-def _verdict(rows: list[dict[str, Any]], names: list[str], deformation: str, unit: str) -> str:
+def _verdict(rows: list[PredictedRow | NoRow], names: list[str], deformation: str, unit: str) -> str:
     """In words: from which amount on each region is known to a fifth."""
     parts = []
     for name in names:
         assert name in LABEL_VALUES
-        enough = [row["amount"] for row in rows if row["sd_ln_G"] is not None and row["sd_ln_G"][name] < 0.2]
-        best = min(row["sd_ln_G"][name] for row in rows if row["sd_ln_G"] is not None)
+        found = [(row["amount"], row["sd_ln_G"][name]) for row in rows if row["sd_ln_G"] is not None]
+        enough = [amount for amount, sd in found if sd < 0.2]
+        best = min(sd for _, sd in found)
         told = f"known to 22 % or better from {enough[0]:g} {unit} on" if enough else (
             f"never better than a factor of {np.exp(best):.1f} in this range")  # fmt: skip
         parts.append(f"{name.replace('_', ' ')}: {told}")

@@ -6,12 +6,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from palpate.case.steps.sketch_options import SketchOptions
-from palpate.case.steps.sketch_summary import summary_of
+from palpate.case.steps.sketch_summary import SketchRecord, summary_of
 from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
 from palpate.core.sketch.closing import closed
@@ -43,7 +42,7 @@ class Sketch:
     figure: Figure
     fit: Fit
     moving: Moving
-    summary: dict[str, Any]
+    summary: SketchRecord
 
 
 def run_sketch(keys: Sequence[Path], options: SketchOptions | None = None, progress: Progress = silent) -> Sketch:

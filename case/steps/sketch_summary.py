@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
@@ -22,6 +22,89 @@ from palpate.imaging.drawings.drawing import Drawing
 UNTOLD_SD = 0.7
 
 
+class KeyframeRecord(TypedDict):
+    """How near the figure comes to a keyframe's line, in % of its size; total force per thickness (mm) over G."""
+
+    rms_percent: float
+    p95_percent: float
+    hausdorff_percent: float
+    objective_mm2: float
+    moved_percent: float
+    force_per_mm_over_G: float
+
+
+class PartRecord(TypedDict):
+    """Stiffness of one colour over the first one's; G in kPa where the total force is known."""
+
+    colour: str
+    G_over_first: float
+    sd_ln: float
+    ci95: list[float]
+    told: bool
+    G_kpa: NotRequired[float]
+
+
+class ForcesRecord(TypedDict):
+    """Of the forces along the rim."""
+
+    degree: int
+    coefficients: int
+    unit_over_G: float
+    smooth_alone: bool
+
+
+class MisfitRecord(TypedDict):
+    """Weighted misfit, independent looks in it, and the lines' error in % of the size."""
+
+    weighted: float
+    looks: float
+    line_error_percent: float
+
+
+class SolverRecord(TypedDict):
+    """Work, and with what."""
+
+    forward_solves: int
+    converged: bool
+    cells: int
+    element: str
+
+
+class SwarmRecord(TypedDict):
+    """What the paper's search found."""
+
+    ratios: list[float]
+    misfit: float
+
+
+class FilmRecord(TypedDict):
+    """How the film is coded."""
+
+    codec: str
+    per_second: float
+
+
+class SketchRecord(TypedDict):
+    """sketch.json."""
+
+    keyframes_sha256: list[str]
+    size_mm: float
+    held: list[str]
+    parts: list[PartRecord]
+    poisson_ratio: float
+    keyframes: list[KeyframeRecord]
+    hit: bool
+    forces: ForcesRecord
+    misfit: MisfitRecord
+    solver: SolverRecord
+    pictures: int
+    in_words: list[str]
+    notes: list[str]
+    swarm: NotRequired[SwarmRecord]
+    seconds: NotRequired[float]
+    film: NotRequired[FilmRecord]
+
+
 def summary_of(
     keys: Sequence[Path],
     drawings: tuple[Drawing, ...],
@@ -29,7 +112,7 @@ def summary_of(
     fit: Fit,
     moving: Moving,
     options: SketchOptions,
-) -> dict[str, Any]:
+) -> SketchRecord:
     """What sketch.json holds, but for the swarm and the seconds. keys : the drawings' files."""
     frames = [_keyframe(figure, fit, k, d.outline) for k, d in enumerate(drawings[1:])]
     G = None if options.pull_n_per_mm is None else _modulus(options.pull_n_per_mm, frames[0], keys[1])
@@ -51,7 +134,7 @@ def summary_of(
     }  # fmt: skip
 
 
-def _modulus(pull_n_per_mm: float, frame: dict[str, float], key: Path) -> float:
+def _modulus(pull_n_per_mm: float, frame: KeyframeRecord, key: Path) -> float:
     """kPa of the first part, from the known total force. Raises InputError where the figure is pulled by none."""
     if not frame["force_per_mm_over_G"] > 0.0:
         raise InputError(
@@ -60,7 +143,7 @@ def _modulus(pull_n_per_mm: float, frame: dict[str, float], key: Path) -> float:
     return 1000.0 * pull_n_per_mm / frame["force_per_mm_over_G"]
 
 
-def _keyframe(figure: Figure, fit: Fit, k: int, drawn: Outline) -> dict[str, float]:
+def _keyframe(figure: Figure, fit: Fit, k: int, drawn: Outline) -> KeyframeRecord:
     rim, size = figure.rim_at(fit.states[k].u), figure.outline.size
     both = np.concatenate([drawn.distances(rim.points), rim.distances(drawn.points)])
     force = np.tensordot(fit.forces[k], figure.force_basis(fit.degree), 1).sum(axis=0)
@@ -77,26 +160,24 @@ def _keyframe(figure: Figure, fit: Fit, k: int, drawn: Outline) -> dict[str, flo
     }
 
 
-def _parts(figure: Figure, fit: Fit, first: Drawing, G: float | None) -> list[dict[str, Any]]:
+def _parts(figure: Figure, fit: Fit, first: Drawing, G: float | None) -> list[PartRecord]:
     theta, sd = np.concatenate([[0.0], fit.theta]), np.concatenate([[0.0], np.sqrt(np.diag(fit.covariance))])
-    out = []
+    out: list[PartRecord] = []
     for k, number in enumerate(figure.parts):
-        row: dict[str, Any] = {
+        row: PartRecord = {
             "colour": first.picture.colours[number - 1],
             "G_over_first": round(float(np.exp(theta[k])), 4),
-        }
-        row |= {
             "sd_ln": round(float(sd[k]), 4),
             "ci95": np.exp(theta[k] + 1.96 * sd[k] * np.array([-1, 1])).round(4).tolist(),
+            "told": bool(k == 0 or sd[k] < UNTOLD_SD),
         }
-        row["told"] = bool(k == 0 or sd[k] < UNTOLD_SD)
         if G is not None:
             row["G_kpa"] = round(float(G * np.exp(theta[k])), 4)
         out.append(row)
     return out
 
 
-def _words(figure: Figure, fit: Fit, frames: list[dict[str, float]], G: float | None) -> list[str]:
+def _words(figure: Figure, fit: Fit, frames: list[KeyframeRecord], G: float | None) -> list[str]:
     words = []
     if G is None:
         words.append("shapes tell forces over stiffness only: twice as stiff under twice the forces draws the same")

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from palpate.case.steps.plan import PlanRecord
 
 _LOOKS = {"prostate_left": ("#31688e", "o", "-"), "prostate_right": ("#b5651d", "s", "--")}
 
 
-def plan_curve(plan: Mapping[str, Any]) -> Figure:
+def plan_curve(plan: PlanRecord) -> Figure:
     """plan : what plan.json says. The line at 0.2 is where a stiffness is known to about a fifth."""
     figure = Figure(figsize=(5.2, 3.4), layout="constrained")
     axes = figure.subplots()
-    rows = [row for row in plan["rows"] if row["sd_ln_G"] is not None]
-    amounts = [row["amount"] for row in rows]
-    for name in rows[0]["sd_ln_G"]:
+    rows = [(row["amount"], row["sd_ln_G"]) for row in plan["rows"] if row["sd_ln_G"] is not None]
+    amounts = [amount for amount, _ in rows]
+    for name in rows[0][1]:
         colour, marker, line = _LOOKS.get(name, ("#555555", "^", ":"))
         assumed = plan["assumed_G_kpa"][name]
-        axes.plot(amounts, [row["sd_ln_G"][name] for row in rows], color=colour, marker=marker, linestyle=line,
+        axes.plot(amounts, [sd[name] for _, sd in rows], color=colour, marker=marker, linestyle=line,
                   label=f"{name.replace('_', ' ')} (G = {assumed:.3g} kPa assumed)")  # fmt: skip
     axes.axhline(0.2, color="0.6", linewidth=0.8)
     axes.annotate("known to a fifth", (amounts[-1], 0.2), ha="right", va="bottom", fontsize=7, color="0.4")

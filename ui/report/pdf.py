@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from itertools import chain, groupby
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import escape
 
 import matplotlib
@@ -93,8 +92,19 @@ def _flowables(block: doc.Block) -> list[Flowable]:
 
 
 def _flowable(block: doc.Block) -> Flowable:
-    make: Callable[[Any], Flowable] = _MAKERS[type(block)]
-    return make(block)
+    match block:
+        case doc.Paragraph():
+            return _paragraph(block)
+        case doc.Notice():
+            return _notice(block)
+        case doc.Bullets():
+            return _bullets(block)
+        case doc.Table():
+            return _table(block)
+        case doc.Picture():
+            return _picture(block)
+        case doc.Interactive():
+            raise ValueError("only the HTML page shows what can be turned")
 
 
 def _paragraph(block: doc.Paragraph) -> Flowable:
@@ -173,12 +183,3 @@ def _register_fonts() -> None:
     for name in (_FONT, _BOLD):
         if name not in pdfmetrics.getRegisteredFontNames():
             pdfmetrics.registerFont(TTFont(name, str(folder / f"{name}.ttf")))
-
-
-_MAKERS: dict[type, Callable[[Any], Flowable]] = {
-    doc.Paragraph: _paragraph,
-    doc.Notice: _notice,
-    doc.Bullets: _bullets,
-    doc.Table: _table,
-    doc.Picture: _picture,
-}

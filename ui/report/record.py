@@ -13,6 +13,7 @@ from pydicom.errors import InvalidDicomError
 
 from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
+from palpate.case.history import Entry
 from palpate.case.identified import read_result
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
@@ -42,7 +43,7 @@ class CaseRecord:
     segmentation: Mapping[str, Any]
     mesh: Mapping[str, Any]
     imported: Mapping[str, Any]
-    history: tuple[Mapping[str, Any], ...] = ()
+    history: tuple[Entry, ...] = ()
     simulated: str | None = None
     volumes_cc: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     ln_covariance: FloatArray | None = None

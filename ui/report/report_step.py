@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from palpate import __version__
 from palpate.case.case_folder import STATES, CaseFolder
@@ -23,6 +23,15 @@ from palpate.ui.report.sections import document
 FOLDER = "report"
 
 
+class Written(TypedDict):
+    """Files of a report, and what could not be drawn and why, one line each."""
+
+    html: str
+    pdf: str | None
+    pictures: list[str]
+    missing: list[str]
+
+
 @dataclass(frozen=True)
 class ReportOptions:
     """pdf : whether to write the PDF beside the HTML page."""
@@ -30,7 +39,7 @@ class ReportOptions:
     pdf: bool = True
 
 
-def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progress = silent) -> Written:
     """Writes report/ of a case: report.html, report.pdf and the pictures. Returns what was written, and what could not be.
 
     Nothing is done when neither what it shows nor what draws it has changed and nothing was missing. Raises InputError when the
@@ -69,7 +78,7 @@ def labels_in_rest_frame(case: CaseFolder) -> dict[str, Volume]:
     return found
 
 
-def _written(case: CaseFolder) -> dict[str, Any]:
+def _written(case: CaseFolder) -> Written:
     folder = case.file(FOLDER)
     return {
         "html": str(folder / "report.html"),

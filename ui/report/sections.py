@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from msgspec import UNSET
 
+from palpate.case.history import Entry
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Drawn
 from palpate.ui.report.gap_section import gap_section
@@ -81,7 +81,7 @@ def _provenance(record: CaseRecord, date: str, version: str) -> Section:
     return Section("Provenance", [Table(("", ""), rows, numbers=False)])
 
 
-def _command(entry: Mapping[str, Any]) -> str:
+def _command(entry: Entry) -> str:
     """As it would be typed again, its paths called what the help calls them."""
     typed = " ".join(text for text in ("palpate", entry.get("command", ""), entry.get("options", "")) if text)
     return f"{typed} ({entry['date']})" if "date" in entry else typed

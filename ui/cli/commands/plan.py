@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
+
+if TYPE_CHECKING:
+    from palpate.case.steps.plan import NoRow, PredictedRow
 
 NAME, HELP = "plan", "what a planned deformation would tell"
 
@@ -52,7 +55,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return plan, "\n".join([*lines, f"picture {case.file('plan.png')}"])
 
 
-def _told(row: dict[str, Any]) -> str:
+def _told(row: PredictedRow | NoRow) -> str:
     if row["sd_ln_G"] is None:
         return f"no equilibrium: {row['reason']}"
     return ", ".join(f"{name} sd(ln G) {sd:.2f}" for name, sd in row["sd_ln_G"].items())

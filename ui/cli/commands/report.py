@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
+
+if TYPE_CHECKING:
+    from palpate.ui.report.report_step import Written
 
 NAME, HELP = "report", "pictures, HTML page and PDF of an identified case"
 
@@ -28,7 +31,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return written, "\n".join(text_of(written))
 
 
-def text_of(written: dict[str, Any]) -> list[str]:
+def text_of(written: Written) -> list[str]:
     """Where the report is, and what is not in it."""
     lines = [f"report  {written['html']}", f"report  {written['pdf']}"]
     return lines + [f"missing {what}" for what in written["missing"]]

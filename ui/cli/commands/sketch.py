@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
 from palpate.core.sketch.figure import SIDES
@@ -19,6 +19,7 @@ from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
     from palpate.case.steps.sketch_options import SketchOptions
+    from palpate.case.steps.sketch_summary import SketchRecord
 
 NAME, HELP = "sketch", "drawn keyframes to a moving figure with a stiffness"
 METHODS = ("gauss-newton", "swarm")
@@ -72,7 +73,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return summary, "\n".join(text_of(summary, args.output))
 
 
-def text_of(summary: dict[str, Any], folder: Path) -> list[str]:
+def text_of(summary: SketchRecord, folder: Path) -> list[str]:
     """What a person reads of a sketch."""
     lines = [f"note    {note}" for note in summary["notes"]]
     lines += [

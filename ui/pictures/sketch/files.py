@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from PIL import Image
 
 from palpate.case.steps.sketch import Sketch
+from palpate.case.steps.sketch_summary import SketchRecord
 from palpate.core.files.atomic import atomic_folder
 from palpate.ui.pictures.film import write_film
 from palpate.ui.pictures.sketch.frames import film_pictures, keyframe_sheet
 
 
-def write_sketch(sketch: Sketch, folder: Path, per_second: float = 25.0) -> dict[str, Any]:
+def write_sketch(sketch: Sketch, folder: Path, per_second: float = 25.0) -> SketchRecord:
     """Writes film.mp4, pictures/0001.png ..., keyframes.png and sketch.json, whole or not at all; returns what sketch.json says."""
     pictures = list(film_pictures(sketch))
     with atomic_folder(folder) as made:
@@ -23,6 +23,6 @@ def write_sketch(sketch: Sketch, folder: Path, per_second: float = 25.0) -> dict
             Image.fromarray(picture).save(made / "pictures" / f"{k:04d}.png")
         codec = write_film(made / "film.mp4", pictures, per_second)
         keyframe_sheet(sketch).savefig(made / "keyframes.png", dpi=110)
-        summary = sketch.summary | {"film": {"codec": codec, "per_second": per_second}}
+        summary: SketchRecord = {**sketch.summary, "film": {"codec": codec, "per_second": per_second}}
         (made / "sketch.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return summary
