@@ -130,14 +130,14 @@ class Contact:
         """Those of the last positions are kept: value, gradient and Hessian are asked for at the same place."""
         if self._kept is not None and np.array_equal(self._kept[0], x):
             return self._kept[1]
-        found = ipctk.NormalCollisions()
-        found.use_area_weighting = True
+        collisions = ipctk.NormalCollisions()
+        collisions.use_area_weighting = True
         # Every triangle near a node presses on it: twice along an edge between two, but smoothly. The sets that count a node once
         # jump there, and Newton does not converge.
-        found.collision_set_type = ipctk.NormalCollisions.IPC
-        found.build(self._mesh, x, self.layer.thickness)
-        self._kept = (x, found)
-        return found
+        collisions.collision_set_type = ipctk.NormalCollisions.IPC
+        collisions.build(self._mesh, x, self.layer.thickness)
+        self._kept = (x, collisions)
+        return collisions
 
     def _spread(self, g: FloatArray) -> FloatArray:
         out = np.zeros(self._shape)

@@ -100,8 +100,8 @@ def march(
     """
     ledger = open_ledger(body, motion) if ledger is None else ledger
     while until - motion.time > 1e-9 * options.dt:
-        left = until - motion.time
-        dt = left / max(1.0, float(np.ceil(left / min(options.dt, ledger.dt) - 1e-9)))
+        remaining = until - motion.time
+        dt = remaining / max(1.0, float(np.ceil(remaining / min(options.dt, ledger.dt) - 1e-9)))
         scheme = options.scheme if ledger.refused < _HALVINGS else "backward-euler"
         step = take_step(body, motion, dt, _NEWTON * ledger.scale, options.load or _full, scheme)
         after = None if step.motion is None else body.energies(step.motion)

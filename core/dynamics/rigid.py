@@ -33,9 +33,9 @@ def depth(surface: RigidSurface, x: FloatArray) -> float:
 
     A point whose nearest part is the surface's rim is beside it, neither behind nor in front.
     """
-    found = closest_points(surface.tree, x)
-    beside = surface.tree.rim[found.triangle, found.part]
-    return float(np.max(np.where(beside, -found.distance, -found.signed)))
+    closest = closest_points(surface.tree, x)
+    beside = surface.tree.rim[closest.triangle, closest.part]
+    return float(np.max(np.where(beside, -closest.distance, -closest.signed)))
 
 
 def plane(point: ArrayLike, normal: ArrayLike, reach: float = 1000.0) -> RigidSurface:

@@ -46,10 +46,10 @@ def solve_stage(body: MovingBody, stage: Stage, start: FloatArray, tolerance: fl
         if -slope <= tolerance:
             return StageEnd(_last_step(body, u, direction.u), k + 1)
         noise = 1e-13 * abs(value) + 0.1 * tolerance
-        found = _line_search(body, stage, friction, u, direction.u, (value, slope, noise))
-        if found is None:
+        step = _line_search(body, stage, friction, u, direction.u, (value, slope, noise))
+        if step is None:
             return StageEnd(u, k + 1, "the line search found no lower potential")
-        length, u, value = found
+        length, u, value = step
         pressure = state.p + length * direction.p
     return StageEnd(u, most, f"no minimum in {most} iterations")
 

@@ -60,11 +60,11 @@ def tissue_reaction(
     u = np.zeros((tissue.n_nodes, 3))
     for k in range(rounds if walls else 1):
         assembler.terms = tuple(w.linearised(u, min(1.0, (k + 1) / 3.0)) for w in walls)
-        found = solve_equilibrium(assembler, material, goal.ravel())
-        if not found.converged:
-            raise ConvergenceError(f"the tissue alone cannot follow the organ's surface: {found.reason}")
-        u = found.u
-    reaction = assembler.residual(State(found.u, found.p), 1.0).r_u.reshape(-1, 3)
+        equilibrium = solve_equilibrium(assembler, material, goal.ravel())
+        if not equilibrium.converged:
+            raise ConvergenceError(f"the tissue alone cannot follow the organ's surface: {equilibrium.reason}")
+        u = equilibrium.u
+    reaction = assembler.residual(State(equilibrium.u, equilibrium.p), 1.0).r_u.reshape(-1, 3)
     return -reaction[motion.nodes]
 
 

@@ -136,10 +136,10 @@ class _Collected:
     def take(self, candidates: FloatArray, picked: IntArray) -> FloatArray:
         """Solve at candidates[picked]; returns the candidates that are left."""
         x = candidates[picked]
-        found = self._solve(self._centre + self._half * x)
-        good = np.array([f is not None for f in found], dtype=bool)
+        snapshots = self._solve(self._centre + self._half * x)
+        good = np.array([f is not None for f in snapshots], dtype=bool)
         self.x, self.failed = np.vstack([self.x, x[good]]), np.vstack([self.failed, x[~good]])
-        for snapshot in found:
+        for snapshot in snapshots:
             if snapshot is not None:
                 self._add(snapshot)
         keep = np.ones(len(candidates), dtype=bool)

@@ -100,8 +100,8 @@ def power(features: Features, explained: FloatArray, x: FloatArray) -> FloatArra
     """P (n,) at points x (n, k), see `Fit`."""
     phi = features.values(x)
     prior = (phi**2).sum(axis=1)
-    left = prior - ((phi @ explained.T) ** 2).sum(axis=1)
-    return np.sqrt(np.maximum(left, 0.0) + NOISE * prior)
+    remainder = prior - ((phi @ explained.T) ** 2).sum(axis=1)
+    return np.sqrt(np.maximum(remainder, 0.0) + NOISE * prior)
 
 
 def fit(x: FloatArray, data: FloatArray, rho: float) -> Fit:
@@ -144,17 +144,17 @@ def greedy_points(
     candidates: FloatArray, n: int, features: Features, explained: FloatArray | None, with_gradients: bool
 ) -> IntArray:
     """The n candidates (c, k) that, one after the other, have the largest power function given all before them."""
-    left = features.values(candidates)
+    remainder = features.values(candidates)
     if explained is not None:
-        left = left - (left @ explained.T) @ explained
+        remainder = remainder - (remainder @ explained.T) @ explained
     chosen: list[int] = []
-    known = np.zeros((0, left.shape[1])) if explained is None else explained
+    known = np.zeros((0, remainder.shape[1])) if explained is None else explained
     for _ in range(n):
-        best = int(np.argmax((left**2).sum(axis=1)))
+        best = int(np.argmax((remainder**2).sum(axis=1)))
         chosen.append(best)
         block = features.rows(candidates[best : best + 1], with_gradients)[0]
         Q, _ = np.linalg.qr((block - (block @ known.T) @ known).T)
-        left = left - (left @ Q) @ Q.T
+        remainder = remainder - (remainder @ Q) @ Q.T
         known = np.vstack([known, Q.T])
     return np.array(chosen, dtype=np.int64)
 

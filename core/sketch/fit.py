@@ -142,13 +142,13 @@ def _better(
     n = len(figure.parts) - 1
     if degree <= _STARTED_ANEW:
         starts += [np.full(n, at) for at in (_STARTS if n else (0.0,))]
-    found = []
+    fits = []
     for start in starts:
         try:
-            found.append(fit_degree(figure, targets, degree, start, options))
+            fits.append(fit_degree(figure, targets, degree, start, options))
         except ConvergenceError:
             continue
-    return min(found, key=lambda fit: fit.misfit, default=None)
+    return min(fits, key=lambda fit: fit.misfit, default=None)
 
 
 def _summed(

@@ -56,21 +56,21 @@ class Walk:
     def __call__(self, x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Residual and Jacobian at x; None where a keyframe has no equilibrium near its line."""
         theta, forces = self.split(x)
-        rows, jacobians, found = [], [], []
+        rows, jacobians, equilibria = [], [], []
         for k, target in enumerate(self.targets):
             end = self.figure.solve(theta, np.tensordot(forces[k], self.basis, 1), self.last[k])
             self.solves += 1
             if not end.converged or self._elsewhere(end, target):
                 return None
-            found.append(end)
+            equilibria.append(end)
             moves = self.figure.sensitivities(theta, end, self.basis)
             residual, jacobian = residual_of(self.figure, end, moves, target, self.share, self.options.line_error)
             rows.append(residual)
             jacobians.append(jacobian)
-        self.last = [State(e.u, e.p) for e in found]
+        self.last = [State(e.u, e.p) for e in equilibria]
         residual, jacobian = self._stacked(rows, jacobians, x)
         if residual @ residual < self.lowest:
-            self.lowest, self.best = float(residual @ residual), tuple(found)
+            self.lowest, self.best = float(residual @ residual), tuple(equilibria)
         return residual, jacobian
 
     def _elsewhere(self, end: Equilibrium, target: Target) -> bool:

@@ -107,24 +107,24 @@ def _leg(
     shares = _smooth(np.arange(1, count + 1) / (count + 1))
     for way, (start, goal) in (("on", (ends[0], ends[1])), ("back", (ends[1], ends[0]))):
         order = shares if way == "on" else shares[::-1]
-        found = _follow(figure, theta, [loads[0].towards(loads[1], s) for s in order], start)
-        if len(found) == count and _near(figure, theta, loads[1 if way == "on" else 0], found[-1], goal):
-            us = [e.u for e in found]
+        equilibria = _follow(figure, theta, [loads[0].towards(loads[1], s) for s in order], start)
+        if len(equilibria) == count and _near(figure, theta, loads[1 if way == "on" else 0], equilibria[-1], goal):
+            us = [e.u for e in equilibria]
             return us if way == "on" else us[::-1]
     notes.append("no path of equilibria joins two keyframes: what lies between them was blended")
     return [(1 - s) * ends[0].u + s * ends[1].u for s in shares]
 
 
 def _follow(figure: Figure, theta: FloatArray, loads: list[_Load], start: State) -> list[Equilibrium]:
-    found: list[Equilibrium] = []
+    equilibria: list[Equilibrium] = []
     for load in loads:
         load.put_on(figure)
         end = figure.equilibrium(theta, start)
         if not end.converged:
             break
-        found.append(end)
+        equilibria.append(end)
         start = State(end.u, end.p)
-    return found
+    return equilibria
 
 
 def _near(figure: Figure, theta: FloatArray, load: _Load, last: Equilibrium, goal: State) -> bool:
@@ -135,12 +135,12 @@ def _near(figure: Figure, theta: FloatArray, load: _Load, last: Equilibrium, goa
 
 def _beyond(figure: Figure, theta: FloatArray, loads: list[_Load], start: State, count: int, out: Moving) -> State:
     share = _BEYOND * np.sin(0.5 * np.pi * np.arange(1, count + 1) / max(count, 1))
-    found = _follow(figure, theta, [loads[0].towards(loads[1], 1.0 + s) for s in share], start)
-    for end in found:
+    equilibria = _follow(figure, theta, [loads[0].towards(loads[1], 1.0 + s) for s in share], start)
+    for end in equilibria:
         out.add(end.u, "beyond the last keyframe")
-    if len(found) < count:
+    if len(equilibria) < count:
         out.notes.append("the forces cannot go further beyond the last keyframe: no equilibrium follows")
-    return State(found[-1].u, found[-1].p) if found else start
+    return State(equilibria[-1].u, equilibria[-1].p) if equilibria else start
 
 
 def _swing(figure: Figure, theta: FloatArray, start: State, options: MotionOptions, out: Moving) -> None:

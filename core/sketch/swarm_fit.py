@@ -52,12 +52,12 @@ def swarm_fit(
         values = []
         for theta in swarm.ask():
             near = _nearest(known, theta)
-            found = _forces_at(figure, targets, theta, near, fit_options)
-            value = np.inf if found is None else found.misfit + float(((theta / RATIO_SD) ** 2).sum())
+            fitted = _forces_at(figure, targets, theta, near, fit_options)
+            value = np.inf if fitted is None else fitted.misfit + float(((theta / RATIO_SD) ** 2).sum())
             values.append(value)
-            if found is not None:
-                known.append(found)
-                best, lowest = (found, value) if value < lowest else (best, lowest)
+            if fitted is not None:
+                known.append(fitted)
+                best, lowest = (fitted, value) if value < lowest else (best, lowest)
         swarm.tell(values)
         progress(swarm.iteration / options.iterations, f"swarm, best misfit {swarm.best_value:.4g}")
     if not np.isfinite(lowest):

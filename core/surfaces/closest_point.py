@@ -76,10 +76,10 @@ def _search(
                     if d < best:
                         best, b0, b1, b2, best_part, best_face = d, c0, c1, c2, where, face
                 continue
-            left = 2 * node + 1
-            to_left, to_right = _to_box(px, py, pz, boxes[left]), _to_box(px, py, pz, boxes[left + 1])
-            near = left if to_left <= to_right else left + 1
-            stack[top], gap[top] = 2 * left + 1 - near, max(to_left, to_right)
+            child = 2 * node + 1
+            to_left, to_right = _to_box(px, py, pz, boxes[child]), _to_box(px, py, pz, boxes[child + 1])
+            near = child if to_left <= to_right else child + 1
+            stack[top], gap[top] = 2 * child + 1 - near, max(to_left, to_right)
             stack[top + 1], gap[top + 1] = near, min(to_left, to_right)
             top += 2
         barycentric[q, 0], barycentric[q, 1], barycentric[q, 2] = b0, b1, b2

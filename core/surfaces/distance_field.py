@@ -96,14 +96,14 @@ class SignedDistanceField:
 
 def signed_distance(tree: TriangleTree, x: FloatArray) -> FloatArray:
     """Exact signed distance (q,) mm at x (q, 3); beyond an open surface's rim, the distance from its tangent plane."""
-    found = closest_points(tree, x)
-    d = found.signed.copy()
-    beyond = np.flatnonzero(tree.rim[found.triangle, found.part])
-    corner = tree.normals[found.triangle[beyond], 1:4]
+    closest = closest_points(tree, x)
+    d = closest.signed.copy()
+    beyond = np.flatnonzero(tree.rim[closest.triangle, closest.part])
+    corner = tree.normals[closest.triangle[beyond], 1:4]
     corner = corner / np.maximum(np.linalg.norm(corner, axis=2, keepdims=True), 1e-300)
-    normal = np.einsum("qk,qki->qi", found.barycentric[beyond], corner)
+    normal = np.einsum("qk,qki->qi", closest.barycentric[beyond], corner)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    d[beyond] = np.einsum("qi,qi->q", np.asarray(x)[beyond] - found.point[beyond], normal)
+    d[beyond] = np.einsum("qi,qi->q", np.asarray(x)[beyond] - closest.point[beyond], normal)
     return d
 
 

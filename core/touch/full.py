@@ -59,15 +59,15 @@ class FullTouch:
         self.assembler.terms = (*self._support, contact)
         used = 0
         if start is not None:
-            found, used = _newton(self.assembler, start, 1.0, self.rtol)
-            if found is not None:
-                return self._answer(contact, found, used)
+            equilibrium, used = _newton(self.assembler, start, 1.0, self.rtol)
+            if equilibrium is not None:
+                return self._answer(contact, equilibrium, used)
         state, load, part = self.at_rest(), 0.0, 1.0
         while load < 1.0:
-            found, more = _newton(self.assembler, state, min(1.0, load + part), self.rtol)
+            equilibrium, more = _newton(self.assembler, state, min(1.0, load + part), self.rtol)
             used += more
-            if found is not None:
-                state, load, part = found, min(1.0, load + part), 2.0 * part
+            if equilibrium is not None:
+                state, load, part = equilibrium, min(1.0, load + part), 2.0 * part
                 continue
             part = 0.5 * min(part, 1.0 - load)
             if part < _SMALLEST_PART or used > _MOST:

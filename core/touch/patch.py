@@ -59,12 +59,12 @@ class Patch:
             change = self._newton(H, gap)
             length = 1.0
             while True:
-                found = self._at(contact, u, w + length * change, wanted, trial)
-                if float(np.abs(found[3]).max()) < size or length < _SHORTEST:
+                trial_contact = self._at(contact, u, w + length * change, wanted, trial)
+                if float(np.abs(trial_contact[3]).max()) < size or length < _SHORTEST:
                     break
                 length *= 0.5
             w = w + length * change
-            blocks, f, H, gap = found
+            blocks, f, H, gap = trial_contact
         return f, blocks
 
     def _at(

@@ -50,8 +50,8 @@ class Press:
     def evaluate(self, u: FloatArray, load: float, order: int) -> tuple[float, FloatArray, FloatArray]:
         """See `Term.evaluate`."""
         centre = self.start + load * (self.centre - self.start)
-        found = self.blocks(np.arange(len(self.surface.faces)), u[self.surface.nodes], order, centre)
-        return found.energy, found.gradient, found.hessian
+        contact = self.blocks(np.arange(len(self.surface.faces)), u[self.surface.nodes], order, centre)
+        return contact.energy, contact.gradient, contact.hessian
 
     def blocks(self, rows: IntArray, u: FloatArray, order: int, centre: FloatArray | None = None) -> Blocks:
         """Of the faces `rows`; u (s, 3) mm displacements of the surface's nodes."""
@@ -100,8 +100,8 @@ class Grip:
 
     def evaluate(self, u: FloatArray, load: float, order: int) -> tuple[float, FloatArray, FloatArray]:
         """See `Term.evaluate`."""
-        found = self.blocks(np.arange(len(self.surface.faces)), u[self.surface.nodes], order, load)
-        return found.energy, found.gradient, found.hessian
+        contact = self.blocks(np.arange(len(self.surface.faces)), u[self.surface.nodes], order, load)
+        return contact.energy, contact.gradient, contact.hessian
 
     def blocks(self, rows: IntArray, u: FloatArray, order: int, load: float = 1.0) -> Blocks:
         """See `Press.blocks`."""

@@ -116,8 +116,8 @@ class QuickTouch:
         if not len(rows):
             return free, out, np.zeros(3)
         patch = Patch.of(surface, rows, self._compliance)
-        found, blocks = patch.settle(contact, u, du, f[patch.dofs], _PRECISION * surface.edge)
-        out[patch.dofs] = found
+        contact_force, blocks = patch.settle(contact, u, du, f[patch.dofs], _PRECISION * surface.edge)
+        out[patch.dofs] = contact_force
         pressed = np.flatnonzero(out)
         return free - out[pressed] @ self._responses[pressed], out, blocks.force
 

@@ -116,9 +116,9 @@ class Session:
         if not np.isfinite(indentation_mm):
             raise InputError(f"{indentation_mm} mm is no indentation")
         depth = float(np.clip(indentation_mm, -self.deepest, self.deepest))
-        found = self._answer(self._at, depth)
-        self.answers.append(replace(found, u=np.zeros((0, 3))))
-        return found
+        answer = self._answer(self._at, depth)
+        self.answers.append(replace(answer, u=np.zeros((0, 3))))
+        return answer
 
     def contact(self, at: Touched, depth: float) -> Contact:
         """The probe at a place of the surface and a depth, mm; a negative one grips and pulls."""

@@ -88,10 +88,10 @@ class ContactSurface:
 
     def nearest(self, x: FloatArray) -> Touched:
         """The point of the surface at rest nearest to x (3,) mm, with a normal that turns smoothly over edges."""
-        found = closest_points(self._tree, np.asarray(x, dtype=float)[None])
-        face = int(found.triangle[0])
-        normal = found.barycentric[0] @ self.node_normals[self.local_faces[face]]
-        return Touched(found.point[0], normal / np.linalg.norm(normal), face, float(found.signed[0]))
+        closest = closest_points(self._tree, np.asarray(x, dtype=float)[None])
+        face = int(closest.triangle[0])
+        normal = closest.barycentric[0] @ self.node_normals[self.local_faces[face]]
+        return Touched(closest.point[0], normal / np.linalg.norm(normal), face, float(closest.signed[0]))
 
     @cached_property
     def _tree(self) -> TriangleTree:

@@ -34,9 +34,9 @@ def minimise(
         distance = relative(assembler, residual)
         if distance <= max(near, work.options.rtol):
             near = 0.1 * distance
-            found = iterate_mixed(assembler, balanced, goal, load, work)
-            if found.converged and found.stable is not False:
-                return found
+            ended = iterate_mixed(assembler, balanced, goal, load, work)
+            if ended.converged and ended.stable is not False:
+                return ended
         step, share = _descent_step(assembler, State(u, pressure), residual, load, work, share)
         if step is None:
             return Outcome(balanced, False, None, True)

@@ -147,14 +147,14 @@ def _chord(
         if not assembler.min_jacobian(trial.u) > 0.0:
             return state, False
         after = assembler.residual(trial, load, work.slopes)
-        left = relative(assembler, after)
+        residual_after = relative(assembler, after)
         if _arrived(assembler, trial, after, load, work):
             return trial, True
         following = work.correction(assembler, after)
         now = size(assembler, following)
-        if not (now < length or (now < 2.0 * length and left < 0.5 * distance)):
+        if not (now < length or (now < 2.0 * length and residual_after < 0.5 * distance)):
             return state, False
-        distance = left
+        distance = residual_after
         changes = [*changes, step][-_HISTORY:]
         differences = [*differences, following - correction][-_HISTORY:]
         state, correction, length = trial, following, now

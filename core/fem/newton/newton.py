@@ -106,16 +106,16 @@ def _march(
     rest = State(np.zeros((assembler.space.n_nodes, 3)), np.zeros(assembler.space.n_pressures))
     first = _usable_start(assembler, start)
     if first is not None:
-        found = _one_load(assembler, first, goal, 0.0, 1.0, work)
-        if found.converged:
+        outcome = _one_load(assembler, first, goal, 0.0, 1.0, work)
+        if outcome.converged:
             work.reason = ""
-            return found.state, 1.0, found.stable
+            return outcome.state, 1.0, outcome.stable
     state, load, step, stable = rest, 0.0, 1.0, None
     while load < 1.0:
         target = min(1.0, load + step)
-        found = _one_load(assembler, state, goal, load, target, work)
-        if found.converged:
-            state, load, stable, step = found.state, target, found.stable, 2.0 * step
+        outcome = _one_load(assembler, state, goal, load, target, work)
+        if outcome.converged:
+            state, load, stable, step = outcome.state, target, outcome.stable, 2.0 * step
             continue
         step = 0.5 * (target - load)
         if step < work.options.min_load_step or work.exhausted:
@@ -140,32 +140,34 @@ def _usable_start(assembler: Assembler, start: FloatArray | State | None) -> Sta
 def _one_load(assembler: Assembler, state: State, goal: FloatArray, reached: float, load: float, work: Work) -> Outcome:
     """One load level: mixed iteration; the energy iteration if that ended unstable, or failed where half the step would not help."""
     work.load_steps += 1
-    found = iterate_mixed(assembler, state, goal, load, work)
-    if found.converged and found.stable is not False:
-        return found
-    if found.stable is False and not work.options.follow_buckling:
+    outcome = iterate_mixed(assembler, state, goal, load, work)
+    if outcome.converged and outcome.stable is not False:
+        return outcome
+    if outcome.stable is False and not work.options.follow_buckling:
         work.reason = "the body loses its stability under this load (it buckles)"
-        return replace(found, converged=False)
-    if found.converged:
-        left = leave_saddle(assembler, found.state, load, work)
-        if left is None:
+        return replace(outcome, converged=False)
+    if outcome.converged:
+        lower = leave_saddle(assembler, outcome.state, load, work)
+        if lower is None:
             work.reason = "the equilibrium found is not stable"
-            return replace(found, converged=False)
+            return replace(outcome, converged=False)
         work.buckled = True
-        return minimise(assembler, left, goal, load, work)
-    if not found.in_place:
-        return found
-    if found.stable is not False and load - reached > _PATIENCE:
-        return found  # half the increment is cheaper than a fight
-    return _fight(assembler, found, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
+        return minimise(assembler, lower, goal, load, work)
+    if not outcome.in_place:
+        return outcome
+    if outcome.stable is not False and load - reached > _PATIENCE:
+        return outcome  # half the increment is cheaper than a fight
+    return _fight(assembler, outcome, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
 
 
-def _fight(assembler: Assembler, found: Outcome, goal: FloatArray, load: float, work: Work, iterations: int) -> Outcome:
+def _fight(
+    assembler: Assembler, outcome: Outcome, goal: FloatArray, load: float, work: Work, iterations: int
+) -> Outcome:
     """The energy iteration from where the mixed one failed. From an indefinite tangent it goes to another branch, maybe."""
     if not work.options.follow_buckling:
-        return found
-    end = minimise(assembler, found.state, goal, load, work, iterations)
-    work.buckled |= end.converged and found.stable is False
+        return outcome
+    end = minimise(assembler, outcome.state, goal, load, work, iterations)
+    work.buckled |= end.converged and outcome.stable is False
     return end
 
 

@@ -131,5 +131,5 @@ def relative(assembler: Assembler, residual: Residual) -> float:
     force = float(np.linalg.norm(residual.r_u[assembler.free]))
     volume = float(np.linalg.norm(residual.r_p)) / assembler.total_volume
     scale = residual.scale
-    found = max(force / scale if scale > 0.0 else force, volume)
-    return found if np.isfinite(found) else np.inf
+    relative_residual = max(force / scale if scale > 0.0 else force, volume)
+    return relative_residual if np.isfinite(relative_residual) else np.inf
