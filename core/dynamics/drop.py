@@ -1,4 +1,4 @@
-"""An organ falls onto a dish (the paper's Fig 15a)."""
+"""Fall of an organ onto a dish (Fig 15a of Yang & Lin, MaterialCloning)."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class DropFigures(FallFigures):
 
 @dataclass(frozen=True, eq=False)
 class Drop:
-    """What came of it: points (frames, n, 3) mm of the organ's surface at times (frames,) s, +z up, the dish's lowest point at 0.
+    """Result of a fall: points (frames, n, 3) mm of the organ's surface at times (frames,) s, +z up, the dish's lowest point at 0.
 
     faces : (f, 3) outwards, regions (f,) of them. figures : plain values, see `drop`.
     energies : by name and "time_s", after every step (steps + 1,), mN mm.

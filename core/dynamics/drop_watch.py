@@ -1,4 +1,4 @@
-"""What a falling organ is watched for, step by step, and the figures that come of it."""
+"""Quantities recorded at every step of a fall, and the figures computed from them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate.core.dynamics.rigid import RigidSurface, depth
 
 
 class Reached(TypedDict):
-    """When and how fast the dish's layer is reached; None where it is not."""
+    """Time and speed at which the dish's contact layer is reached; None where it is not."""
 
     fall_mm: float | None
     fall_time_s: float | None
@@ -23,7 +23,7 @@ class Reached(TypedDict):
 
 
 class FallFigures(Reached):
-    """What came of one fall, see `drop`; energies relative to that of the fall."""
+    """Figures of one fall, see `drop`; energies relative to that of the fall."""
 
     landed: bool
     rebound_mm: float | None
@@ -41,14 +41,14 @@ class FallFigures(Reached):
 
 
 class Watch:
-    """Looks at every step: how deep the surface is in the dish, how high the organ stands."""
+    """Records at every step the depth of the surface in the dish and the height of the organ."""
 
     def __init__(self, nodes: FloatArray, faces: IntArray, on: RigidSurface) -> None:
         self._nodes, self._faces, self._on = nodes, faces, on
         self.times, self.depths, self.heights, self.fallen = (list[float]() for _ in range(4))
 
     def see(self, motion: Motion) -> None:
-        """Takes down one step."""
+        """Record one step."""
         x = self._nodes + motion.u
         corners = x[self._faces]
         looked = np.vstack([corners.mean(axis=1), 0.5 * (corners + corners[:, [1, 2, 0]]).reshape(-1, 3), *corners])

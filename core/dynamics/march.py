@@ -1,4 +1,4 @@
-"""Steps one after the other: a step that makes energy, or finds no minimum, is taken again in halves, at last by backward Euler."""
+"""Time integration. A step that gains energy or has no minimum is repeated with half its length, at last by backward Euler."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from palpate.core.dynamics.schemes import DEFAULT_SCHEME, Step, take_step
 from palpate.core.dynamics.system import MovingBody
 from palpate.core.errors import ConvergenceError
 
-_NEWTON = 1e-10  # of the energy scale: what a stage's minimum may still be missed by
-_ROUNDING = 1e-9  # of the energy scale, a step
-# After so many halvings backward Euler takes the step: first order, but it loses energy where the other may gain some.
+_NEWTON = 1e-10  # tolerance of a stage's minimum, relative to the energy scale
+_ROUNDING = 1e-9  # relative to the energy scale, per step
+# Number of halvings after which backward Euler takes the step: first order, but it dissipates energy where the other scheme may gain some.
 _HALVINGS = 3
 _PATIENCE = 4  # good steps after which a halved one is doubled again
 
@@ -36,7 +36,7 @@ class MarchOptions:
 
 @dataclass
 class Ledger:
-    """What a march has done so far. energies : after every step, the start first; times : s of the same.
+    """Account of a march so far. energies : after every step, the start first; times : s of the same.
 
     scale : mN mm that tolerances refer to. viscous, friction : mN mm lost to these. rejected : steps taken again.
     dt : s, the step now allowed, after `good` steps in a row that were taken, or `refused` ones that were not.
@@ -122,7 +122,7 @@ def _full(time: float) -> float:
 def _too_much(after: Energies, ledger: Ledger, options: MarchOptions) -> bool:
     if options.load is not None:
         return not np.isfinite(after.total)
-    # No step may use up more than half of what is left: with nothing left, rounding alone would stop the march.
+    # A step may use up at most half of the remaining energy tolerance: with none remaining, rounding alone would stop the march.
     above = (ledger.energies[-1].total - ledger.lowest) / ledger.scale
     allowed = max(0.5 * (options.energy_tolerance - above), min(_ROUNDING, options.energy_tolerance))
     return not after.total <= ledger.energies[-1].total + allowed * ledger.scale

@@ -1,4 +1,4 @@
-"""Where a moving body is, and the energy it has."""
+"""State of motion of a body, and its energy."""
 
 from __future__ import annotations
 
@@ -49,5 +49,5 @@ class Stage:
 
     @property
     def aim(self) -> FloatArray:
-        """(n, 3) mm, where the stage would end without forces."""
+        """Displacements (n, 3) mm at the end of the stage without forces."""
         return self.base + self.h * self.velocity

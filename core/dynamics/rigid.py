@@ -1,4 +1,4 @@
-"""Rigid surfaces that a body may fall on: a plane and a dish."""
+"""Rigid surfaces for contact: a plane and a dish."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RigidSurface:
 
 
 def depth(surface: RigidSurface, x: FloatArray) -> float:
-    """How far the deepest of points x (q, 3) lies behind the surface, mm; negative: how near the nearest in front comes.
+    """Largest depth of points x (q, 3) behind the surface, mm; negative: minus the least distance in front of it.
 
     A point whose nearest part is the surface's rim is beside it, neither behind nor in front.
     """

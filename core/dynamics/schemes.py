@@ -74,7 +74,7 @@ def take_step(
 
 
 def _damping(body: MovingBody, motion: Motion, ahead: float) -> FloatArray | None:
-    """The damping matrix about where the body will be: taken where it was, a turning body would be braked in first order."""
+    """The damping matrix at the predicted displacement; at the old one it would brake a rotating body, an error of first order."""
     return None if body.viscosity is None else body.viscosity.values(motion.u + ahead * motion.v)
 
 

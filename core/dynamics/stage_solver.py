@@ -1,4 +1,4 @@
-"""The minimum of one stage's potential: Newton with line search, never across a wall, never into an inverted cell."""
+"""Minimum of one stage's potential by Newton with line search; no trial point crosses a wall or inverts a cell."""
 
 from __future__ import annotations
 

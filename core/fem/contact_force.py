@@ -1,10 +1,11 @@
 """The contact-force boundary: Eq 9 of Yang & Lin, MaterialCloning.
 
-Tissue pulled to where the organ's surface went gives the force that loads the organ alone. The tissue by itself is solved with the
-organ's surface displacement u_s prescribed; its reaction f = K u_s, turned round, is a dead load on the organ. The organ alone could
-move as a rigid body, and a dead compression would even turn it over: its mean displacement and rotation over a dozen points of its
-surface are held to those of u_s. Noise in u_s goes straight into f, and a soft organ can still be unstable: the inertia of the solved
-system says so.
+Step 1: the equilibrium of the tissue alone, with the observed displacement u_s prescribed on the organ's surface. Step 2: the
+reaction f = K u_s of the tissue, with its sign reversed, as a dead load on the organ alone.
+
+A dead load leaves the organ's rigid motion undetermined, and a compressive one turns the organ over. Hence a hold: the mean
+displacement and rotation of a dozen surface points equal those of u_s. Limits: noise in u_s enters f undamped, and a soft organ can
+still be unstable, which the inertia of the tangent shows.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import nodal_force
 from palpate.core.fem.terms.wall import SlidingWall
 
-# Points whose mean motion is held, and the stiffness of that hold over a typical shear modulus times the organ's size.
+# Number of points whose mean motion is held; stiffness of that hold relative to a typical shear modulus times the organ's size.
 _HELD_POINTS = 12
 _HOLD = 100.0
 
@@ -46,7 +47,7 @@ def tissue_reaction(
     walls: Sequence[SlidingWall] = (),
     rounds: int = 6,
 ) -> FloatArray:
-    """Force (k, 3) mN that the tissue, so deformed, exerts on the organ at the shared nodes (f of Eq 9, turned round).
+    """Force (k, 3) mN of the deformed tissue on the organ at the shared nodes: -f of Eq 9.
 
     held : nodes of the tissue that do not move (bone, outer surface). walls : of hollow organs, brought to where they were seen
     within `rounds` linearisations. Raises ConvergenceError when the tissue has no equilibrium.

@@ -1,4 +1,4 @@
-"""Which law holds in which region, and with what values."""
+"""Law and parameter values of each region."""
 
 from __future__ import annotations
 

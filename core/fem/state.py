@@ -1,4 +1,4 @@
-"""Where a body is, and how far from equilibrium."""
+"""State of a body, and its distance from equilibrium."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from palpate.core.arrays import FloatArray
 class State:
     """Displacements u (n, 3) mm and pressures p (n_p,) kPa.
 
-    q : (m, points) kPa, elements without pressure unknowns only: pressures at the points that an iteration moves with u, on
-    their way to kappa g; None where they stand there.
+    q : (m, points) kPa, elements without pressure unknowns only: pressures at the quadrature points, iterated with u towards
+    kappa g; None where they equal kappa g.
     """
 
     u: FloatArray

@@ -1,4 +1,4 @@
-"""How much the data favour a model: score tests and marginal likelihoods with the stiffness projected out.
+"""Evidence for a model: score tests and marginal likelihoods with the stiffness projected out.
 
 Everything here is in whitened coordinates: r (n,) residual, J (n, t) derivative in ln G, S (n, k) derivative in phi.
 """
@@ -55,10 +55,10 @@ def score(r: FloatArray, J: FloatArray, S: FloatArray, scales: FloatArray, bound
 
 
 def allowed(estimate: FloatArray, sd: FloatArray, scales: FloatArray, bounds: FloatArray) -> float:
-    """What bounds (k, 2) add to a log evidence that knows none: ln of how much more of the posterior they hold than of the prior.
+    """Contribution of bounds (k, 2) to a log evidence without bounds: ln of the posterior's mass within them over the prior's.
 
     estimate, sd (k,) : of the posterior, normal; scales (k,) : standard deviations of the prior around 0. Parameters one by one. An
-    effect that can only go one way gains ln 2 where the data agree, and loses what they should never have given it where not.
+    effect with one sign only gains ln 2 where the data agree with it, and loses evidence where they do not.
     """
     posterior = log_share((bounds[:, 0] - estimate) / sd, (bounds[:, 1] - estimate) / sd)
     return float((posterior - log_share(bounds[:, 0] / scales, bounds[:, 1] / scales)).sum())

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt in log-stiffness with direct sensitivities: a handful of solves where a swarm needs thousands."""
+"""Levenberg-Marquardt in log-stiffness with direct sensitivities (du/dmu of Eq 20 of Yang & Lin)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prediction of what was left out: patches of the organ's surface and of bones, and the landmarks, one at a time.
+"""Prediction of held-out data: patches of the organ's surface and of bones, and the landmarks, one at a time.
 
 In-sample criteria prefer the wrong model under correlated noise; a patch at least two correlation lengths wide that the fit has not
 seen does not. Models are linear around their own best fit here: every patch takes one small solve.

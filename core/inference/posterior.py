@@ -1,4 +1,4 @@
-"""What the data say about the stiffness: Laplace's approximation in log-stiffness within the given bounds."""
+"""Posterior of the stiffness: Laplace's approximation in log-stiffness within the given bounds."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from scipy import stats
 
 from palpate.core.arrays import BoolArray, FloatArray
 
-# A stiffness whose posterior is wider than this share of the prior's width was not seen.
+# Ratio of posterior to prior width above which a stiffness counts as not identified.
 _BLIND = 0.7
 
 
-# Keeps the precision of what the data alone say invertible, in units of the prior's.
+# Share of the prior's precision that is left in the data's own, which keeps it invertible.
 _LEAST = 1e-4
 
 
@@ -62,7 +62,7 @@ class Posterior:
         return np.asarray(stats.truncnorm(low, high, loc=self.mean, scale=sd).ppf(probability), dtype=np.float64)
 
     def of(self, rows: slice) -> Posterior:
-        """What is known of some parameters, whatever the others are."""
+        """Marginal of some parameters."""
         part = self.covariance[rows, rows]
         return Posterior(self.mean[rows], part, self.singular_values, self.scale, self.bounds[rows])
 
@@ -80,7 +80,7 @@ class Posterior:
 
 @dataclass(frozen=True, eq=False)
 class NoiseFacts:
-    """What the noise does to a weighted residual r with Jacobian J.
+    """Statistics of a weighted residual r with Jacobian J under the noise.
 
     score_covariance : (t, t) of J' r. expected : mean of |r|^2 at the truth. Weights that are the noise's own inverse have
     J' J and the number of data.

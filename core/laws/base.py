@@ -1,4 +1,4 @@
-"""What every material law is (Eqs 4 to 7 of Yang & Lin: stress from an energy of invariants and volume).
+"""Interface of a material law (Eqs 4 to 7 of Yang & Lin: stress from an energy of invariants and volume).
 
 A law's energy density is written  psi(F) = W(F) + kappa/2 g(F)^2,  where W is the part without volume change and g a
 volumetric measure (J - 1, tr eps, ...). A displacement-only element uses psi; a mixed element replaces the second term by

@@ -1,1 +1,1 @@
-"""Reduced models of one equilibrium: snapshots, hyper-reduction, interpolation, each with an error estimate."""
+"""Reduced models of one equilibrium: greedy snapshots and kernel interpolation, with an error estimate. No hyper-reduction."""

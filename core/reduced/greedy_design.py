@@ -1,4 +1,4 @@
-"""Where to solve a scene so that its reduced model becomes as exact as asked: greedy snapshots until the estimate is small enough."""
+"""Greedy design of a reduced model: full solves where the error estimate is largest, until it is below the tolerance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reduced model of one scene: displacement as a function of a few parameters, in microseconds, with an error it can vouch for.
+"""Reduced model of one scene: displacement as a function of a few parameters, in microseconds, with an error estimate.
 
 Displacements at chosen parameters (and their sensitivities, which a solve gives away) are written in a small orthonormal basis
 whose coefficients are interpolated over the parameter box (`kernel_interpolation`). Where its estimate exceeds a tolerance the caller

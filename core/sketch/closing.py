@@ -1,8 +1,8 @@
-"""What smooth forces leave: the rim is drawn onto the keyframe's line by springs.
+"""The residual of smooth forces, closed by springs that pull the rim onto the keyframe's line.
 
-A drawn pose need not be one that few smooth forces make. From every observed point of the rim a spring goes to where the point
-belongs; all are alike, and as stiff as it takes. Their other ends can be moved, so that the way between two keyframes is one of
-equilibria too, where forces alone would let the figure snap.
+Few smooth forces do not reach every drawn pose. Every observed point of the rim gets a spring to its partner on the line; all
+springs have one stiffness, the least that reaches the keyframe. Their targets can be moved, so that the path between two keyframes
+consists of equilibria too, where forces alone let the figure snap through.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from palpate.core.sketch.matching import matched
 from palpate.core.sketch.outline import hausdorff
 from palpate.core.sketch.residual import Target
 
-# Stiffness of the springs, see `Figure.loaded`, tried in turn; rounds of pairing anew with each.
+# Stiffness of the springs, see `Figure.loaded`, tried in turn; rounds of matching with each.
 _STIFFNESS = (30.0, 120.0, 500.0)
 _ROUNDS = 3
-# They end well below what counts as a hit.
+# Rounds end at this share of `HIT`.
 _ENOUGH = 0.6
 
 
 def closed(figure: Figure, targets: tuple[Target, ...], fit: Fit) -> Fit:
-    """The same fit with springs where its smooth forces do not hit a keyframe; as it is where they do, or where springs do not help."""
+    """The fit with springs added where its smooth forces miss a keyframe; unchanged where they hit, or where springs do not help."""
     if hits(figure, targets, fit):
         return fit
     basis = figure.force_basis(fit.degree)
@@ -69,7 +69,7 @@ def _drawn(
 
 
 def _goal(figure: Figure, u: FloatArray, target: Target) -> FloatArray:
-    """(q, 3) mm from each point of the rim at rest to its partner, paired anew where the rim now is."""
+    """Vectors (q, 3) mm from each point of the rim at rest to its partner, matched at the present rim."""
     flat = matched(figure.rim_at(u), target.outline) - figure.outline.points
     return np.column_stack([flat, np.zeros(len(flat))])
 

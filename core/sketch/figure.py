@@ -24,18 +24,18 @@ from palpate.core.surfaces.triangles import normals
 
 SIDES = ("bottom", "top", "left", "right")
 ELEMENT = "p2"
-# Force coefficients are given in this share of the first part's shear modulus.
+# Unit of force coefficients over the first part's shear modulus.
 FORCE_UNIT = 0.05
-# Nodes this near to a held side, in figure sizes, do not move.
+# Distance from a held side, in figure sizes, within which nodes are fixed.
 HELD_BAND = 0.02
-# A figure that is held nowhere lies on springs, this much of its shear modulus over its size squared.
+# Stiffness of the springs under a figure that is held nowhere, times its size squared over its shear modulus.
 _BED = 0.5
 _OPTIONS = NewtonOptions(rtol=1e-7, max_factorisations=60, min_load_step=1.0 / 16.0)
 
 
 @dataclass(frozen=True)
 class FigureOptions:
-    """held : sides that stay where they are; none lays the figure on soft springs. poisson_ratio : of all parts."""
+    """held : fixed sides; with none the figure rests on soft springs. poisson_ratio : of all parts."""
 
     held: tuple[str, ...] = ("bottom",)
     poisson_ratio: float = 0.4
@@ -47,7 +47,7 @@ class Figure:
 
     mesh : extruded along z, regions 1 .. P are its parts. outline : points (q, 2) of its rim that are observed.
     Parameters: theta (P - 1,) = ln of each further part's shear modulus over the first one's, and force coefficients c (r,), see
-    `force_basis`. The first part's modulus is 1 kPa: shapes know forces over stiffness only.
+    `force_basis`. The first part's modulus is 1 kPa: shapes depend on forces over stiffness only.
     """
 
     def __init__(self, mesh: TetMesh, outline: Outline, options: FigureOptions | None = None) -> None:
@@ -135,7 +135,7 @@ class Figure:
         return np.stack(moves, axis=2)[:, :2]
 
     def rim_at(self, u: FloatArray) -> Outline:
-        """The rim where nodal displacements u (n, 3) take it."""
+        """The rim at nodal displacements u (n, 3) mm."""
         points = self.outline.points + (self.rim @ u)[:, :2]
         ends = np.cumsum([len(loop) for loop in self.outline.loops])[:-1]
         return Outline(tuple(np.split(points, ends)))

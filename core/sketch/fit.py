@@ -1,7 +1,7 @@
-"""Stiffness and rim forces with which a figure passes through drawn keyframes, by Gauss-Newton on the outlines' distance.
+"""Stiffness and rim forces of a figure from drawn keyframes, by Gauss-Newton on the distance of the outlines.
 
-The residual is the distance of Eqs 11 to 13 with a sign and in both directions: the figure's rim from the drawn line and the line
-from the rim. All keyframes share the stiffness, each has forces of its own.
+The residual is the distance of Eqs 11 to 13 of Yang & Lin, signed and in both directions: the figure's rim from the drawn line and
+the line from the rim. All keyframes share the stiffness; each has its own forces.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from palpate.core.sketch.outline import hausdorff
 from palpate.core.sketch.residual import CORRELATION, Target
 from palpate.core.worker.progress import Progress, silent
 
-# A keyframe is hit when no part of the outlines is further away than this, in figure sizes.
+# Largest Hausdorff distance of a keyframe that counts as hit, in figure sizes.
 HIT = 0.02
-# The keyframe is approached in so many stages at first, point to point, with the stiffness left alone.
+# Stages of the first approach to a keyframe, point to point with fixed stiffness; steps in each.
 _STAGES = (0.34, 0.67, 1.0)
 _FEW = 6
-# Ratios (ln) that fits up to this degree of the forces are begun from.
+# Starting values of ln ratio, and the degree of the forces up to which all are tried.
 _STARTS, _STARTED_ANEW = (0.0, -1.5, 1.5), 1
 
 
@@ -34,7 +34,7 @@ _STARTS, _STARTED_ANEW = (0.0, -1.5, 1.5), 1
 class Fit:
     """theta (P - 1,) = ln of stiffness ratios; forces : (k, r) coefficients of each keyframe; states, their equilibria.
 
-    misfit : squared whitened residual of the outlines. looks : independent looks at them. covariance (P - 1, P - 1) of theta.
+    misfit : squared whitened residual of the outlines. looks : number of independent data. covariance (P - 1, P - 1) of theta.
     goals : (k, q, 3) mm, where springs of `spring` (see `Figure.loaded`) pull the rim's points beside those forces; None where the
     forces were enough, see `closing`.
     """
@@ -53,7 +53,7 @@ class Fit:
 
     @property
     def score(self) -> float:
-        """Schwarz's criterion: misfit plus what every force coefficient costs."""
+        """Schwarz's criterion: misfit plus ln(number of data) for every force coefficient."""
         return self.misfit + self.forces.size * float(np.log(self.looks))
 
 

@@ -12,12 +12,12 @@ from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.residual import Target, residual_of
 
-# Ratios of stiffness looked for, and forces in their unit: the last only keeps apart what the outlines do not tell.
+# Bounds of ln ratio; prior standard deviation and bound of force coefficients, which regularise what the outlines do not determine.
 RATIO_BOUNDS = (np.log(1.0 / 50.0), np.log(50.0))
 _FORCE_SD, _FORCE_BOUND = 60.0, 300.0
-# What is thought of a ratio before anything is drawn: within a factor of ten, about (standard deviation of ln).
+# Prior standard deviation of ln ratio: about a factor of ten.
 RATIO_SD = 2.3
-# The rim is on the wrong part of a line when its points are this far from their partners in the mean, in figure sizes.
+# Mean distance of the rim's points from their partners, in figure sizes, above which the rim is on the wrong part of a line.
 _ASTRAY = 0.3
 
 
@@ -74,7 +74,7 @@ class Walk:
         return residual, jacobian
 
     def _elsewhere(self, end: Equilibrium, target: Target) -> bool:
-        """Whether the figure has turned over or snapped to where the line is met by other parts of the rim."""
+        """Whether the figure has turned over or snapped, so that other parts of the rim meet the line."""
         off = np.linalg.norm(self.figure.rim_at(end.u).points - target.partners, axis=1)
         return self.share is None and float(off.mean()) > _ASTRAY * self.figure.outline.size
 

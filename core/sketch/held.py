@@ -1,4 +1,4 @@
-"""Which sides of a figure stay where they are through all keyframes."""
+"""Sides of a figure that do not move through all keyframes."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from palpate.core.sketch.figure import SIDES, held_points
 from palpate.core.sketch.outline import Outline
 
-# A side stays when nine tenths of its rim are no further than this from every keyframe's line, in figure sizes. A corner that it
-# shares with a side that stays, so far, says nothing of it.
+# A side is held when this share of its rim (_MOST) lies within _STAYS of every keyframe's line, in figure sizes. Points within _CORNER
+# of a side that is held already are left out: they say nothing of the next side.
 _STAYS, _MOST, _CORNER = 0.02, 0.9, 0.1
 
 

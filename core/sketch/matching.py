@@ -1,7 +1,7 @@
-"""Which point of one drawn outline is which of another: a cheapest monotone pairing round both loops (dynamic time warping).
+"""Correspondence of two drawn outlines: the cheapest monotone pairing round both loops (dynamic time warping).
 
-Sakoe and Chiba 1978, Dynamic programming algorithm optimization for spoken word recognition. Only a start: afterwards the figure
-may slide along the drawn line, because a line shows no points.
+Sakoe and Chiba 1978, Dynamic programming algorithm optimization for spoken word recognition. It is a starting value only: a line
+shows no points, so that the fit lets the figure slide along it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.sketch.outline import Outline, perimeter, resampled_loop
 
-# Points a loop is matched with, and how many of the first one's possible partners are tried.
+# Number of points of a loop in the matching, and of partners tried for the first of them.
 _COUNT, _STARTS = 160, 40
 # Weights of place (in figure sizes), direction and turn; price of a step that stretches or squeezes.
 _PLACE, _DIRECTION, _TURN, _STRETCH = 2.0, 0.5, 0.4, 0.02
@@ -25,7 +25,7 @@ _REACH = 0.025
 def matched(rest: Outline, key: Outline, name: str = "the keyframe", held: bool = True) -> FloatArray:
     """(n, 2) mm: where on `key` each point of `rest` (n points) belongs.
 
-    held : some of the figure stays where it is; without, it may have moved as a whole, and places are seen from its middle.
+    held : whether part of the figure is fixed; if not, positions are taken relative to the figure's centre.
     Raises InputError when the two have different numbers of holes.
     """
     if len(rest.loops) != len(key.loops):
@@ -61,7 +61,7 @@ def _on_loop(loop: FloatArray, target: FloatArray, size: float) -> FloatArray:
 
 
 def _way(loop: FloatArray) -> FloatArray:
-    """(n,) how far along its loop each point lies, 0 to 1."""
+    """Arc length (n,) of each point along its loop, 0 to 1."""
     steps = np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)
     return np.asarray((np.cumsum(steps) - steps) / perimeter(loop))
 

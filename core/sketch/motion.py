@@ -22,11 +22,11 @@ from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.fit import Fit
 from palpate.core.worker.progress import Progress, silent
 
-# Two ways to one keyframe are the same when they differ by less than this, in figure sizes.
+# Two paths reach the same keyframe when their ends differ by less than this, in figure sizes.
 _SAME = 0.01
-# How far forces go on beyond the last keyframe, as a share of the last leg.
+# Extrapolation of the forces beyond the last keyframe, as a share of the last leg.
 _BEYOND = 0.25
-# The swing's period, s, which sets the density that nobody drew, and its damping ratio.
+# Period of the free swing, s, which sets the density, and its damping ratio; both chosen for a picture, not measured.
 _PERIOD, _DAMPING = 1.0, 0.1
 
 
@@ -128,7 +128,7 @@ def _follow(figure: Figure, theta: FloatArray, loads: list[_Load], start: State)
 
 
 def _near(figure: Figure, theta: FloatArray, load: _Load, last: Equilibrium, goal: State) -> bool:
-    """Whether one more step ends where it should."""
+    """Whether one more step ends at its goal."""
     end = _follow(figure, theta, [load], State(last.u, last.p))
     return bool(end) and float(np.abs(end[0].u - goal.u).max()) < _SAME * figure.outline.size
 
@@ -144,7 +144,7 @@ def _beyond(figure: Figure, theta: FloatArray, loads: list[_Load], start: State,
 
 
 def _swing(figure: Figure, theta: FloatArray, start: State, options: MotionOptions, out: Moving) -> None:
-    """Let go: no forces any more."""
+    """Free swing without forces."""
     figure.loaded(np.zeros_like(start.u))
     figure.assembler.set_materials(figure.materials(theta))
     squared = float((start.u * Mass.of(figure.space, 1.0).times(start.u)).sum())

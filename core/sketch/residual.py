@@ -1,4 +1,4 @@
-"""How far a figure's rim is from a drawn line, and the line from the rim, with derivatives (the paper's Eqs 11 to 13, both ways)."""
+"""Distance of a figure's rim from a drawn line and of the line from the rim, with derivatives (Eqs 11 to 13 of Yang & Lin, both ways)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.outline import Outline
 
-# Independent errors of a drawn line lie this far apart, in figure sizes.
+# Correlation length of a drawn line's error, in figure sizes.
 CORRELATION = 0.04
 
 
@@ -28,7 +28,7 @@ def residual_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened residual (m,) and derivative (m, p) for rim movements (q, 2, p) per parameter.
 
-    share : how far on the way to the partners, point to point; None for the distance between the lines.
+    share : of the displacement to the partners, point to point; None for the distance between the lines.
     """
     rim = figure.rim_at(found.u)
     x, size = rim.points, figure.outline.size

@@ -1,8 +1,8 @@
-"""The full equilibrium of a touched body: every cell's own law, contact and all.
+"""The full equilibrium of a touched body: nonlinear law in every cell, and contact.
 
-Contact has kinks, at which the step control of `core.fem.newton.newton` loses patience: full Newton steps,
-shortened only where a cell would turn inside out, settle which nodes are in contact within a few iterations
-(Hueber & Wohlmuth 2005, Comput. Methods Appl. Mech. Engng 194:3147). The probe goes part of the way where that fails.
+The force has kinks where nodes come into contact, and the step control of `core.fem.newton.newton` stalls there. Full Newton
+steps, shortened only where a cell would be inverted, find the set of nodes in contact within a few iterations (Hueber & Wohlmuth
+2005, Comput. Methods Appl. Mech. Engng 194:3147). Where they fail the probe moves in increments.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from palpate.core.touch.body import Body
 from palpate.core.touch.probe import Contact, Grip
 
 _ITERATIONS = 25
-# Factorisations after which a person has waited long enough.
+# Largest number of factorisations per touch: a person waits for the answer.
 _MOST = 150
 _SMALLEST_PART = 1.0 / 64.0
 

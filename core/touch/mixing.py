@@ -20,7 +20,7 @@ class Mixing:
         self._differences: list[FloatArray] = []
 
     def mixed(self, step: FloatArray) -> FloatArray:
-        """The change to make where the iteration asks for `step` (n,): less of what earlier changes have shown to be too much."""
+        """The change to make where the iteration asks for `step` (n,): with the part removed that earlier changes show to be overshoot."""
         if self._step is not None and self._taken is not None:
             self._changes = [*self._changes, self._taken][-_HISTORY:]
             self._differences = [*self._differences, step - self._step][-_HISTORY:]

@@ -1,9 +1,9 @@
-"""The quick answer: a touched body in some milliseconds, with an error that it can vouch for.
+"""The quick solver: equilibrium of a touched body in some milliseconds, with an estimate of its error.
 
-What the body does at small strain is worked out once: the factor of its tangent at rest, and its surface's compliance under unit forces
-on every node (Green's functions). On them the contact is solved exactly, as a small dense problem of the nodes near the probe. What
-large strain changes comes back as a residual of the true cells and is answered by the same factor, a few times, mixed by Anderson's
-method. How far the nodes still move, of their way so far, tells how far the force still is from where it will end.
+Computed once, at rest: the factor of the tangent, and the compliance of the surface under unit forces on every node (Green's
+functions). Each round solves the contact of that linear body exactly, as a small dense problem of the nodes near the probe. The
+residual of the nonlinear cells is then corrected with the same factor, a few times, with Anderson mixing. Error estimate of the force:
+the last step of the nodes relative to their whole motion.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from palpate.core.touch.mixing import Mixing
 from palpate.core.touch.patch import Patch
 from palpate.core.touch.probe import Contact
 
-# Of an edge: how exactly the patch's contact is solved in each round.
+# Tolerance of the patch's contact in each round, relative to an edge.
 _PRECISION = 2e-5
-# Below this force, mN, any error is as good as none.
+# Force, mN, below which its error does not count.
 _NOTHING = 0.05
 
 
@@ -30,8 +30,8 @@ _NOTHING = 0.05
 class QuickOptions:
     """tolerance : of the force, relative, by its own estimate. iterations : at most.
 
-    safety : of the estimate. Errors of the force are 0.2 to 0.4 times the share of their way that the touched nodes still move, at most
-    1.13 times (measured on 120 pokes of three supports).
+    safety : factor on the estimate. The relative error of the force is 0.2 to 0.4 times the last step of the touched nodes relative to
+    their whole motion, at most 1.13 times (measured on 120 touches with three supports).
     """
 
     tolerance: float = 8e-3
@@ -41,9 +41,10 @@ class QuickOptions:
 
 @dataclass(frozen=True, eq=False)
 class QuickAnswer:
-    """state : displacements and pressures. force : (3,) mN on the probe. estimate : mN, of the force's error; infinite where it was lost.
+    """state : displacements and pressures. force : (3,) mN on the probe.
 
-    good : whether the estimate meets the tolerance. iterations : rounds.
+    estimate : mN, of the force's error; infinite where the iteration diverged. good : whether it meets the tolerance.
+    iterations : rounds.
     """
 
     state: State
@@ -54,7 +55,7 @@ class QuickAnswer:
 
 
 class QuickTouch:
-    """One body at rest, made ready: a second or two for 4,000 cells."""
+    """One body prepared at rest; preparation takes one to two seconds for 4,000 cells."""
 
     def __init__(self, body: Body, options: QuickOptions | None = None, solver: str = "auto") -> None:
         self.body = body
@@ -93,8 +94,7 @@ class QuickTouch:
         return QuickAnswer(state, force, estimate, False, self.options.iterations)
 
     def _relaxed(self, state: State) -> FloatArray | None:
-        """What a linear body with the state's residual would still do without the probe: the kept unknowns' change. None where a cell is
-        turned inside out."""
+        """Linear correction of the state without the probe: change of the kept unknowns. None where a cell is inverted."""
         if state is self.at_rest:
             return np.zeros(len(self.assembler.kept))
         residual = self.assembler.residual(state, 1.0)

@@ -1,4 +1,4 @@
-"""Touching a body as a person does: put the probe somewhere, press or pull, slide along; every answer is kept for the curve."""
+"""A session of touches: place the probe, press or pull, slide; all answers are kept for the force curve."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from palpate.core.touch.probe import Contact
 from palpate.core.touch.quick import QuickOptions, QuickTouch
 from palpate.core.touch.surface import Touched
 
-# How far the probe may go: of its own radius, and of the body's.
+# Largest indentation relative to the probe's radius, and to the body's.
 _DEEPEST_OF_PROBE, _DEEPEST_OF_BODY = 0.65, 0.3
-# A pull holds the surface within this share of the probe's radius.
+# Radius of the gripped patch over the probe's radius.
 _GRIP = 0.7
-# Two answers give a stiffness when their indentations differ by this, mm; the next one counts only as near as this.
+# Least and largest difference of indentation, mm, between two answers whose slope counts as stiffness.
 _LEAST_CHANGE, _NEAR_CHANGE = 0.02, 0.6
 
 _N = 1e-3  # newton per millinewton (kPa mm2)
@@ -55,7 +55,7 @@ class Answer:
 
 @dataclass(eq=False)
 class Session:
-    """A body under the hand. radius : of the probe, mm. correct : whether full solves are made where needed.
+    """A session with one body. radius : of the probe, mm. correct : whether full solves are made where needed.
 
     answers : all so far, without their displacements.
     """
@@ -81,7 +81,7 @@ class Session:
 
     @property
     def at(self) -> Touched | None:
-        """Where the probe touches the surface at rest."""
+        """Point of the surface at rest that the probe touches."""
         return self._at
 
     def take(self, radius: float) -> None:

@@ -1,4 +1,4 @@
-"""The outside of a body of linear tetrahedra, as contact needs it: faces, areas, and the nearest point."""
+"""Boundary surface of a body of linear tetrahedra for contact: faces, areas, nearest points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The worker process: reads one job, does it, and tells on standard output."""
+"""The worker process: reads one job, runs it, reports on standard output."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _work(job: Job, channel: Channel) -> int:
-    """A Palpate error is an answer; any other exception is ours and goes to the hook."""
+    """A Palpate error is a result of the job; any other exception is a defect and goes to the exception hook."""
     channel.send({"type": "started", "kind": job.kind, "process": os.getpid()})
     try:
         result = job.function()(job, Reporter(channel.send))

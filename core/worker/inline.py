@@ -1,4 +1,4 @@
-"""Do a job in this process: for who is a worker process already and needs no second one below it."""
+"""Run a job in this process: for a caller that is a worker process itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a worker process is asked to do: one JSON file."""
+"""Job of a worker process: one JSON file."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Job:
 
     @classmethod
     def load(cls, path: Path) -> Job:
-        """Raises InputError when the file is not a job."""
+        """A job from its file. Raises InputError when the file is not a job."""
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
             if data.pop("format") != FORMAT:

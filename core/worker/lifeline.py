@@ -1,4 +1,4 @@
-"""A worker process ends at once when it is asked to, and when the process that started it is gone."""
+"""Prompt end of a worker process: on a cancel, and on the death of the process that started it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def die_with_parent() -> None:
 
 
 def give_way() -> None:
-    """Below what a person waits for at the screen: this process and its children take processor time that a window leaves."""
+    """Lower the priority of this process and its children below that of the window."""
     if hasattr(os, "nice"):
         os.nice(_BELOW_A_WINDOW)
 

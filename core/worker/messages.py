@@ -1,4 +1,4 @@
-"""What a worker process says: one JSON object on a line.
+"""Messages of a worker process: one JSON object a line.
 
 | type | further keys |
 | --- | --- |
@@ -31,7 +31,7 @@ TYPES = frozenset({"started", "progress", "checkpoint", "result", "failed", "can
 
 
 class Reporter:
-    """How a job tells about itself; `send` takes each message."""
+    """Reports of a job; `send` takes each message."""
 
     def __init__(self, send: Callable[[Message], None]) -> None:
         self._send = send
@@ -41,7 +41,7 @@ class Reporter:
         self._send({"type": "progress", "fraction": min(max(float(fraction), 0.0), 1.0), "message": message, **details})
 
     def checkpoint(self, path: Path, iteration: int) -> None:
-        """That the job can go on from here."""
+        """A checkpoint was written."""
         self._send({"type": "checkpoint", "path": path, "iteration": iteration})
 
 

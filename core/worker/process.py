@@ -1,4 +1,4 @@
-"""The parent's side: start a worker process, listen to it, stop it, and leave nothing behind."""
+"""The parent's side of a worker process: start, listen, stop, reap."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from palpate.core.worker.executors import ONE_THREAD
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message, decode, encode
 
-# From asking a worker to stop to killing it: leaves room below the second in which a cancel must be done.
+# Seconds between the request to stop and the kill; a cancel must be done within one second.
 _GRACE_SECONDS = 0.6
 _POLL_SECONDS = 0.05
-# For killed processes to leave the process table.
+# Seconds for killed processes to leave the process table.
 _GONE_SECONDS = 0.3
 _LAST = ("result", "failed", "cancelled")
 

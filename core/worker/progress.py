@@ -1,4 +1,4 @@
-"""How a long step tells what it is doing."""
+"""Progress of a long step."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Progress = Callable[[float, str], None]
 
 
 def silent(fraction: float, message: str) -> None:
-    """A progress that tells nobody."""
+    """Progress without a listener."""
 
 
 def part(progress: Progress, low: float, high: float) -> Progress:

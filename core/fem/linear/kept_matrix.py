@@ -1,4 +1,4 @@
-"""The matrix of the kept unknowns as it is summed up from dense blocks."""
+"""The matrix of the kept unknowns, assembled from dense blocks."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from palpate.core.fem.newton.mixed import Outcome, iterate_mixed
 from palpate.core.fem.newton.work import Work, is_minimum, moved, relative
 from palpate.core.fem.state import Residual, State
 
-_NEAR = 1e-3  # relative residual below which the mixed iteration is given another try
+_NEAR = 1e-3  # relative residual below which the mixed iteration is tried again
 _SMALLEST_SHARE = 0.05  # of the projection, once the plain matrix has failed
 
 
@@ -121,7 +121,10 @@ def _line_search(
 
 
 def leave_saddle(assembler: Assembler, state: State, load: float, work: Work) -> State | None:
-    """From an unstable equilibrium, whose factor is present, a state of lower energy; None when none is found."""
+    """A state of lower energy than an unstable equilibrium; None when none is found.
+
+    Precondition: the present factor is that equilibrium's.
+    """
     direction = _falling_direction(assembler, work)
     if direction is None:
         return None

@@ -1,8 +1,8 @@
-"""The mixed iteration: u and p move together under affine-invariant step control (Deuflhard 2011, Newton Methods for Nonlinear
-Problems, NLEQ-ERR), and a factor is used for as long as it contracts. Few, cheap steps, blind to stability.
+"""The mixed iteration: Newton steps of u and p together with affine-invariant step control (Deuflhard 2011, Newton Methods for
+Nonlinear Problems, NLEQ-ERR). A factor is reused as long as the steps contract. Few and cheap steps; stability is not tested.
 
-Elements without pressure unknowns take part with the pressures of their quadrature points, eliminated point by point (Magisano
-et al. 2017, Int. J. Numer. Meth. Engng 109:1155): the solution is theirs, the steps are as few as a mixed element's.
+Elements without pressure unknowns carry a pressure at each quadrature point, eliminated point by point (Magisano et al. 2017, Int.
+J. Numer. Meth. Engng 109:1155). Their solution is unchanged; the number of steps is that of a mixed element.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from palpate.core.fem.newton.work import Work, certify, is_minimum, moved, relat
 from palpate.core.fem.state import Residual, State
 
 _HISTORY = 5  # corrections that the accelerated chord mixes
-# How long a factor is used: steps, and the mean contraction worth going on with. A factorisation costs as much as 6 steps at
-# 2,000 unknowns, 25 at 16,000, 60 at 50,000.
+# Limits on the reuse of a factor: number of steps, and largest mean contraction. A factorisation costs as much as 6 steps at
+# 2,000 unknowns, 25 at 16,000, 60 at 50,000 (measured).
 _LARGE = 8000
 _CHORD_STEPS = {False: 14, True: 30}
 _CHORD_CONTRACTION = {False: 0.5, True: 0.65}

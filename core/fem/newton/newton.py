@@ -1,7 +1,7 @@
-"""Static equilibrium by a Newton method that survives inverted starts, large loads and nearly incompressible organs.
+"""Static equilibrium (Eq 2 of Yang & Lin) by a Newton method for inverted starts, large loads and nearly incompressible organs.
 
-Two iterations share one matrix: the mixed one (`mixed`) is quick and blind to stability; the energy one (`energy`)
-ends in a minimum. The load is cut when neither arrives. Failure is a value with its reason.
+Two iterations share one matrix. The mixed one (`mixed`) is quick and does not test stability; the energy one (`energy`) ends in a
+minimum. The load increment is halved when neither converges. Failure is a value with its reason.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["Equilibrium", "NewtonOptions", "quicker", "solve_equilibrium"]
 
 # Load increments above this are halved when the mixed iteration fails with a definite tangent; below it the energy iteration serves.
 _PATIENCE = 0.1
-# Energy iterations granted above and below that increment: far from the solution, half the load is the better bargain.
+# Largest number of energy iterations above and below that increment: far from the solution, half the load costs less.
 _FEW, _MANY = 20, 80
 
 
@@ -78,7 +78,7 @@ def solve_equilibrium(
     goal = np.zeros(assembler.space.n_displacements) if prescribed is None else np.asarray(prescribed, float).copy()
     goal[assembler.free] = 0.0
     work = Work(options)
-    with np.errstate(all="ignore"):  # a failed trial step may overflow; what it leaves is tested for being finite
+    with np.errstate(all="ignore"):  # a failed trial step may overflow; its result is tested for being finite
         state, load, stable = _march(assembler, goal, start, work)
         residual = assembler.residual(state, load)
     ok = load == 1.0 and work.reason == "" and stable is not False
@@ -156,14 +156,14 @@ def _one_load(assembler: Assembler, state: State, goal: FloatArray, reached: flo
     if not outcome.in_place:
         return outcome
     if outcome.stable is not False and load - reached > _PATIENCE:
-        return outcome  # half the increment is cheaper than a fight
+        return outcome  # half the increment is cheaper than many energy iterations
     return _fight(assembler, outcome, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
 
 
 def _fight(
     assembler: Assembler, outcome: Outcome, goal: FloatArray, load: float, work: Work, iterations: int
 ) -> Outcome:
-    """The energy iteration from where the mixed one failed. From an indefinite tangent it goes to another branch, maybe."""
+    """The energy iteration from the last state of a failed mixed one. From an indefinite tangent it may reach another branch."""
     if not work.options.follow_buckling:
         return outcome
     end = minimise(assembler, outcome.state, goal, load, work, iterations)

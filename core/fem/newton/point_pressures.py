@@ -1,4 +1,4 @@
-"""Pressures q at the quadrature points, beside u, for elements without pressure unknowns; why, tells `mixed`."""
+"""Pressures q at the quadrature points as further unknowns of elements that have none; see `mixed`."""
 
 from __future__ import annotations
 

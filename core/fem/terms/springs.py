@@ -1,4 +1,4 @@
-"""Linear springs from points to where they are pulled."""
+"""Linear springs between points of the body and their targets."""
 
 from __future__ import annotations
 

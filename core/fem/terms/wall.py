@@ -1,9 +1,9 @@
-"""A wall that must lie on a surface seen in the deformed scan and may slide along it.
+"""A wall constrained to the surface that the deformed scan shows, free to slide along it.
 
-Only the normal part of a wall's motion is visible. Each wall point x = X + u is held at the distance from the deformed surface
-that it had from the rest surface, d(x) = d_rest(X); along the surface it is free, so mechanics chooses the motion of least energy.
-The constraint is linearised where the point now lies, n . u = s, held by a stiff spring, and linearised again until
-nothing moves: stable where the true constraint's curvature (contour noise has plenty) would make Newton's tangent indefinite.
+A scan shows only the normal component of a wall's motion. Each wall point x = X + u keeps its distance from the surface,
+d(x) = d_rest(X); its tangential motion is that of least energy. The constraint is linearised at the present point, n . u = s, imposed
+by a stiff spring, and linearised again until it is met. Newton on the full constraint would need its curvature, which contour noise
+makes large enough for an indefinite tangent.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class SlidingWall:
         return self.points.unknowns
 
     def gaps(self, u: FloatArray) -> FloatArray:
-        """(q,) mm, how far each point still is from where it belongs, d(x) - d_rest(X)."""
+        """Residual of the constraint at each point, d(x) - d_rest(X), (q,) mm."""
         return self.distance(self.rest + self.points.displacements(u))[0] - self.offset
 
     def linearised(self, u: FloatArray, way: float = 1.0) -> SlidingWall:
@@ -62,7 +62,7 @@ class SlidingWall:
     def linearised_at(self, v: FloatArray, way: float = 1.0) -> SlidingWall:
         """The same wall linearised where its points have moved by v (q, 3).
 
-        way : how much of the remaining distance to ask for, so that a large motion turns its normals a little at a time.
+        way : share of the remaining distance to impose, so that a large motion turns the normals in small steps.
         """
         d, gradient = self.distance(self.rest + v)
         length = np.maximum(np.linalg.norm(gradient, axis=1), 1e-6)
