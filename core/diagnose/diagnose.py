@@ -8,7 +8,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from palpate.core.diagnose.case_data import CaseData
-from palpate.core.diagnose.detection.gap_test import CLEAR, Named, gap_test
+from palpate.core.diagnose.decision_rules import DecisionRules
+from palpate.core.diagnose.detection.gap_test import Named, gap_test
 from palpate.core.diagnose.detection.location import look
 from palpate.core.diagnose.detection.score_test import Screened, screen
 from palpate.core.diagnose.effects import Effect, Surroundings
@@ -23,9 +24,6 @@ from palpate.core.residual.plain_fit import PlainFit, fit_plain
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.progress import Progress, part, silent
 
-# Effects whose linear evidence is further below the best than this are not refitted.
-_HOPELESS = 12.0
-
 
 def diagnose(
     data: CaseData,
@@ -39,6 +37,7 @@ def diagnose(
     Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
     """
     options = options or DiagnosisOptions()
+    rules = options.decision_rules
     told = part(progress, 0.0, 0.45)
     fit = fit_plain(data.pairs, data.remeshed, told, options.noise_model, options.wall_motion)
     forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights, fit.options)
@@ -48,15 +47,15 @@ def diagnose(
     around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
     named = {s.effect.id: Named(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
-    test = gap_test(fit.noise, r, J, R, named, seed)
-    refits = [] if test.p_value > CLEAR else _refits(fit, screened, part(progress, 0.6, 0.8))
+    test = gap_test(fit.noise, r, J, R, named, seed, rules=rules)
+    refits = [] if test.p_value > rules.clear else _refits(fit, screened, rules, part(progress, 0.6, 0.8))
     if refits:
         found = {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect}
-        test = gap_test(fit.noise, r, J, R, named, seed, found)
-    refits = with_own_error(fit, screened, refits, part(progress, 0.8, 0.92)) if test.detected else []
+        test = gap_test(fit.noise, r, J, R, named, seed, found, rules=rules)
+    refits = with_own_error(fit, screened, refits, rules, part(progress, 0.8, 0.92)) if test.detected else []
     progress(0.92, "prediction of what was left out")
-    where = look(fit, forces)
-    return judge(fit, test, screened, refits, where, forces, _unnamed(fit, forces), seed)
+    where = look(fit, forces, rules)
+    return judge(fit, test, screened, refits, where, forces, _unnamed(fit, forces), rules, seed)
 
 
 def _unnamed(fit: PlainFit, forces: UnknownDiscrepancy) -> float:
@@ -69,13 +68,14 @@ def _unnamed(fit: PlainFit, forces: UnknownDiscrepancy) -> float:
     return mean_of_exponentials(np.array(logs)) - float(logsumexp(plain + fit.noise.log_prior))
 
 
-def _refits(fit: PlainFit, screened: Sequence[Screened], progress: Progress) -> list[Refit]:
+def _refits(fit: PlainFit, screened: Sequence[Screened], rules: DecisionRules, progress: Progress) -> list[Refit]:
     """Effects refitted in full, best first."""
-    worth = [s for s in screened if s.log_evidence > screened[0].log_evidence - _HOPELESS or s.tried == 1]
+    least = screened[0].log_evidence - rules.hopeless if screened else 0.0
+    worth = [s for s in screened if s.log_evidence > least or s.tried == 1]
     out = []
     for k, s in enumerate(worth):
         progress(k / len(worth), f"refit with {s.effect.id}")
-        found = refit_variants(fit, s)
+        found = refit_variants(fit, s, rules)
         if found is not None:
             out.append(found)
     return sorted(out, key=lambda f: -f.log_evidence)

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.errors import InputError
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -19,6 +20,7 @@ class DiagnosisOptions:
 
     noise_model: NoiseModelOptions = field(default_factory=NoiseModelOptions)
     wall_motion: WallMotionOptions = field(default_factory=WallMotionOptions)
+    decision_rules: DecisionRules = field(default_factory=DecisionRules)
 
     def to_json(self) -> dict[str, Any]:
         """As JSON holds it; `from_json` is the inverse."""

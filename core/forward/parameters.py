@@ -12,6 +12,7 @@ from palpate.core.fem.sensitivity import Direction
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.problem import Facts
 
+# Number of the surrounding tissue in the label volumes.
 TISSUE = 3
 # Of mu1 / (mu1 + mu2): all but a law with one constant alone.
 SHARE_BOUNDS = (0.02, 0.98)

@@ -15,9 +15,6 @@ from scipy.linalg import cho_factor, cho_solve
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.statistics import rms
 
-# Draws of noise for the standard error of a gain.
-_DRAWS = 200
-
 
 @dataclass(frozen=True, eq=False)
 class Linear:
@@ -99,11 +96,6 @@ class Gain:
         """Over all patches."""
         return self.patches * self.mean_mm2
 
-    @property
-    def accepted(self) -> bool:
-        """At least two paired standard errors, and 10 % of the mean square."""
-        return self.mean_mm2 > 2.0 * self.error_mm2 and self.share > 0.1
-
     def __add__(self, other: Gain) -> Gain:
         """Over the patches of both, whose noise is independent; rms as of the first."""
         n = self.patches + other.patches
@@ -126,13 +118,13 @@ def gain(split: Split, before: FloatArray, after: FloatArray, noise_mm2: float =
     return Gain(rms(before[surface]), rms(after[surface]), d, error, d / max(float(a.mean()), 1e-30), len(a))
 
 
-def gain_error(split: Split, plain: Linear, model: Linear, seed: int = 1) -> float:
+def gain_error(split: Split, plain: Linear, model: Linear, draws: int, seed: int = 1) -> float:
     """Standard error (mm2) of the gain per patch of a model over the plain one, both seeing the same noise.
 
-    By draws of the noise, the model taken for true where it fits best.
+    By so many draws of the noise, the model taken for true where it fits best.
     """
     rng = np.random.default_rng(seed)
-    noise = np.linalg.cholesky(split.covariance) @ rng.standard_normal((len(split.covariance), _DRAWS))
+    noise = np.linalg.cholesky(split.covariance) @ rng.standard_normal((len(split.covariance), draws))
     off = split.reader @ (plain.r - model.r)
     before, after = split.predicted([plain, model], [noise + off[:, None], noise])
     gains = split.patch_means(before**2 - after**2).mean(axis=0)

@@ -22,8 +22,7 @@ from palpate.core.arrays import FloatArray
 
 # Error of voxels, surface extraction and mesh, mm rms of the residual, and how far along the surface it is correlated
 # (measured on cases without a hidden effect and without contour noise: 0.16 to 0.20 mm).
-EXTRACTION_MM = 0.20
-EXTRACTION_LENGTH_MM = 3.0
+EXTRACTION_MM, EXTRACTION_LENGTH_MM = 0.20, 3.0
 # Length of the weighting kernel over the correlation length: shorter trusts fine detail less and spreads more. Among
 # 0.4 to 1, 0.7 halves what extraction errors do to ln G (0.10 to 0.05) at 5 % more spread.
 WEIGHT_LENGTH = 0.7

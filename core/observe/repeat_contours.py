@@ -19,10 +19,12 @@ from palpate.core.surfaces.surface import Surface
 MOST_MM = 5.0
 # Least that is believed of a person, mm.
 LEAST_MM = 0.1
+# Resolution: distance of the points that are compared, mm.
 _SPACING_MM = 2.0
 # Distances between points at which two errors are compared: beyond the surface extraction's own reach, within an
 # organ's.
 _NEAR_MM, _FAR_MM = 3.0, 20.0
+# Correlation lengths among which the best is taken, mm: a quarter of a millimetre apart.
 _LENGTHS_MM = np.linspace(3.0, 15.0, 49)
 
 

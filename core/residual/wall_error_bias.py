@@ -21,8 +21,6 @@ from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 # Step of ln G in the derivative.
 _STEP = 0.1
-# Precision of ln G beyond which a first order means nothing: where data tell less, no more is taken off.
-_LEAST = 1.0
 
 
 def noise_slope(
@@ -46,7 +44,10 @@ def central_slope(value: Callable[[FloatArray], float], theta: FloatArray) -> Fl
     return np.array([(value(theta + h) - value(theta - h)) / (2.0 * _STEP) for h in steps])
 
 
-def wall_bias(slope: FloatArray, covariance: FloatArray) -> FloatArray:
-    """(t,) by how much a fitted ln G of this covariance (t, t) is too high; slope (t,) : see `noise_slope`."""
-    precision = np.linalg.inv(covariance) + _LEAST * np.eye(len(slope))
+def wall_bias(slope: FloatArray, covariance: FloatArray, least: float) -> FloatArray:
+    """(t,) by how much a fitted ln G of this covariance (t, t) is too high; slope (t,) : see `noise_slope`.
+
+    least : precision of ln G below which a first order means nothing: where data tell less, no more is taken off.
+    """
+    precision = np.linalg.inv(covariance) + least * np.eye(len(slope))
     return np.asarray(-0.5 * np.linalg.solve(precision, slope), dtype=np.float64)

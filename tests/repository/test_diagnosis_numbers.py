@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import json
 from dataclasses import dataclass
@@ -14,7 +15,9 @@ import pytest
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.sourced_number import rows, sourced
 
-DOCS = Path(__file__).parents[2] / "docs"
+TOP = Path(__file__).parents[2]
+DOCS = TOP / "docs"
+ROOMS = ("core/diagnose", "core/residual", "core/observe", "core/forward")
 
 
 def script() -> ModuleType:
@@ -32,7 +35,7 @@ def test_the_page_is_what_its_script_writes() -> None:
 
 def test_every_number_says_its_unit_what_it_is_and_its_source() -> None:
     tables = DiagnosisOptions().tables()
-    assert len(tables) >= 2
+    assert {kind.__name__ for kind in tables} == {"NoiseModelOptions", "WallMotionOptions", "DecisionRules"}
     for kind, numbers in tables.items():
         for row in numbers:
             assert row.unit and row.meaning.endswith(".") and row.source.endswith("."), (kind, row.name)
@@ -52,3 +55,24 @@ def test_the_schema_has_units_and_sources_from_the_same_declaration() -> None:
     for numbers in DiagnosisOptions().tables().values():
         assert all(json.dumps(row.source) in schema and json.dumps(row.meaning) in schema for row in numbers)
     assert sourced("mm", "Width.", "Chosen.").extra_json_schema == {"unit": "mm", "source": "Chosen."}
+
+
+def bare_numbers(path: Path) -> list[str]:
+    """Numbers of a module that stand in no option type and have no comment above or beside them."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    found = [n for n in ast.parse("\n".join(lines)).body if isinstance(n, ast.Assign) and is_number(n.value)]
+    said = [n for n in found if lines[n.lineno - 2].startswith("#") or "  # " in lines[n.lineno - 1]]
+    return [f"{path.relative_to(TOP)}:{n.lineno}" for n in found if n not in said]
+
+
+def is_number(node: ast.expr) -> bool:
+    if isinstance(node, ast.Tuple):
+        return all(is_number(part) for part in node.elts)
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_number_outside_the_option_types_says_what_it_is(room: str) -> None:
+    modules = sorted((TOP / room).rglob("*.py"))
+    assert len(modules) > 3
+    assert [line for path in modules for line in bare_numbers(path)] == []

@@ -10,13 +10,14 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies import record
 from palpate.core.diagnose.bench_bodies.fit import BodyFit
-from palpate.core.diagnose.bench_bodies.judge import LEVEL, base_fit, decide_body, p_value
+from palpate.core.diagnose.bench_bodies.judge import base_fit, decide_body, p_value
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
 from palpate.core.diagnose.bench_bodies.rivals import Rival, rivals
 from palpate.core.diagnose.bench_bodies.scene import BodyStage
 from palpate.core.diagnose.diagnosis_record import DecidedByRecord, DiagnosisRecord, StiffnessRecord, WhereRecord
 from palpate.core.diagnose.effects import Effect, library
-from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, TIED, UNKNOWN
+from palpate.core.diagnose.options import DiagnosisOptions
+from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.errors import InputError
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.job import Job
@@ -35,23 +36,29 @@ def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
             problem = BodyProblem.from_arrays({key: archive[key] for key in archive.files})
     except OSError as error:
         raise InputError(f"{path}: not readable ({error}); run diagnose again") from error
+    options = DiagnosisOptions.from_json(job.options.get("numbers", {}))
     folder = job.options.get("effects")
     effects = library(None if folder is None else Path(folder))
-    found, residuals = diagnose_body(problem, effects, str(job.options["case"]), reporter.progress)
+    found, residuals = diagnose_body(problem, effects, str(job.options["case"]), reporter.progress, options)
     np.savez(Path(job.folder) / MAP_FILE, **residuals)  # type: ignore[arg-type]
     return found
 
 
 def diagnose_body(
-    problem: BodyProblem, effects: Mapping[str, Effect], case: str, progress: Progress = silent
+    problem: BodyProblem,
+    effects: Mapping[str, Effect],
+    case: str,
+    progress: Progress = silent,
+    options: DiagnosisOptions | None = None,
 ) -> tuple[DiagnosisRecord, dict[str, FloatArray]]:
     """The record, and by state the markers' residuals (k, 3) mm. Raises ConvergenceError when nothing can be solved."""
-    stage = BodyStage.of(problem)
+    options = options or DiagnosisOptions()
+    stage = BodyStage.of(problem, options)
     progress(0.0, "plain model")
     base = base_fit(stage)
     p = p_value(base)
     found = rivals(base, effects, part(progress, 0.1, 0.7))
-    decided = decide_body(base, found, p < LEVEL)
+    decided = decide_body(base, found, p < options.decision_rules.level)
     verdict, probability = decided.verdict, decided.probability
     best = found[0] if found else None
     named = best if verdict not in (NONE, UNKNOWN, AMBIGUOUS) else None
@@ -75,13 +82,15 @@ def diagnose_body(
         probability_unknown=probability.get(UNKNOWN, 0.0),
         states=record.states(base, best),
         remainder=None if named is None else record.remainder(named.fit, cause),
+        options=options,
     )
     return out, {s.name: r for s, r in zip(problem.states, record.by_state(base), strict=True)}
 
 
 def _second(named: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> Rival | None:
     """A second effect beside the one that was named, if one passes all that the first had to."""
+    rules = named.model.stage.options.decision_rules
     for f in rivals(named, effects, progress):
-        if f.log_evidence > np.log(TIED) and f.p_value < LEVEL and f.predicts:
+        if f.log_evidence > np.log(rules.tied) and f.p_value < rules.level and f.predicts:
             return f
     return None

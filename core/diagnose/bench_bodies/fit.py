@@ -9,7 +9,6 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.bench_bodies.problem import BodyState
 from palpate.core.diagnose.bench_bodies.scene import BodyStage
 from palpate.core.diagnose.effects import Effect, Variant
 from palpate.core.fem.assembly import State
@@ -18,7 +17,9 @@ from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.linearised_model import out_of_balance
 
+# Numerical: step of the finite differences, of ln G and of phi in prior standard deviations.
 _STEP = 1e-3
+# Numerical: a fit ends when no parameter moves by more than this, or after so many solves.
 _TOLERANCE, _EVALUATIONS = 5e-3, 20
 # Precision of ln G's prior: none to speak of.
 _FLAT = 1e-3
@@ -100,14 +101,15 @@ class BodyFit:
         return 0.5 * (plain.cost - self.cost) + self.volume - plain.volume
 
 
-def weighting(states: Sequence[BodyState]) -> Weighting:
-    """Of the markers of these states together."""
-    return Weighting(block_diag(*(s.covariance() for s in states)))
+def weighting(stage: BodyStage, which: Sequence[int]) -> Weighting:
+    """Of the markers of the states `which` together."""
+    common = stage.options.noise_model.markers_common
+    return Weighting(block_diag(*(stage.problem.states[k].covariance(common) for k in which)))
 
 
 def fit_body(model: BodyModel, which: Sequence[int], start: FloatArray) -> BodyFit | None:
     """Gauss-Newton from parameters start (1 + k,) on the states `which`; None when nothing could be solved."""
-    weight = weighting([model.stage.problem.states[k] for k in which])
+    weight = weighting(model.stage, which)
     prior = np.diag(np.concatenate([[0.0], np.ones(len(start) - 1)]))
 
     def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,12 +12,11 @@ from scipy import stats
 from palpate.core.diagnose.bench_bodies.fit import BodyFit, BodyModel, fit_body, weighting
 from palpate.core.diagnose.bench_bodies.rivals import Rival
 from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.verdict.rules import Rule, always, first_that_holds
 from palpate.core.diagnose.verdict.verdict import (
     AMBIGUOUS,
-    MOST_CANDIDATES,
     NONE,
-    TIED,
     UNKNOWN,
     Verdict,
     probabilities,
@@ -25,10 +24,7 @@ from palpate.core.diagnose.verdict.verdict import (
 from palpate.core.errors import ConvergenceError
 from palpate.core.inference.evidence import projected, score
 
-LEVEL = 0.05
 GRAVITY = "gravity_change"
-# What an effect that nobody has thought of would do to the markers, mm.
-_UNNAMED_MM = 2.0
 
 
 def base_fit(stage: BodyStage) -> BodyFit:
@@ -44,14 +40,14 @@ def base_fit(stage: BodyStage) -> BodyFit:
 
 def p_value(fit: BodyFit) -> float:
     """Of the markers' residual under their noise alone."""
-    weight = weighting([fit.model.stage.problem.states[k] for k in fit.which])
+    weight = weighting(fit.model.stage, fit.which)
     return float(stats.chi2.sf(weight.squared(fit.residual), max(len(fit.residual) - len(fit.x), 1)))
 
 
 def unnamed(base: BodyFit) -> float:
     """Log evidence of a displacement of every state's markers that no effect of the library makes."""
     states = [base.model.stage.problem.states[k] for k in base.which]
-    weight = weighting(states)
+    weight = weighting(base.model.stage, base.which)
     r = projected(weight.whiten(base.jacobian), weight.whiten(base.residual))
     S = np.zeros((len(r), 3 * len(states)))
     row = 0
@@ -60,22 +56,29 @@ def unnamed(base: BodyFit) -> float:
         S[row : row + n, 3 * k : 3 * k + 3] = np.tile(np.eye(3), (len(s.rest), 1))
         row += n
     J = weight.whiten(base.jacobian)
-    return score(r, J, weight.whiten(S), np.full(S.shape[1], _UNNAMED_MM)).log_evidence
+    return score(
+        r, J, weight.whiten(S), np.full(S.shape[1], base.model.stage.options.decision_rules.bench_unnamed_mm)
+    ).log_evidence
 
 
 @dataclass(frozen=True, eq=False)
 class BodyFindings:
-    """What the rules of a body's verdict look at. gravity_unmodelled : gravity is known to act, and the plain model has none."""
+    """What the rules of a body's verdict look at. gravity_unmodelled : gravity is known to act, and the plain model has none.
+
+    rules : the numbers that the conditions hang on.
+    """
 
     detected: bool
     rivals: Sequence[Rival]
     unnamed: float
     gravity_unmodelled: bool
+    rules: DecisionRules = field(kw_only=True)
 
     @cached_property
     def probability(self) -> dict[str, float]:
         """Of every effect and of "unknown", given that there is a gap."""
-        return probabilities({r.effect.id: r.log_evidence for r in self.rivals}, self.unnamed)
+        evidence = {r.effect.id: r.log_evidence for r in self.rivals}
+        return probabilities(evidence, self.unnamed, self.rules.prior_unknown)
 
     @property
     def top(self) -> float:
@@ -85,18 +88,18 @@ class BodyFindings:
     @cached_property
     def tied(self) -> list[Rival]:
         """Effects that cannot be told from the most probable one, itself among them."""
-        return [r for r in self.rivals if self.probability[r.effect.id] * TIED >= self.top]
+        return [r for r in self.rivals if self.probability[r.effect.id] * self.rules.tied >= self.top]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Ids of the tied effects, at most as many as are named."""
-        return tuple(r.effect.id for r in self.tied[:MOST_CANDIDATES])
+        return tuple(r.effect.id for r in self.tied[: self.rules.most_candidates])
 
     @property
     def gravity_absorbed(self) -> bool:
         """Whether gravity is left out and the states, though they show no gap, do not speak against it."""
         gravity = next((r for r in self.rivals if r.effect.id == GRAVITY), None)
-        return self.gravity_unmodelled and gravity is not None and gravity.log_evidence > -np.log(TIED)
+        return self.gravity_unmodelled and gravity is not None and gravity.log_evidence > -np.log(self.rules.tied)
 
 
 BODY_RULES: tuple[Rule[BodyFindings], ...] = (
@@ -115,13 +118,13 @@ BODY_RULES: tuple[Rule[BodyFindings], ...] = (
     ),
     Rule(
         "nothing_named",
-        lambda f: not f.tied or f.probability[UNKNOWN] > TIED * f.top,
+        lambda f: not f.tied or f.probability[UNKNOWN] > f.rules.tied * f.top,
         UNKNOWN,
         "no effect of the library explains the gap as well as something unnamed",
     ),
     Rule(
         "several_effects",
-        lambda f: len(f.tied) > 1 or f.probability[UNKNOWN] * TIED > f.top,
+        lambda f: len(f.tied) > 1 or f.probability[UNKNOWN] * f.rules.tied > f.top,
         AMBIGUOUS,
         "these effects explain the gap about equally well",
         lambda f: f.names,
@@ -147,6 +150,6 @@ def decide_body(base: BodyFit, rivals: Sequence[Rival], detected: bool) -> Verdi
     """The first of `BODY_RULES` that holds decides. rivals : effects refitted, best first. detected : whether there is a gap."""
     problem = base.model.stage.problem
     known = not problem.model_gravity and any(np.linalg.norm(s.gravity) > 0.1 for s in problem.states)
-    findings = BodyFindings(detected, rivals, unnamed(base), known)
+    findings = BodyFindings(detected, rivals, unnamed(base), known, rules=base.model.stage.options.decision_rules)
     decision = first_that_holds(BODY_RULES, findings)
     return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

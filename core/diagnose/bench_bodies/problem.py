@@ -18,9 +18,8 @@ from palpate.core.surfaces.surface import Surface
 
 Vector = tuple[float, float, float]
 
+# Number of the body's region in its mesh.
 BODY = 1
-# Share of a marker's variance that all markers of a state have in common: they sit on one holder, and the pose errs as a whole.
-COMMON = 0.7
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,10 @@ class BodyState:
         """(k, 3) mm."""
         return np.subtract(self.deformed, self.rest)
 
-    def covariance(self) -> FloatArray:
-        """(3 k, 3 k) mm2 of the markers' motions."""
+    def covariance(self, common: float) -> FloatArray:
+        """(3 k, 3 k) mm2 of the markers' motions, of whose variance they have a share in common."""
         k = len(self.rest)
-        markers = COMMON * np.ones((k, k)) + (1.0 - COMMON) * np.eye(k)
+        markers = common * np.ones((k, k)) + (1.0 - common) * np.eye(k)
         return np.asarray(self.sd_mm**2 * np.kron(markers, np.eye(3)))
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies.fit import BodyFit
-from palpate.core.diagnose.bench_bodies.judge import LEVEL
 from palpate.core.diagnose.bench_bodies.rivals import Rival, marker_rms
 from palpate.core.diagnose.diagnosis_record import (
     FittedStiffnessRecord,
@@ -38,7 +37,7 @@ def gap(base: BodyFit, p: float) -> GapRecord:
         rms_mm=rms(distance),
         p95_mm=float(np.quantile(distance, 0.95)),
         noise_floor_mm=float(np.sqrt(np.mean(noise))),
-        detected=p < LEVEL,
+        detected=p < base.model.stage.options.decision_rules.level,
         p_value=p,
     )
 

@@ -17,10 +17,8 @@ from palpate.core.worker.progress import Progress
 
 # Effects that act through what a bench body does not have: neighbours, walls, contours.
 NOT_ON_A_BENCH = ("contour_bias", "interface_sliding", "prestress", "tissue_stiffening", "tissue_heterogeneity")
-# Where an effect could be: places this far apart, over the cube root of the body's volume.
+# Resolution: places where an effect could be are this far apart, over the cube root of the body's volume.
 _SPACING = 0.6
-# Effects further below the best (log evidence, first look) are not refitted.
-_HOPELESS = 10.0
 
 
 class BodySurroundings(Surroundings):
@@ -47,13 +45,15 @@ class Rival:
 
     @property
     def predicts(self) -> bool:
-        """Whether every state is predicted better from the others, and all together by 10 % of the mean square."""
+        """Whether every state is predicted better from the others, and all together by the share of the mean square that counts."""
         before, after = np.square(self.left_out).T
-        return bool(np.isfinite(before).all() and (after < before).all() and after.sum() < 0.9 * before.sum())
+        left = 1.0 - self.fit.model.stage.options.decision_rules.gain_share
+        return bool(np.isfinite(before).all() and (after < before).all() and after.sum() < left * before.sum())
 
 
 def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> list[Rival]:
     """All effects that a body can have, added to `base`, refitted where they are not hopeless; best first."""
+    rules = base.model.stage.options.decision_rules
     taken = {a.effect.id for a in base.model.added}
     asked = [e for e in effects.values() if e.id not in taken and e.id not in NOT_ON_A_BENCH]
     looks = []
@@ -64,7 +64,7 @@ def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> 
     out = []
     for k, (effect, added, best, spread) in enumerate(looks):
         progress(0.4 + 0.6 * k / len(looks), f"refit with {effect.id}")
-        if added is not None and best > top - _HOPELESS:
+        if added is not None and best > top - rules.bench_hopeless:
             found = _refitted(base, effect, added, spread)
             out += [] if found is None else [found]
     return sorted(out, key=lambda f: -f.log_evidence)
@@ -76,7 +76,7 @@ def _first_look(base: BodyFit, effect: Effect) -> tuple[Added | None, float, flo
     states = [_variants(problem, effect, k) for k in range(len(problem.states))]
     if not states or len({len(v) for v in states}) != 1 or not states[0]:
         return None, -np.inf, 0.0
-    weight = weighting([problem.states[k] for k in base.which])
+    weight = weighting(base.model.stage, base.which)
     r, J = weight.whiten(base.residual), weight.whiten(base.jacobian)
     scores = []
     for variants in zip(*states, strict=True):
@@ -123,7 +123,7 @@ def _signs(effect: Effect, start: FloatArray) -> list[FloatArray]:
 
 
 def _squares(fit: BodyFit) -> float:
-    return weighting([fit.model.stage.problem.states[k] for k in fit.which]).squared(fit.residual)
+    return weighting(fit.model.stage, fit.which).squared(fit.residual)
 
 
 def _predicted(fit: BodyFit, left_out: int) -> float:

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem, BodyState
+from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.fem.assembly import Assembler, State
 from palpate.core.fem.newton.newton import Equilibrium, solve_equilibrium
 from palpate.core.fem.space import Space
@@ -35,16 +36,19 @@ class BodyStage:
     space: Space
     assembler: Assembler
     held: IntArray
+    options: DiagnosisOptions
     last: dict[str, FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, problem: BodyProblem) -> BodyStage:
-        """Raises InputError when nothing holds the body."""
+    def of(cls, problem: BodyProblem, options: DiagnosisOptions | None = None) -> BodyStage:
+        """With the program's own numbers where no options are given. Raises InputError when nothing holds the body."""
         space = Space.of(problem.mesh, ELEMENT)
         held = np.unique(space.face_nodes(problem.held))
         free = np.ones((space.n_nodes, 3), dtype=bool)
         free[held] = False
-        return cls(problem, space, Assembler(space, free.ravel(), (dead_load(space, []),)), held)
+        return cls(
+            problem, space, Assembler(space, free.ravel(), (dead_load(space, []),)), held, options or DiagnosisOptions()
+        )
 
     def solve(self, composition: Composition, theta: FloatArray, state: BodyState) -> Equilibrium:
         """Equilibrium (not converged: none) of a composition at ln G = theta (1,) in one state."""

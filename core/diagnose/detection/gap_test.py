@@ -11,23 +11,10 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.inference.evidence import log_share, means_of_exponentials, projected
 from palpate.core.residual.noise_estimation import FLAT, NoiseGrid
 
-# Prior probability, once there is a gap, that no effect of the library causes it: as likely as any three of its twelve.
-PRIOR_UNKNOWN = 0.2
-LEVEL = 0.05
-_DRAWS = 1000
-# Sizes of the noise that are looked at: the most probable ones.
-_SIZES = 40
-# Share of the false alarms that the look without any cause in mind may make.
-_WHOLE = 0.1
-# A first look whose p-value is above this is not looked at again.
-CLEAR = 0.3
-# What refits add to the log Bayes factor of a gap where there is none, each as likely as the others: quantiles of 55 such cases.
-_REFITS_ADD = np.array(
-    [0, 0.01, 0.02, 0.02, 0.02, 0.03, 0.03, 0.04, 0.05, 0.05, 0.05, 0.06, 0.07, 0.08, 0.13, 0.16, 0.19, 0.4, 0.68, 2.7]
-)
 # Bounds farther from 0 than so many of the prior's standard deviations are none.
 _FAR = 3.0
 
@@ -49,6 +36,7 @@ class GapTest:
     name), named.
 
     p_value : how often noise alone makes the smallest of the two looks as small (Westfall & Young 1993), see `gap_test`.
+    detected : whether that is below `level`.
     """
 
     statistic: float
@@ -57,11 +45,7 @@ class GapTest:
     p_whole: float
     p_smooth: float
     p_named: float
-
-    @property
-    def detected(self) -> bool:
-        """Whether noise alone would leave this much in fewer than one case of twenty."""
-        return self.p_value < LEVEL
+    detected: bool
 
 
 def gap_test(
@@ -72,6 +56,8 @@ def gap_test(
     named: Mapping[str, Named] | None = None,
     seed: int = 1,
     refitted: Mapping[str, float] | None = None,
+    *,
+    rules: DecisionRules,
 ) -> GapTest:
     """Two looks at the residual r (n,), the stiffness J (n, t) projected out, both against draws under the plain model.
 
@@ -83,12 +69,12 @@ def gap_test(
     of its own that the plain model allows, and pays for not knowing it as the data do. With one size for all, fitted while a gap was
     allowed for, noise that happened to come out small made alarms.
     refitted : log evidences by effect after refits in full, which a first look from the plain fit underrates: the stiffness has run far
-    to absorb an effect, a push lies between the places that were tried. For cases with a first look of at most `CLEAR`. Draws are not
+    to absorb an effect, a push lies between the places that were tried. For cases with a first look of at most `clear`. Draws are not
     refitted; those that would be, gain what refits gain where there is no gap, else every gain of the data's would pass for evidence.
     """
     freedom = len(r) - J.shape[1]
-    noise = noise.probable(r, J, fields, _SIZES)
-    draws = np.column_stack([r, _drawn(noise, r, J, np.random.default_rng(seed))])
+    noise = noise.probable(r, J, fields, rules.noise_sizes)
+    draws = np.column_stack([r, _drawn(noise, r, J, np.random.default_rng(seed), rules.gap_draws)])
     looks = _Statistics(noise.options.gap_sizes)
     for C, log_prior in zip(noise.covariances, noise.log_prior, strict=True):
         looks.add(C, float(log_prior), J, fields, named or {}, draws)
@@ -96,11 +82,12 @@ def gap_test(
     weight = softmax(looks.plain, axis=0)
     whole = (weight * stats.chi2.sf(looks.Q, freedom)).sum(axis=0)
     some = _any_named(list(library.values()), draws.shape[1])
-    factor = _of_a_gap(smooth, some)
-    p = _p_values(factor, whole)
+    factor = _of_a_gap(smooth, some, rules.prior_unknown)
+    p = _p_values(factor, whole, rules.whole_share)
     if refitted is not None:
         known = [np.maximum(look[:1], refitted.get(name, -np.inf)) for name, look in library.items()]
-        p = _looked_again(p, factor, _of_a_gap(smooth[:1], _any_named(known, 1))[0], whole)
+        after = _of_a_gap(smooth[:1], _any_named(known, 1), rules.prior_unknown)[0]
+        p = _looked_again(p, factor, after, whole, rules)
     return GapTest(
         float((weight * looks.Q).sum(axis=0)[0]),
         freedom,
@@ -108,26 +95,30 @@ def gap_test(
         float(_shares(-whole)[0]),
         float(_shares(smooth)[0]),
         float(_shares(some)[0]) if library else 1.0,
+        float(p[0]) < rules.level,
     )
 
 
-def _p_values(factor: FloatArray, whole: FloatArray) -> FloatArray:
+def _p_values(factor: FloatArray, whole: FloatArray, whole_share: float) -> FloatArray:
     """(draws,) p-values of both looks together, the data's first: how often the smaller of the two is as small."""
-    return _shares(-np.minimum(_shares(factor) / (1.0 - _WHOLE), _shares(-whole) / _WHOLE))
+    return _shares(-np.minimum(_shares(factor) / (1.0 - whole_share), _shares(-whole) / whole_share))
 
 
-def _looked_again(p: FloatArray, factor: FloatArray, refitted: float, whole: FloatArray) -> FloatArray:
+def _looked_again(
+    p: FloatArray, factor: FloatArray, refitted: float, whole: FloatArray, rules: DecisionRules
+) -> FloatArray:
     """(draws * gains,) p-values with the data's factor after refits, and every draw that would be refitted with every gain."""
-    gain = np.where(p <= CLEAR, 1.0, 0.0)[:, None] * _REFITS_ADD
+    adds = np.array(rules.refits_add)
+    gain = np.where(p <= rules.clear, 1.0, 0.0)[:, None] * adds
     gain[0] = max(refitted - factor[0], 0.0)
-    return _p_values((factor[:, None] + gain).ravel(), np.repeat(whole, len(_REFITS_ADD)))
+    return _p_values((factor[:, None] + gain).ravel(), np.repeat(whole, len(adds)), rules.whole_share)
 
 
-def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray:
     """(n, draws) of noise whose size is what the plain model makes of the data."""
     weight = softmax(noise.log_likelihood(r, J, np.zeros((len(r), len(r)))) + noise.log_prior)
-    size = rng.choice(len(weight), _DRAWS, p=weight)
-    out = rng.standard_normal((len(r), _DRAWS))
+    size = rng.choice(len(weight), draws, p=weight)
+    out = rng.standard_normal((len(r), draws))
     for g in np.unique(size):
         out[:, size == g] = np.linalg.cholesky(noise.covariances[g]) @ out[:, size == g]
     return out
@@ -184,9 +175,9 @@ def _any_named(library: Sequence[FloatArray], n: int) -> FloatArray:
     return means_of_exponentials(library) if library else np.full(n, -np.inf)
 
 
-def _of_a_gap(smooth: FloatArray, named: FloatArray) -> FloatArray:
+def _of_a_gap(smooth: FloatArray, named: FloatArray, prior_unknown: float) -> FloatArray:
     """Log Bayes factor of a gap, with a name or without."""
-    return np.asarray(logsumexp([smooth + np.log(PRIOR_UNKNOWN), named + np.log1p(-PRIOR_UNKNOWN)], axis=0))
+    return np.asarray(logsumexp([smooth + np.log(prior_unknown), named + np.log1p(-prior_unknown)], axis=0))
 
 
 def _unnamed(fields: FloatArray, draws: FloatArray, gap_sizes: Sequence[float]) -> FloatArray:

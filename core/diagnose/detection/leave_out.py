@@ -5,32 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.inference.heldout import Split
 from palpate.core.observe.contour_noise import smooth_covariance
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import apart
 from palpate.core.residual.plain_fit import PlainFit
 
-# Width of a patch of the organ, mm: two correlation lengths of the contour noise. Bones are larger.
-PATCH_MM, BONE_PATCH_MM = 14.0, 28.0
-# Points are thinned to about this spacing, mm.
-_SPACING_MM, _BONE_SPACING_MM = 4.0, 9.0
 
-
-def organ_split(fit: PlainFit) -> Split:
+def organ_split(fit: PlainFit, rules: DecisionRules) -> Split:
     """Patches of the organ, then one of all landmarks; the bones' motion is never left out.
 
     A patch is left out of all deformed states at once: the contour at rest, which they share, would give it away. Rows of the organ's
     surfaces come first, state by state.
     """
     sights, at_rest = fit.bench.sights, fit.point.first.scene.observation.points
-    chosen = _thinned(at_rest, _SPACING_MM)
+    chosen = _thinned(at_rest, rules.point_spacing_mm)
     surface = apart([_rows_of_surface(sight, chosen) for sight in sights])
     rest = np.delete(np.eye(fit.bench.n), fit.bench.surface, axis=0)
     reader = np.vstack([surface, rest])
     points = np.tile(at_rest[chosen], (len(sights), 1))
     patch = np.full(len(reader), -1)
-    patch[: len(points)] = np.tile(_patches(at_rest[chosen], PATCH_MM), len(sights))
+    patch[: len(points)] = np.tile(_patches(at_rest[chosen], rules.patch_mm), len(sights))
     marks = np.concatenate([np.arange(s.n - s.n_modes) < 3 * s.n_marks for s in sights])
     if marks.any():
         patch[len(points) + np.flatnonzero(marks)] = patch.max() + 1
@@ -46,15 +42,15 @@ def _rows_of_surface(sight: DataVector, chosen: IntArray) -> FloatArray:
     return out
 
 
-def bone_split(fit: PlainFit, state: int) -> Split | None:
+def bone_split(fit: PlainFit, state: int, rules: DecisionRules) -> Split | None:
     """Patches of a state's bones, whose rigid motion the others must tell, and all else, which is not left out.
 
     None where the state shows no bones.
     """
-    organ, bone, at = organ_split(fit), fit.bench.each[state].sight.bone, fit.bench.bones[state]
+    organ, bone, at = organ_split(fit, rules), fit.bench.each[state].sight.bone, fit.bench.bones[state]
     if bone is None or at is None:
         return None
-    chosen = _thinned(bone.points, _BONE_SPACING_MM)
+    chosen = _thinned(bone.points, rules.bone_point_spacing_mm)
     points = bone.points[chosen]
     reader = np.zeros((len(chosen), fit.bench.n))
     reader[:, at] = bone.design[chosen]
@@ -67,7 +63,7 @@ def bone_split(fit: PlainFit, state: int) -> Split | None:
     covariance[: len(chosen), : len(chosen)] = noise
     covariance[len(chosen) :, len(chosen) :] = organ.covariance[np.ix_(seen, seen)]
     patch = np.full(m, -1)
-    patch[: len(chosen)] = _patches(points, BONE_PATCH_MM)
+    patch[: len(chosen)] = _patches(points, rules.bone_patch_mm)
     constant = np.concatenate([bone.misfit[chosen], np.zeros(int(seen.sum()))])
     return Split(np.vstack([reader, organ.reader[seen]]), constant, patch, covariance, points)
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.diagnosis_record import RegionGapRecord
 from palpate.core.inference.evidence import projected
 from palpate.core.observe.contour_noise import Weighting
@@ -35,7 +36,7 @@ class DiscrepancyMaps:
     blur_mm: float
 
 
-def look(fit: PlainFit, free: UnknownDiscrepancy, state: int = 0) -> DiscrepancyMaps:
+def look(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRules, state: int = 0) -> DiscrepancyMaps:
     """Maps of a deformed state at the plain fit, from that state's data."""
     sight, point, forces, rows = (
         fit.bench.each[state].sight,
@@ -55,7 +56,7 @@ def look(fit: PlainFit, free: UnknownDiscrepancy, state: int = 0) -> Discrepancy
     size = np.linalg.norm(density, axis=1)
     near = np.flatnonzero(size > 1e-12 * max(size.max(), 1e-30))
     nodes = point.scene.space.nodes[near] - point.scene.shift[near]
-    peak = _peak(nodes, size[near], observation.points)
+    peak = _peak(nodes, size[near], observation.points, rules)
     blur = _blur(forces, inverse @ R, nodes, near, peak)
     return DiscrepancyMaps(
         observation.points,
@@ -96,14 +97,15 @@ def _row(where: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: f
     return RegionGapRecord(name, side, rms, float(squares.sum()) / total)
 
 
-def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray) -> FloatArray | None:
+def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray, rules: DecisionRules) -> FloatArray | None:
     """Centre of the largest forces near the organ."""
     if len(nodes) == 0 or size.max() <= 0.0:
         return None
-    close = cKDTree(organ).query(nodes)[0] < 15.0
-    weight = np.where(close & (size > 0.7 * size[close].max(initial=0.0)), size, 0.0)
+    close = cKDTree(organ).query(nodes)[0] < rules.peak_near_mm
+    least = rules.peak_share * size[close].max(initial=0.0)
+    weight = np.where(close & (size > least), size, 0.0)
     top = nodes[int(np.argmax(weight))]
-    weight = weight * (np.linalg.norm(nodes - top, axis=1) < 12.0)
+    weight = weight * (np.linalg.norm(nodes - top, axis=1) < rules.peak_around_mm)
     return np.asarray(np.average(nodes, axis=0, weights=weight)) if weight.any() else None
 
 

@@ -10,22 +10,18 @@ from palpate.core.inference.heldout import Gain, Linear, Split, gain
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.statistics import rms
 
-PLACEBOS = 40
-# An effect moved less far than this is not elsewhere, mm.
-APART_MM = 15.0
-
 
 def placebo_gains(
-    split: Split, plain: Linear, before: FloatArray, forces: UnknownDiscrepancy, size: float, seed: int = 1
+    split: Split, plain: Linear, before: FloatArray, forces: UnknownDiscrepancy, size: float, count: int, seed: int = 1
 ) -> list[Gain]:
-    """Gain on data left out of each placebo: a random smooth load whose amplitude is fitted, of the given prior size.
+    """Gain on data left out of each of `count` placebos: a random smooth load whose amplitude is fitted, of the given prior size.
 
     size : rms of the residual's change, mm per entry of the data vector, that the effect under test makes.
     """
     rng = np.random.default_rng(seed)
     p = plain.J.shape[1]
     models = []
-    for _ in range(PLACEBOS):
+    for _ in range(count):
         S = forces.response @ rng.standard_normal(forces.response.shape[1])
         S *= size / max(rms(S), 1e-30)
         precision = np.concatenate([plain.precision, [1.0]])
@@ -34,12 +30,17 @@ def placebo_gains(
 
 
 def moved_gains(
-    split: Split, plain: Linear, before: FloatArray, screened: Screened, where: tuple[float, float, float]
+    split: Split,
+    plain: Linear,
+    before: FloatArray,
+    screened: Screened,
+    where: tuple[float, float, float],
+    apart_mm: float,
 ) -> list[Gain]:
-    """Gain on data left out of the same effect at every other place (mirrored or moved by at least APART_MM), its size fitted."""
+    """Gain on data left out of the same effect at every other place (mirrored or moved by at least apart_mm), its size fitted."""
     models = []
     for variant, S in zip(screened.variants, screened.directions, strict=True):
-        if variant.where is None or np.linalg.norm(np.subtract(variant.where, where)) < APART_MM:
+        if variant.where is None or np.linalg.norm(np.subtract(variant.where, where)) < apart_mm:
             continue
         seen = np.abs(S).max(axis=0) > 0.0
         precision = np.concatenate([plain.precision, 1.0 / screened.effect.scales[seen] ** 2])

@@ -10,6 +10,7 @@ from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.forward.material_changes import scaled
 from palpate.core.forward.parameters import TISSUE
 
+# Numerical: width of the plane's edge, mm, so that it moves smoothly through the mesh.
 _EDGE_MM = 2.0
 _SIDES = {
     "left": (1.0, 0.0, 0.0), "right": (-1.0, 0.0, 0.0), "posterior": (0.0, 1.0, 0.0), "anterior": (0.0, -1.0, 0.0),

@@ -14,9 +14,8 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.surfaces.triangles import area_vectors
 
-# Half width at 0.6 of the pressure's peak: what pushes is a centimetre or two across.
-_RADIUS_MM = 6.0
-_SPACING_MM = 10.0
+# Half width at 0.6 of the pressure's peak, mm: what pushes is a centimetre or two across (chosen); how far apart places are tried.
+_RADIUS_MM, _SPACING_MM = 6.0, 10.0
 
 
 def _radius(phi: float) -> float:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.refit import Refit, refit_again
 from palpate.core.diagnose.refit.variants import corrected
@@ -20,21 +21,24 @@ from palpate.core.residual.linearised_model import StateModel
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.progress import Progress, silent
 
-# Only effects whose log evidence is within this of the best one's may still become the answer; at most so many.
-_WITHIN, _MOST = 12.0, 3
 # From the quick element's equilibrium the better one is there after a factorisation or two, or fights in vain: 74 s of a sliding
 # organ's 180 went into forty.
 _FEW = replace(OPTIONS, max_factorisations=8)
 
 
 def with_own_error(
-    fit: PlainFit, screened: Sequence[Screened], refits: Sequence[Refit], progress: Progress = silent
+    fit: PlainFit,
+    screened: Sequence[Screened],
+    refits: Sequence[Refit],
+    rules: DecisionRules,
+    progress: Progress = silent,
 ) -> list[Refit]:
     """The refits (best first), the leading ones corrected by what the better element says at their own optimum, and fitted anew.
 
     Those on which it finds no equilibrium stay as they are, all of them where it found none for the plain model.
     """
-    leading = [f for f in refits[:_MOST] if f.log_evidence > refits[0].log_evidence - _WITHIN]
+    most, within = rules.own_error_most, rules.own_error_within
+    leading = [f for f in refits[:most] if f.log_evidence > refits[0].log_evidence - within]
     if fit.on_own_mesh is None or not leading:
         return list(refits)
     by_id = {s.effect.id: s for s in screened}

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.effects import Effect, Variant
 from palpate.core.diagnose.refit.refit import Refit
@@ -15,8 +16,6 @@ from palpate.core.forward.composition import Composition
 from palpate.core.inference.evidence import score
 from palpate.core.residual.plain_fit import PlainFit
 
-# How many partners of the best effect are tried.
-PARTNERS = 3
 JOINED = "+"
 
 
@@ -43,25 +42,27 @@ def joined(first: Variant, second: Variant, split: int) -> Variant:
     return Variant(change, name, first.where or second.where)
 
 
-def refit_pairs(fit: PlainFit, screened: Sequence[Screened], refits: Sequence[Refit]) -> list[Refit]:
+def refit_pairs(
+    fit: PlainFit, screened: Sequence[Screened], refits: Sequence[Refit], rules: DecisionRules
+) -> list[Refit]:
     """The best effect with each of its likeliest partners, refitted; best first. Each at the place where it fitted best alone.
 
     log_evidence : pays for the number of partners tried.
     """
     by_id = {s.effect.id: s for s in screened}
     ids = [f.trial.effect.id for f in refits if f.trial.effect is not None]
-    pairs = [_screened(fit, by_id[ids[0]], by_id[name]) for name in ids[1:]]
-    pairs = sorted(pairs, key=lambda s: -s.log_evidence)[:PARTNERS]
-    found = [f for f in (refit_variants(fit, pair) for pair in pairs) if f is not None]
+    pairs = [_screened(fit, by_id[ids[0]], by_id[name], rules.partners) for name in ids[1:]]
+    pairs = sorted(pairs, key=lambda s: -s.log_evidence)[: rules.partners]
+    found = [f for f in (refit_variants(fit, pair, rules) for pair in pairs) if f is not None]
     return sorted(found, key=lambda f: -f.log_evidence)
 
 
-def _screened(fit: PlainFit, first: Screened, second: Screened) -> Screened:
-    """The first look at a pair; its evidence pays for the variants of both and for the choice among PARTNERS."""
+def _screened(fit: PlainFit, first: Screened, second: Screened, partners: int) -> Screened:
+    """The first look at a pair; its evidence pays for the variants of both and for the choice among so many partners."""
     effect = together(first.effect, second.effect)
     S = np.hstack([first.directions[0], second.directions[0]])
     r, J = fit.weighting.whiten(fit.point.residual), fit.weighting.whiten(fit.point.in_theta)
     found = score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds)
     variant = joined(first.variants[0], second.variants[0], len(first.effect.parameters))
-    paid = sum(s.log_evidence - s.scores[0].log_evidence for s in (first, second)) - float(np.log(PARTNERS))
+    paid = sum(s.log_evidence - s.scores[0].log_evidence for s in (first, second)) - float(np.log(partners))
     return Screened(effect, [variant], [found], [S], found.log_evidence + paid)

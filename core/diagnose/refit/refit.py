@@ -14,9 +14,8 @@ from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.plain_fit import FLAT, PlainFit
 
-# A fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations).
-_TOLERANCE = 0.03
-_EVALUATIONS = 9
+# Numerical: a fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations), or after so many solves.
+_TOLERANCE, _EVALUATIONS = 0.03, 9
 
 
 @dataclass(frozen=True, eq=False)

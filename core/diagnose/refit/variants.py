@@ -8,18 +8,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.refit import Refit, refit
 from palpate.core.residual.plain_fit import PlainFit
 
-# Variants of an effect that are refitted, and how close (log evidence) to the best they must be.
-_VARIANTS, _CLOSE = 3, 3.0
 
-
-def refit_variants(fit: PlainFit, screened: Screened) -> Refit | None:
+def refit_variants(fit: PlainFit, screened: Screened, rules: DecisionRules) -> Refit | None:
     """The best variants of an effect refitted, as `of_all` of them; None when the model cannot be solved with any."""
-    first = [s.log_evidence for s in screened.scores[:_VARIANTS]]
-    found = [refit(fit, screened, k) for k, evidence in enumerate(first) if evidence > first[0] - _CLOSE]
+    first = [s.log_evidence for s in screened.scores[: rules.variants]]
+    found = [refit(fit, screened, k) for k, evidence in enumerate(first) if evidence > first[0] - rules.variants_within]
     solved = [f for f in found if f is not None]
     return capped(of_all(solved, screened), screened) if solved else None
 

@@ -17,40 +17,40 @@ import numpy as np
 from scipy.special import softmax
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis, saturated_model, tempered
 from palpate.core.diagnose.verdict.verdict import UNKNOWN
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.residual.wall_error_bias import wall_bias
 
-# Precision of ln G's prior in the plain model's answer.
-_PRIOR = 0.2
-# What ln G of effect-free cases is too high by all the same: 0.21 (standard error 0.05) in the mean of 88 of five seeds of the blind
-# check; 0.13 (0.27) of the four shared ones, by another simulator. And the rms error about that, in standard deviations (docs/gap.md).
-TOO_STIFF, WIDER = 0.2, 1.3
 
-
-def plain_stiffness(fit: PlainFit) -> tuple[FloatArray, FloatArray]:
+def plain_stiffness(fit: PlainFit, rules: DecisionRules) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t) without an effect."""
     J = fit.weighting.whiten(fit.point.in_theta)
-    covariance = np.asarray(np.linalg.inv(J.T @ J + _PRIOR * np.eye(J.shape[1])))
-    theta = fit.point.theta - wall_bias(fit.noise_slope, covariance) - too_stiff_by(covariance)
-    return _allowed(fit, theta), WIDER**2 * covariance
+    covariance = np.asarray(np.linalg.inv(J.T @ J + rules.stiffness_prior * np.eye(J.shape[1])))
+    bias = wall_bias(fit.noise_slope, covariance, rules.bias_least)
+    theta = fit.point.theta - bias - too_stiff_by(covariance, rules)
+    return _allowed(fit, theta), rules.wider**2 * covariance
 
 
 def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of "unknown"."""
-    slope, short_by = found.fit.noise_slope, found.fit.options.short_by
-    models = {f.trial.effect.id: over_variants(f, slope, short_by) for f in found.refits if f.trial.effect is not None}
+    fit, rules = found.fit, found.rules
+    models = {
+        f.trial.effect.id: over_variants(f, fit.noise_slope, fit.options.short_by, rules)
+        for f in found.refits
+        if f.trial.effect is not None
+    }
     models[UNKNOWN] = _unnamed(found)
     mean, covariance = mixture(models, found.verdict.probability)
-    return _allowed(found.fit, mean - too_stiff_by(covariance)), WIDER**2 * covariance
+    return _allowed(fit, mean - too_stiff_by(covariance, rules)), rules.wider**2 * covariance
 
 
-def too_stiff_by(covariance: FloatArray) -> FloatArray:
+def too_stiff_by(covariance: FloatArray, rules: DecisionRules) -> FloatArray:
     """How far ln G (t,) is too high, for its covariance (t, t) under likelihood and prior: where the prior alone speaks, not at all."""
-    told = np.clip(1.0 - _PRIOR * covariance.sum(axis=1), 0.0, 1.0)
-    return np.asarray(TOO_STIFF * told)
+    told = np.clip(1.0 - rules.stiffness_prior * covariance.sum(axis=1), 0.0, 1.0)
+    return np.asarray(rules.too_stiff * told)
 
 
 def mixture(
@@ -66,7 +66,9 @@ def mixture(
     return mean, np.asarray(covariance)
 
 
-def over_variants(best: Refit, slope: FloatArray, short_by: float) -> tuple[FloatArray, FloatArray]:
+def over_variants(
+    best: Refit, slope: FloatArray, short_by: float, rules: DecisionRules
+) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their tempered evidence.
 
     slope (t,) : see `noise_slope`. short_by : see `tempered`.
@@ -74,7 +76,7 @@ def over_variants(best: Refit, slope: FloatArray, short_by: float) -> tuple[Floa
     t = len(best.point.theta)
     variants = (best, *best.others)
     each = [(f.point.theta, f.covariance[:t, :t]) for f in variants]
-    models = {str(k): (theta - wall_bias(slope, C), C) for k, (theta, C) in enumerate(each)}
+    models = {str(k): (theta - wall_bias(slope, C, rules.bias_least), C) for k, (theta, C) in enumerate(each)}
     weight = softmax([tempered(f.own_evidence, short_by) for f in variants])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
@@ -87,7 +89,7 @@ def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
     covariance = np.asarray(np.linalg.inv(J.T @ J + np.diag(model.precision)), dtype=np.float64)
     step = -covariance[:t] @ (J.T @ fit.weighting.whiten(model.r))
     theta = _allowed(fit, fit.point.theta + step)
-    return theta - wall_bias(fit.noise_slope, covariance[:t, :t]), covariance[:t, :t]
+    return theta - wall_bias(fit.noise_slope, covariance[:t, :t], found.rules.bias_least), covariance[:t, :t]
 
 
 def _allowed(fit: PlainFit, theta: FloatArray) -> FloatArray:

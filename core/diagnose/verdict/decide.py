@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.verdict.rules import Rule, always, first_that_holds
 from palpate.core.diagnose.verdict.verdict import (
     AMBIGUOUS,
-    HALF,
-    MOST_CANDIDATES,
     NONE,
-    REMAINDER_LEVEL,
-    SURE,
-    TIED,
-    TIED_TWINS,
     UNKNOWN,
     Judged,
     Verdict,
@@ -31,17 +26,20 @@ class Findings:
 
     detected : outcome of the gap test. judged : effects after their refits. unknown : log evidence of a free smooth field of forces.
     pair : two effects together, and the log evidence of both; None where no pair predicts more than the better one alone.
+    rules : the numbers that the conditions hang on.
     """
 
     detected: bool
     judged: Sequence[Judged]
     unknown: float
     pair: tuple[tuple[str, ...], float] | None = None
+    rules: DecisionRules = field(kw_only=True)
 
     @cached_property
     def probability(self) -> dict[str, float]:
         """Of every effect and of "unknown", given that there is a gap."""
-        return probabilities({j.effect: j.log_evidence for j in self.judged}, self.unknown)
+        evidence = {j.effect: j.log_evidence for j in self.judged}
+        return probabilities(evidence, self.unknown, self.rules.prior_unknown)
 
     @cached_property
     def ranked(self) -> list[Judged]:
@@ -62,7 +60,8 @@ class Findings:
     def tied(self) -> list[Judged]:
         """The most probable effect and all that cannot be told from it; empty where its probability is 0."""
         best = [j for j in self.ranked[:1] if self.top > 0.0]
-        return best + [j for j in self.ranked[1:] if self.probability[j.effect] * j.needed_odds >= self.top]
+        rivals = [j for j in self.ranked[1:] if self.probability[j.effect] * j.needed_odds(self.rules) >= self.top]
+        return best + rivals
 
     @property
     def best(self) -> Judged:
@@ -72,7 +71,7 @@ class Findings:
     @property
     def names(self) -> tuple[str, ...]:
         """Ids of the tied effects, at most as many as are named."""
-        return tuple(j.effect for j in self.tied[:MOST_CANDIDATES])
+        return tuple(j.effect for j in self.tied[: self.rules.most_candidates])
 
     @property
     def pair_names(self) -> tuple[str, ...]:
@@ -83,34 +82,34 @@ class Findings:
     def fewest_sure(self) -> tuple[str, ...]:
         """The fewest effects, the most probable first, that are sure together; at most as many as are named."""
         total = np.cumsum([self.probability[j.effect] for j in self.ranked])
-        count = int(np.searchsorted(total, SURE)) + 1
-        return tuple(j.effect for j in self.ranked[: min(count, MOST_CANDIDATES)])
+        count = int(np.searchsorted(total, self.rules.sure)) + 1
+        return tuple(j.effect for j in self.ranked[: min(count, self.rules.most_candidates)])
 
     @property
     def pair_explains_more(self) -> bool:
         """Whether two effects together are far likelier than any one alone, and than something unnamed."""
         alone = max((j.log_evidence for j in self.judged), default=-np.inf)
-        return self.pair is not None and self.pair[1] > max(alone, self.unknown) + np.log(TIED_TWINS)
+        return self.pair is not None and self.pair[1] > max(alone, self.unknown) + np.log(self.rules.tied_twins)
 
     @property
     def unnamed_wins(self) -> bool:
         """Whether something unnamed is clearly more probable than every effect."""
-        return not self.tied or self.p_unknown > TIED * self.top
+        return not self.tied or self.p_unknown > self.rules.tied * self.top
 
     @property
     def unnamed_ties(self) -> bool:
         """Whether something unnamed cannot be told from the best effect."""
-        return self.p_unknown * TIED > self.top
+        return self.p_unknown * self.rules.tied > self.top
 
     @property
     def little_closed(self) -> bool:
         """Whether the best effect closes less than half of what a free field closes on data left out."""
-        return self.best.share_of_ceiling < HALF
+        return self.best.share_of_ceiling < self.rules.half
 
     @property
     def much_left(self) -> bool:
         """Whether the best effect leaves what is certainly no noise."""
-        return self.best.remainder_p < REMAINDER_LEVEL
+        return self.best.remainder_p < self.rules.remainder_level
 
 
 RULES: tuple[Rule[Findings], ...] = (
@@ -155,14 +154,14 @@ RULES: tuple[Rule[Findings], ...] = (
     ),
     Rule(
         "not_predicted",
-        lambda f: not f.best.confirmed,
+        lambda f: not f.best.confirmed(f.rules),
         AMBIGUOUS,
         "the effect fits best, but does not predict what was left out clearly better",
         lambda f: f.names,
     ),
     Rule(
         "not_sure",
-        lambda f: f.top < SURE,
+        lambda f: f.top < f.rules.sure,
         AMBIGUOUS,
         "the effect explains the gap best, but less than four times as probably as all others together",
         lambda f: f.fewest_sure,
@@ -184,7 +183,7 @@ RULES: tuple[Rule[Findings], ...] = (
     ),
     Rule(
         "something_left",
-        lambda f: f.best.something_left,
+        lambda f: f.best.something_left(f.rules),
         AMBIGUOUS,
         "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it",
         lambda f: f.names,
@@ -200,9 +199,14 @@ RULES: tuple[Rule[Findings], ...] = (
 
 
 def decide(
-    detected: bool, judged: Sequence[Judged], unknown: float, pair: tuple[tuple[str, ...], float] | None = None
+    detected: bool,
+    judged: Sequence[Judged],
+    unknown: float,
+    pair: tuple[tuple[str, ...], float] | None = None,
+    *,
+    rules: DecisionRules,
 ) -> Verdict:
     """The first of `RULES` that holds decides. Arguments as in `Findings`."""
-    findings = Findings(detected, judged, unknown, pair)
+    findings = Findings(detected, judged, unknown, pair, rules=rules)
     decision = first_that_holds(RULES, findings)
     return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

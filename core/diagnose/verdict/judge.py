@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.gap_test import GapTest, gap_test
 from palpate.core.diagnose.detection.leave_out import bone_split, organ_split
 from palpate.core.diagnose.detection.location import DiscrepancyMaps
@@ -16,14 +17,11 @@ from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.pairs import JOINED, refit_pairs
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.decide import decide
-from palpate.core.diagnose.verdict.verdict import REMAINDER_LEVEL, Judged, Verdict, probabilities
+from palpate.core.diagnose.verdict.verdict import Judged, Verdict, probabilities
 from palpate.core.inference.evidence import projected
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.residual.plain_fit import FLAT, PlainFit
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
-
-# So many of the best effects are compared with placebos.
-_PLACEBO_TESTED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +29,7 @@ class Diagnosis:
     """All that was found; `palpate.core.diagnose.verdict.record` writes it down.
 
     refits : best first. gains : of each refit, by effect id; placebo : median share gained by placebos of the best one's size.
-    forces : the free smooth field that stands for what has no name.
+    forces : the free smooth field that stands for what has no name. rules : the numbers that decided.
     """
 
     fit: PlainFit
@@ -46,6 +44,7 @@ class Diagnosis:
     ceiling: Gain
     placebo: float
     forces: UnknownDiscrepancy
+    rules: DecisionRules
 
 
 def tempered(log_evidence: float, short_by: float) -> float:
@@ -64,60 +63,70 @@ def judge(
     where: DiscrepancyMaps,
     forces: UnknownDiscrepancy,
     unknown: float,
+    rules: DecisionRules,
     seed: int,
 ) -> Diagnosis:
-    split, plain = organ_split(fit), plain_model(fit)
+    split, plain = organ_split(fit, rules), plain_model(fit)
     effects = {_name(f): effect_model(f) for f in refits}
     models = {"": plain, "ceiling": saturated_model(fit, forces)} | effects
     left_out = dict(zip(models, split.left_out(list(models.values())), strict=True))
     before = left_out[""]
     ceiling = gain(split, before, left_out["ceiling"])
-    gains = {name: gain(split, before, left_out[name], gain_error(split, plain, m)) for name, m in effects.items()}
-    gains |= {name: gains[name] + more for name, more in _gains_on_bone(fit, plain, effects).items()}
+    gains = {
+        name: gain(split, before, left_out[name], gain_error(split, plain, m, rules.gain_draws))
+        for name, m in effects.items()
+    }
+    gains |= {name: gains[name] + more for name, more in _gains_on_bone(fit, plain, effects, rules).items()}
     by_id = {s.effect.id: s for s in screened}
-    bench = _Placebos(split, plain, before, forces, seed)
+    bench = _Placebos(split, plain, before, forces, rules, seed)
     all_judged, shares = [], [0.0]
     for rank, f in enumerate(refits):
         name = _name(f)
-        p, share = bench.against(fit, f, by_id[name], gains[name]) if rank < _PLACEBO_TESTED else (1.0, 0.0)
+        p, share = bench.against(fit, f, by_id[name], gains[name]) if rank < rules.placebo_tested else (1.0, 0.0)
         shares += [share]
-        all_judged.append(_judged(fit, f, refits[0], gains[name], ceiling, p, forces, seed))
-    pairs = refit_pairs(fit, screened, refits) if all_judged and all_judged[0].remainder_p < REMAINDER_LEVEL else []
+        all_judged.append(_judged(fit, f, refits[0], gains[name], ceiling, p, forces, rules, seed))
+    much_left = bool(all_judged) and all_judged[0].remainder_p < rules.remainder_level
+    pairs = refit_pairs(fit, screened, refits, rules) if much_left else []
     pair = None
     if pairs and foretells_more(
-        fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0])
+        fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0]), rules
     ):
         pair = (tuple(_name(pairs[0]).split(JOINED)), tempered(pairs[0].log_evidence, fit.options.short_by))
-    verdict = decide(test.detected, all_judged, tempered(unknown, fit.options.short_by), pair)
+    verdict = decide(test.detected, all_judged, tempered(unknown, fit.options.short_by), pair, rules=rules)
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
         evidence = {s.effect.id: tempered(s.log_evidence, fit.options.short_by) for s in screened}
-        verdict = replace(verdict, probability=probabilities(evidence, tempered(unknown, fit.options.short_by)))
+        none = tempered(unknown, fit.options.short_by)
+        verdict = replace(verdict, probability=probabilities(evidence, none, rules.prior_unknown))
     return Diagnosis(
-        fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1], forces
+        fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1], forces, rules
     )
 
 
-def foretells_more(fit: PlainFit, split: Split, alone: FloatArray, single: Linear, both: Linear) -> bool:
+def foretells_more(
+    fit: PlainFit, split: Split, alone: FloatArray, single: Linear, both: Linear, rules: DecisionRules
+) -> bool:
     """Whether two effects together predict what was left out better than the better of them by itself, as a single one must.
 
     alone : (m,) what that one leaves there. By evidence alone strong motions of bone were answered with a second cause that was not there:
     what a right model leaves of a large motion stands out of the noise too, and another effect takes some of it.
     """
-    found = gain(split, alone, split.left_out([both])[0], gain_error(split, single, both))
-    return sum(_gains_on_bone(fit, single, {"both": both}).values(), found).accepted
+    found = gain(split, alone, split.left_out([both])[0], gain_error(split, single, both, rules.gain_draws))
+    return rules.accepts(sum(_gains_on_bone(fit, single, {"both": both}, rules).values(), found))
 
 
-def _gains_on_bone(fit: PlainFit, plain: Linear, effects: Mapping[str, Linear]) -> dict[str, Gain]:
+def _gains_on_bone(
+    fit: PlainFit, plain: Linear, effects: Mapping[str, Linear], rules: DecisionRules
+) -> dict[str, Gain]:
     """Of effects that move bone: what each gains on patches of it that were left out."""
     out: dict[str, Gain] = {}
     for state, at in enumerate(fit.bench.bones):
         moving = {} if at is None else {name: m for name, m in effects.items() if m.J[at].any()}
-        split = bone_split(fit, state) if moving else None
+        split = bone_split(fit, state, rules) if moving else None
         if split is None:
             continue
         before, *after = split.left_out([plain, *moving.values()])
         for (name, m), a in zip(moving.items(), after, strict=True):
-            found = gain(split, before, a, gain_error(split, plain, m))
+            found = gain(split, before, a, gain_error(split, plain, m, rules.gain_draws))
             out[name] = out[name] + found if name in out else found
     return out
 
@@ -130,15 +139,19 @@ class _Placebos:
     plain: Linear
     before: FloatArray
     forces: UnknownDiscrepancy
+    rules: DecisionRules
     seed: int
 
     def against(self, fit: PlainFit, found: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
         """Share of placebos that gain as much as g, of random loads or of other places, and the median share random loads gain."""
-        loads = placebo_gains(self.split, self.plain, self.before, self.forces, _size(fit, found), self.seed)
+        size, count = _size(fit, found), self.rules.placebos
+        loads = placebo_gains(self.split, self.plain, self.before, self.forces, size, count, self.seed)
         p = _share_as_good(loads, g)
         variant = found.trial.variant
         if variant is not None and variant.where is not None:
-            p = max(p, _share_as_good(moved_gains(self.split, self.plain, self.before, screened, variant.where), g))
+            apart = self.rules.placebo_apart_mm
+            moved = moved_gains(self.split, self.plain, self.before, screened, variant.where, apart)
+            p = max(p, _share_as_good(moved, g))
         return p, float(np.median([q.share for q in loads]))
 
 
@@ -150,11 +163,12 @@ def _judged(
     ceiling: Gain,
     placebo_p: float,
     forces: UnknownDiscrepancy,
+    rules: DecisionRules,
     seed: int,
 ) -> Judged:
     share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
     J = np.hstack([f.point.in_theta, f.in_phi])
-    p_left = gap_test(fit.noise, f.point.residual, J, forces.free, seed=seed).p_value
+    p_left = gap_test(fit.noise, f.point.residual, J, forces.free, seed=seed, rules=rules).p_value
     evidence = tempered(f.log_evidence, fit.options.short_by)
     return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
 

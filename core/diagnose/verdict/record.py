@@ -30,11 +30,6 @@ from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.statistics import rms
 
 MAP_FILE = "gap_maps.npz"
-# A stiffness this close to a bound (ln G) is flagged: it may be absorbing an effect. Unless its standard deviation (ln G) says that the
-# scans tell next to nothing of it.
-AT_BOUND, NOT_TOLD = 0.05, 1.0
-# A better element that moves the organ's surface by more than this, mm rms, says that the mesh is too coarse for this deformation.
-COARSE_MM = 0.35
 
 
 def record(found: Diagnosis, case: str) -> DiagnosisRecord:
@@ -56,7 +51,7 @@ def record(found: Diagnosis, case: str) -> DiagnosisRecord:
         ranking=_ranking(found),
         shrinkage=shrinkage(found, best) if best is not None else None,
         stiffness=StiffnessRecord(
-            without_effect=_stiffness(found, *plain_stiffness(found.fit)),
+            without_effect=_stiffness(found, *plain_stiffness(found.fit, found.rules)),
             with_effect=None if shown is None else _stiffness(found, *averaged_stiffness(found)),
         ),
         next_measurement=next_measurement(found),
@@ -71,7 +66,8 @@ def record(found: Diagnosis, case: str) -> DiagnosisRecord:
 
 def _options(found: Diagnosis) -> DiagnosisOptions:
     """The numbers in force."""
-    return DiagnosisOptions(noise_model=found.fit.options, wall_motion=found.fit.bench.first.stage.walls)
+    walls = found.fit.bench.first.stage.walls
+    return DiagnosisOptions(noise_model=found.fit.options, wall_motion=walls, decision_rules=found.rules)
 
 
 def _peak(found: Diagnosis) -> tuple[float, float, float] | None:
@@ -99,7 +95,7 @@ def maps(found: Diagnosis) -> dict[str, FloatArray]:
     """
     out: dict[str, FloatArray] = {}
     for state in range(len(found.fit.bench.each)):
-        where = found.where if state == 0 else look(found.fit, found.forces, state)
+        where = found.where if state == 0 else look(found.fit, found.forces, found.rules, state)
         out |= {f"{_prefix(state)}{key}": values for key, values in _maps(found, state, where).items()}
     return out
 
@@ -219,19 +215,19 @@ def _stiffness(found: Diagnosis, theta: FloatArray, covariance: FloatArray) -> d
 
 def _flags(found: Diagnosis, shown: Refit | None) -> list[str]:
     bounds = found.fit.point.first.scene.parameters.bounds
-    names = found.fit.bench.first.plain.problem.region_names
+    names, rules = found.fit.bench.first.plain.problem.region_names, found.rules
     out = []
-    fits = [("without", found.fit.point.theta, plain_stiffness(found.fit)[1])]
+    fits = [("without", found.fit.point.theta, plain_stiffness(found.fit, found.rules)[1])]
     fits += [] if shown is None else [("with", shown.point.theta, shown.covariance)]
     for what, theta, covariance in fits:
         sd = np.sqrt(np.diag(covariance))[: len(theta)]
         for region, t, s, (low, high) in zip(sorted(names), theta, sd, bounds, strict=True):
-            if t < low + AT_BOUND or t > high - AT_BOUND:
-                why = "the scans say next to nothing of it" if s > NOT_TOLD else "it may be absorbing an effect"
+            if t < low + rules.at_bound or t > high - rules.at_bound:
+                why = "the scans say next to nothing of it" if s > rules.not_told else "it may be absorbing an effect"
                 out.append(f"{names[region].replace('_', ' ')}: stiffness at its bound {what} the effect; {why}")
     at = found.fit.bench.surface
     changed = float(np.sqrt((found.fit.mesh[at] ** 2).sum() / (len(found.where.points) * len(found.fit.bench.each))))
-    if changed > COARSE_MM:
+    if changed > rules.coarse_mm:
         out.append(
             f"a better element moves the organ's surface by {changed:.2f} mm: the mesh is too coarse for this deformation, "
             "and the gap may come from it; mesh more finely (--tets)"

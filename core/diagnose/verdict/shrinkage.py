@@ -12,8 +12,6 @@ from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.residual.noise_covariance import organ_contours
 
-_DRAWS = 2000
-
 
 def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
     """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
@@ -33,7 +31,7 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
     members = [np.flatnonzero(patch == p) for p in range(found.split.n_surface)]
     tail = tail_of_few(len(members))
     draws = []
-    for _ in range(_DRAWS):
+    for _ in range(found.rules.shrinkage_draws):
         chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
         rival = rivals[rng.choice(len(rivals), p=weight)]
         draws.append(_corrected(before[chosen].mean(), rival[chosen].mean(), rng.choice(floors, p=likely)))

@@ -43,7 +43,7 @@ def seen(problem: BodyProblem, G: float, seed: int = 2) -> BodyProblem:
     states = []
     for s in problem.states:
         found = stage.solve(Composition(problem.shell), np.log([G]), s)
-        moved = stage.markers(found.u, s).ravel() + np.linalg.cholesky(s.covariance()) @ rng.standard_normal(9)
+        moved = stage.markers(found.u, s).ravel() + np.linalg.cholesky(s.covariance(0.7)) @ rng.standard_normal(9)
         x = np.add(s.rest, moved.reshape(-1, 3))
         states.append(replace(s, deformed=tuple(tuple(row) for row in x.tolist())))
     return replace(problem, states=tuple(states))

@@ -14,14 +14,13 @@ from synthetic_case import problem
 from triangle_shapes import ball
 
 from palpate.core.diagnose.case_data import CaseData, arrays, load
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.effects import Surroundings, library
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.pairs import refit_pairs
 from palpate.core.diagnose.refit.variants import capped
 from palpate.core.diagnose.verdict.averaged_stiffness import (
-    TOO_STIFF,
-    WIDER,
     averaged_stiffness,
     over_variants,
     plain_stiffness,
@@ -222,29 +221,31 @@ def test_what_walls_read_wrongly_pull_the_stiffness_by_is_taken_off(none: Diagno
     assert (fit.noise_slope < 0.0).all()
     written = plain(record(none, "a case"))["stiffness"]["without_effect"]
     for s, theta in zip(written.values(), fit.point.theta, strict=True):
-        assert 0.02 < (theta - TOO_STIFF - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
+        assert 0.02 < (theta - DecisionRules().too_stiff - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
 
 
 def test_the_stiffness_is_told_as_effect_free_cases_calibrate_it(wide: Diagnosis) -> None:
     """With and without an effect: too high by the same factor, but for what the prior holds; standard deviations widened."""
     J = wide.fit.weighting.whiten(wide.fit.point.in_theta)
     covariance = np.linalg.inv(J.T @ J + 0.2 * np.eye(2))
-    told, sd2 = plain_stiffness(wide.fit)
-    np.testing.assert_allclose(sd2, WIDER**2 * covariance)
-    biased = wide.fit.point.theta - wall_bias(wide.fit.noise_slope, covariance)
+    told, sd2 = plain_stiffness(wide.fit, wide.rules)
+    np.testing.assert_allclose(sd2, DecisionRules().wider ** 2 * covariance)
+    biased = wide.fit.point.theta - wall_bias(wide.fit.noise_slope, covariance, 1.0)
     # A data vector off by J b moves the maximum of likelihood and prior by so much.
-    np.testing.assert_allclose(biased - told, covariance @ (J.T @ J) @ np.full(2, TOO_STIFF))
+    np.testing.assert_allclose(biased - told, covariance @ (J.T @ J) @ np.full(2, DecisionRules().too_stiff))
     sure = replace(wide.verdict, probability={"contour_bias": 1.0})
     best = next(f for f in wide.refits if f.trial.effect.id == "contour_bias")
-    mean, alone = over_variants(best, wide.fit.noise_slope, wide.fit.options.short_by)
+    mean, alone = over_variants(best, wide.fit.noise_slope, wide.fit.options.short_by, wide.rules)
     told, sd2 = averaged_stiffness(replace(wide, verdict=sure))
-    np.testing.assert_allclose(sd2, WIDER**2 * alone)
-    np.testing.assert_allclose(mean - told, TOO_STIFF * (1.0 - 0.2 * alone.sum(axis=1)))
+    np.testing.assert_allclose(sd2, DecisionRules().wider ** 2 * alone)
+    np.testing.assert_allclose(mean - told, DecisionRules().too_stiff * (1.0 - 0.2 * alone.sum(axis=1)))
 
 
 def test_a_stiffness_that_the_data_do_not_tell_is_left_where_its_prior_has_it() -> None:
-    np.testing.assert_allclose(too_stiff_by(np.diag([1e-6, 5.0])), [TOO_STIFF, 0.0], atol=1e-6)
-    np.testing.assert_allclose(too_stiff_by(np.diag([9.0, 9.0])), 0.0)
+    np.testing.assert_allclose(
+        too_stiff_by(np.diag([1e-6, 5.0]), DecisionRules()), [DecisionRules().too_stiff, 0.0], atol=1e-6
+    )
+    np.testing.assert_allclose(too_stiff_by(np.diag([9.0, 9.0]), DecisionRules()), 0.0)
 
 
 def test_a_single_name_that_is_not_settled_comes_with_the_reason(wide: Diagnosis) -> None:
@@ -350,10 +351,10 @@ def test_two_effects_together_must_predict_more_than_the_better_one(wide: Diagno
     by_id = {f.trial.effect.id: f for f in wide.refits if f.trial.effect is not None}
     cause, other = by_id["contour_bias"], by_id["tissue_stiffening"]
     for first, second, more in ((cause, other, False), (other, cause, True)):
-        (both,) = refit_pairs(wide.fit, wide.screened, [first, second])
+        (both,) = refit_pairs(wide.fit, wide.screened, [first, second], wide.rules)
         assert first.trial.effect is not None
         alone = wide.left_out[first.trial.effect.id]
-        assert foretells_more(wide.fit, wide.split, alone, effect_model(first), effect_model(both)) is more
+        assert foretells_more(wide.fit, wide.split, alone, effect_model(first), effect_model(both), wide.rules) is more
 
 
 def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:
@@ -365,6 +366,7 @@ def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:
 def test_the_numbers_in_force_are_in_the_record(none: Diagnosis) -> None:
     written = json.loads(json.dumps(plain(record(none, "a case"))["options"]))
     assert DiagnosisOptions.from_json(written) == DiagnosisOptions()
+    assert written["decision_rules"]["tied"] == 5.0
     assert written["noise_model"]["landmark_mm"] == 0.45 and written["wall_motion"]["slide_share"] == 0.2
 
 
@@ -378,7 +380,7 @@ def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Di
     wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))
     assert wider > 1.1 * usual
     written = plain(record(replace(none, fit=fit), "a case"))["options"]
-    assert written["noise_model"]["own_sizes_mm"] == [0.45] and written["wall_motion"]["slide_share"] == 0.8
+    assert list(written["noise_model"]["own_sizes_mm"]) == [0.45] and written["wall_motion"]["slide_share"] == 0.8
 
 
 def test_numbers_that_are_none_are_refused() -> None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from palpate.core.diagnose.detection import gap_test as detect
-from palpate.core.diagnose.detection.gap_test import Named, gap_test
+from palpate.core.diagnose.decision_rules import DecisionRules
+from palpate.core.diagnose.detection import gap_test as tests
+from palpate.core.diagnose.detection.gap_test import Named
 from palpate.core.diagnose.effects import library
-from palpate.core.diagnose.verdict.decide import decide
+from palpate.core.diagnose.verdict import decide as decisions
 from palpate.core.diagnose.verdict.verdict import Judged, probabilities
 from palpate.core.inference.evidence import allowed, explained, mean_of_exponentials, projected, score
 from palpate.core.inference.heldout import Gain
@@ -27,6 +29,8 @@ FIELDS = RNG.standard_normal((N, 12))
 SCALES = np.array([0.5, 1.0, 2.0])
 ANYWHERE = np.tile([-np.inf, np.inf], (3, 1))
 NUMBERS = NoiseModelOptions()
+RULES = DecisionRules()
+gap_test, decide = partial(tests.gap_test, rules=RULES), partial(decisions.decide, rules=RULES)
 SIZES = NoiseSizes.of(NUMBERS)
 WHITE = NoiseGrid([SIZES], np.eye(N)[None], np.zeros(1), NUMBERS)
 LOOK = {"a": Named([S], SCALES, ANYWHERE)}
@@ -203,17 +207,16 @@ def test_a_refit_counts_where_the_first_look_underrates_an_effect() -> None:
     assert less == gap_test(WHITE, quiet, J, FIELDS, LOOK)  # a refit that fails takes nothing away
 
 
-def test_p_values_stay_uniform_where_refits_gain_without_a_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_p_values_stay_uniform_where_refits_gain_without_a_gap() -> None:
     """Every fourth refit finds 2 more where nothing is; if draws did not gain too, twice as many cases would be alarms."""
-    gains = np.array([0.0, 0.0, 0.0, 2.0])
-    monkeypatch.setattr(detect, "_REFITS_ADD", gains)
+    rules = replace(RULES, refits_add=(0.0, 0.0, 0.0, 2.0))
     rng, p = np.random.default_rng(3), []
     for k in range(300):
         r = rng.standard_normal(N)
-        found = gap_test(WHITE, r, J, FIELDS, LOOK, seed=k)
-        if found.p_value <= detect.CLEAR:
-            refitted = score(r, J, S, SCALES).log_evidence + rng.choice(gains)
-            found = gap_test(WHITE, r, J, FIELDS, LOOK, seed=k, refitted={"a": refitted})
+        found = gap_test(WHITE, r, J, FIELDS, LOOK, seed=k, rules=rules)
+        if found.p_value <= rules.clear:
+            refitted = score(r, J, S, SCALES).log_evidence + rng.choice(rules.refits_add)
+            found = gap_test(WHITE, r, J, FIELDS, LOOK, seed=k, refitted={"a": refitted}, rules=rules)
         p.append(found.p_value)
     assert stats.kstest(p, "uniform").pvalue > 0.05
     assert np.mean(np.array(p) < 0.05) <= 0.08
@@ -238,7 +241,17 @@ def test_a_name_alone_leaves_noise_or_predicts_as_well_as_a_free_field() -> None
 
 
 def test_probabilities_add_up_and_follow_the_evidence() -> None:
-    found = probabilities({"a": 3.0, "b": 1.0}, 0.0)
+    found = probabilities({"a": 3.0, "b": 1.0}, 0.0, RULES.prior_unknown)
     assert sum(found.values()) == pytest.approx(1.0)
     assert found["a"] / found["b"] == pytest.approx(np.exp(2.0))
     assert found["unknown"] / found["a"] == pytest.approx(np.exp(-3.0) * 0.2 / 0.4)
+
+
+def test_other_numbers_make_another_gap_test() -> None:
+    """A level as strict as the p-value itself; 50 draws, which cannot tell less than one in 51."""
+    seen = np.random.default_rng(0).standard_normal(N) + 1.2 * S[:, 0]
+    usual = gap_test(WHITE, seen, J, FIELDS, LOOK)
+    assert usual.detected
+    strict = gap_test(WHITE, seen, J, FIELDS, LOOK, rules=replace(RULES, level=usual.p_value))
+    assert not strict.detected and strict.p_value == usual.p_value
+    assert gap_test(WHITE, seen, J, FIELDS, LOOK, rules=replace(RULES, gap_draws=50)).p_value >= 1.0 / 51

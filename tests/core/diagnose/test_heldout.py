@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.verdict.shrinkage import tail_of_few
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 
 N, PATCHES = 120, 12
+RULES = DecisionRules()
 
 
 def split(correlation: float = 3.0) -> Split:
@@ -44,7 +46,7 @@ def test_the_error_of_a_gain_is_how_much_it_varies_with_the_noise() -> None:
     """The model predicts the truth and has nothing to fit: d = off^2 + 2 off e, whose variance is known."""
     s, off = split(), np.linspace(0.0, 1.0, N)
     nothing = np.zeros((N, 1))
-    error = gain_error(s, model(off, nothing), model(np.zeros(N), nothing))
+    error = gain_error(s, model(off, nothing), model(np.zeros(N), nothing), 200)
     assert error == pytest.approx(2.0 * np.sqrt(off @ s.covariance @ off) / N, rel=0.12)
 
 
@@ -56,11 +58,11 @@ def test_what_acts_in_one_place_is_confirmed_though_it_gains_nowhere_else() -> N
     nothing = np.zeros((N, 1))
     plain, known = model(there + noise, nothing), model(noise, np.column_stack([nothing, there]), 1.0)
     before, after = s.left_out([plain, known])
-    found = gain(s, before, after, gain_error(s, plain, known))
+    found = gain(s, before, after, gain_error(s, plain, known, 200))
     d = s.patch_means(before**2 - after**2)
     assert d.mean() < 2.0 * d.std(ddof=1) / np.sqrt(PATCHES)
     assert found.mean_mm2 == pytest.approx(d.mean())
-    assert found.accepted
+    assert RULES.accepts(found)
 
 
 def test_noise_is_not_confirmed() -> None:
@@ -74,7 +76,7 @@ def test_noise_is_not_confirmed() -> None:
         phi = float((shape.T @ W @ noise)[0] / (shape.T @ W @ shape + 1.0)[0, 0])
         plain, fitted = model(noise, J[:, :1]), model(noise - phi * shape[:, 0], J, -phi)
         before, after = s.left_out([plain, fitted])
-        accepted += gain(s, before, after, gain_error(s, plain, fitted)).accepted
+        accepted += RULES.accepts(gain(s, before, after, gain_error(s, plain, fitted, 200)))
     assert accepted <= 4
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from palpate.core.diagnose.bench_bodies.judge import BODY_RULES, BodyFindings
 from palpate.core.diagnose.bench_bodies.rivals import Rival
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.verdict.decide import RULES, Findings, decide
 from palpate.core.diagnose.verdict.rules import first_that_holds
 from palpate.core.diagnose.verdict.verdict import Judged
@@ -18,6 +19,7 @@ from palpate.core.inference.heldout import Gain
 
 GOOD = Gain(1.0, 0.5, 0.75, 0.2, 0.75)
 NO_GAIN = Gain(1.0, 0.98, 0.04, 0.05, 0.04)
+NUMBERS = DecisionRules()
 PAIR = ("prestress", "volume_change")
 
 
@@ -26,7 +28,7 @@ def judged(effect: str = "prestress", evidence: float = 20.0, **changes: object)
     return Judged(effect, evidence, **facts)  # type: ignore[arg-type]
 
 
-CLEAR = Findings(True, [judged()], 5.0)
+CLEAR = Findings(True, [judged()], 5.0, rules=NUMBERS)
 MANY = [judged(), judged("bone_motion", 18.3), *(judged(f"rival{k}", 17.5) for k in range(3))]
 
 # Rule -> findings that it decides, verdict, candidates, and findings with one fact changed that it does not decide.
@@ -85,7 +87,7 @@ def test_every_row_has_a_case_and_a_name_of_its_own() -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_a_row_decides(name: str) -> None:
     findings, verdict, candidates, otherwise = CASES[name]
-    found = decide(findings.detected, findings.judged, findings.unknown, findings.pair)
+    found = decide(findings.detected, findings.judged, findings.unknown, findings.pair, rules=NUMBERS)
     assert (found.decided_by, found.verdict, found.candidates) == (name, verdict, candidates)
     assert found.why == ("it pulls" if name == "unlike_its_name" else {r.name: r.sentence for r in RULES}[name])
     assert first_that_holds(RULES, otherwise).rule != name
@@ -97,7 +99,7 @@ def test_rows_are_tried_in_order() -> None:
         judged(gain=NO_GAIN, share_of_ceiling=0.4, remainder_p=0.001, unlike="it pulls"),
         judged("inclusion", 19.9),
     ]
-    findings = Findings(False, worst, 30.0, (PAIR, 40.0))
+    findings = Findings(False, worst, 30.0, (PAIR, 40.0), rules=NUMBERS)
     asked = []
     mends: list[Callable[[Findings], Findings]] = [
         lambda f: replace(f, detected=True),
@@ -122,8 +124,8 @@ def rival(effect: str = "inclusion", evidence: float = 20.0, predicts: bool = Tr
     return cast(Rival, SimpleNamespace(effect=SimpleNamespace(id=effect), log_evidence=evidence, predicts=predicts))
 
 
-BODY = BodyFindings(True, [rival()], 5.0, False)
-HEAVY = BodyFindings(False, [rival("gravity_change", 0.0)], 0.0, True)
+BODY = BodyFindings(True, [rival()], 5.0, False, rules=NUMBERS)
+HEAVY = BodyFindings(False, [rival("gravity_change", 0.0)], 0.0, True, rules=NUMBERS)
 BODY_CASES: dict[str, tuple[BodyFindings, str, tuple[str, ...], BodyFindings]] = {
     "gravity_absorbed": (HEAVY, "ambiguous", ("gravity_change",), replace(HEAVY, gravity_unmodelled=False)),
     "no_gap": (replace(BODY, detected=False), "none", (), BODY),
@@ -145,3 +147,31 @@ def test_a_row_decides_on_a_body(name: str) -> None:
     found = first_that_holds(BODY_RULES, findings)
     assert (found.rule, found.verdict, found.candidates) == (name, verdict, candidates)
     assert first_that_holds(BODY_RULES, otherwise).rule != name
+
+
+# Numbers other than the program's -> findings that they decide by another row.
+OTHER: list[tuple[dict[str, float], Findings, str, str]] = [
+    ({"tied": 50.0}, replace(CLEAR, judged=MANY[:2]), "explained", "several_effects"),
+    ({"prior_unknown": 0.999999}, replace(CLEAR, unknown=15.0), "explained", "nothing_named"),
+    ({"gain_errors": 4.0}, CLEAR, "explained", "not_predicted"),
+    ({"gain_share": 0.8}, CLEAR, "explained", "not_predicted"),
+    ({"placebo_level": 0.2}, replace(CLEAR, judged=[judged(placebo_p=0.1)]), "not_predicted", "explained"),
+    ({"sure": 0.9}, replace(CLEAR, judged=MANY[:2]), "explained", "not_sure"),
+    ({"half": 0.3}, replace(CLEAR, judged=[judged(share_of_ceiling=0.4)]), "smaller_part", "explained"),
+    ({"left_over": 0.01}, CASES["something_left"][0], "something_left", "explained"),
+    ({"nearly_all": 0.6}, CASES["something_left"][0], "something_left", "explained"),
+    ({"remainder_level": 1e-4}, CASES["too_little_closed"][0], "too_little_closed", "smaller_part"),
+    ({"tied_twins": 1e3}, CASES["two_effects"][0], "two_effects", "explained"),
+    (
+        {"twins": 0.99},
+        replace(CLEAR, judged=[judged(), judged("a", 17.8, cosine=0.98)]),
+        "several_effects",
+        "explained",
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "findings", "usual", "other"), OTHER)
+def test_other_numbers_decide_otherwise(changes: dict[str, float], findings: Findings, usual: str, other: str) -> None:
+    assert first_that_holds(RULES, findings).rule == usual
+    assert first_that_holds(RULES, replace(findings, rules=replace(NUMBERS, **changes))).rule == other  # type: ignore[arg-type]

@@ -24,12 +24,12 @@ def test_walls_that_are_read_wrongly_make_an_organ_look_stiff_by_what_is_said() 
             lambda at, w=weight: w * 40 * (SD**2 + np.exp(-2.0 * at[0]) * WALL_SD**2), np.array([theta])
         )
         J = np.exp(-theta) * wall
-        said.append(wall_bias(slope, np.array([[1.0 / (weight * J @ J)]]))[0])
+        said.append(wall_bias(slope, np.array([[1.0 / (weight * J @ J)]]), 1.0)[0])
     bias = float(fitted.mean() - THETA)
     assert bias > 20.0 * fitted.std() / np.sqrt(len(fitted))
     assert np.mean(said) == pytest.approx(bias, rel=0.05)
 
 
 def test_where_data_tell_next_to_nothing_little_is_taken_off() -> None:
-    assert wall_bias(np.array([-1.0]), np.array([[1e4]]))[0] < 0.51
-    assert wall_bias(np.array([-1.0]), np.array([[0.01]]))[0] == pytest.approx(0.005, rel=0.02)
+    assert wall_bias(np.array([-1.0]), np.array([[1e4]]), 1.0)[0] < 0.51
+    assert wall_bias(np.array([-1.0]), np.array([[0.01]]), 1.0)[0] == pytest.approx(0.005, rel=0.02)

@@ -1,0 +1,147 @@
+"""What a verdict needs and what is told of it: the numbers that decide, each with its source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from palpate.core.diagnose.evidence_rules import EvidenceRules
+from palpate.core.sourced_number import sourced
+
+_FLAG = "Chosen; only a line of words hangs on it."
+_PEAK = "Chosen; the place that is pointed at hangs on it, no verdict. Measured as a whole: 1 mm from the true place (docs/gap.md)."
+
+
+@dataclass(frozen=True, kw_only=True)
+class DecisionRules(EvidenceRules):
+    """Levels, thresholds, minimum gains, priors of evidence, and draws: what decides a diagnosis."""
+
+    tied: Annotated[
+        float,
+        sourced(
+            "odds",
+            "Effects whose probability is within this factor of the best one's cannot be told from it.",
+            "Kass & Raftery (1995): less is positive evidence at best. Chosen with the verdicts of the shared sets in view (docs/gap.md).",
+        ),
+    ] = 5.0
+    tied_twins: Annotated[
+        float,
+        sourced(
+            "odds",
+            "The same for twins, and for two effects together against one.",
+            "Kass & Raftery (1995): strong evidence. Twins' odds hang on the small errors of model and noise.",
+        ),
+    ] = 20.0
+    twins: Annotated[
+        float,
+        sourced(
+            "cosine",
+            "An effect that could imitate what the best one does to the data to this is its twin.",
+            "Chosen: all but a tenth of the squares. Volume change, compressible organ and contour bias have 0.95 to 0.99 (docs/gap.md).",
+        ),
+    ] = 0.95
+    sure: Annotated[
+        float,
+        sourced(
+            "1",
+            "A verdict of one name must be this probable.",
+            "Chosen: four times as probable as all others together.",
+        ),
+    ] = 0.8
+    most_candidates: Annotated[
+        int, sourced("1", "Names in an ambiguous verdict, at most.", "Chosen: more would say nothing; scored as a set.")
+    ] = 3
+    remainder_level: Annotated[
+        float,
+        sourced("1", "A remainder whose p-value under the noise is below this is certainly no noise.", "Convention."),
+    ] = 0.01
+    left_over: Annotated[
+        float,
+        sourced(
+            "1",
+            "A verdict of one name may not leave a remainder with a p-value below this, unless it predicts nearly all.",
+            "The level of the gap test. The true effects of twelve cases, nine of them shared, have 0.16 to 0.94 (docs/gap_history.md).",
+        ),
+    ] = 0.05
+    nearly_all: Annotated[
+        float,
+        sourced(
+            "1",
+            "Share of a free field's gain on data left out from which on a remainder is laid to walls and mesh.",
+            "Chosen: true strong effects were found to leave 0.4 to 0.7 mm on four cases of an older simulator (docs/gap_history.md).",
+        ),
+    ] = 0.9
+    half: Annotated[
+        float,
+        sourced(
+            "1",
+            "A name that gains less of what a free field gains explains the smaller part.",
+            "Asked for with the diagnosis: `unknown` below half of it.",
+        ),
+    ] = 0.5
+    stiffness_prior: Annotated[
+        float,
+        sourced(
+            "1 / ln G squared",
+            "Precision of ln G's prior in what is told.",
+            "Chosen: a standard deviation of a factor of 9.",
+        ),
+    ] = 0.2
+    too_stiff: Annotated[
+        float,
+        sourced(
+            "ln G",
+            "What ln G of effect-free cases is too high by, taken off what is told.",
+            "88 effect-free cases of the blind check, seeds 9 and 11 to 14: 0.21 (standard error 0.05) in the mean; four shared ones, by "
+            "another simulator: 0.13 (0.27). So it may be the simulator's number; 200 fresh ones of seed 15: 0.15 (0.03).",
+        ),
+    ] = 0.2
+    wider: Annotated[
+        float,
+        sourced(
+            "1",
+            "Factor on the told standard deviation of ln G.",
+            "rms error of 52 effect-free cases of the blind check, seeds 12 to 14: 1.28 standard deviations (docs/gap_history.md).",
+        ),
+    ] = 1.3
+    bias_least: Annotated[
+        float,
+        sourced(
+            "1 / ln G squared",
+            "Precision added to that of ln G where what walls read wrongly pull it by is taken off.",
+            "Chosen: where data tell less than a factor of e, a first order means nothing and no more is taken off.",
+        ),
+    ] = 1.0
+    shrinkage_draws: Annotated[
+        int,
+        sourced(
+            "1",
+            "Draws of the bootstrap of the shrinkage.",
+            "Numerical: 50 of them lie beyond each end of the interval.",
+        ),
+    ] = 2000
+    peak_near_mm: Annotated[float, sourced("mm", "A missing force is pointed at this near the organ.", _PEAK)] = 15.0
+    peak_share: Annotated[float, sourced("1", "Forces above this share of the largest one are pointed at.", _PEAK)] = (
+        0.7
+    )
+    peak_around_mm: Annotated[float, sourced("mm", "Those within this of the largest one are averaged.", _PEAK)] = 12.0
+    at_bound: Annotated[float, sourced("ln G", "A stiffness this close to a bound is flagged.", _FLAG)] = 0.05
+    not_told: Annotated[
+        float,
+        sourced("ln G", "Standard deviation above which such a flag says that the scans tell nothing of it.", _FLAG),
+    ] = 1.0
+    coarse_mm: Annotated[
+        float,
+        sourced(
+            "mm rms", "A better element that moves the organ's surface by more flags the mesh as too coarse.", _FLAG
+        ),
+    ] = 0.35
+    bench_unnamed_mm: Annotated[
+        float, sourced("mm", "What an effect that nobody has thought of would do to the markers of a bench.", "Chosen.")
+    ] = 2.0
+    bench_hopeless: Annotated[
+        float,
+        sourced(
+            "ln", "On a bench, effects further below the best one's first look are not refitted.", "Chosen; saves time."
+        ),
+    ] = 10.0
