@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 
 
 def map_at(
-    arrays: Mapping[str, NDArray[Any]], points: FloatArray, factor: float | None
+    arrays: Mapping[str, NDArray[np.generic]], points: FloatArray, factor: float | None
 ) -> tuple[FloatArray, BoolArray]:
     """G (n,) kPa of the map at points (n, 3) mm of the organ at rest, and where it tells it, to the factor asked for."""
     if not len(points):

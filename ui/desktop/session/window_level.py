@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,7 @@ PRESETS: dict[str, WindowLevel] = {
 }
 
 
-def apply_window(hu: NDArray[Any], window: WindowLevel) -> LabelArray:
+def apply_window(hu: NDArray[np.generic], window: WindowLevel) -> LabelArray:
     """Grey values 0 to 255 of any array of HU, same shape, C order. Linear as DICOM's LINEAR_EXACT function."""
     low = window.centre - window.width / 2.0
     scaled = np.subtract(hu, np.float32(low), dtype=np.float32)

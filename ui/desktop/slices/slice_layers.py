@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Hashable, Mapping
+from typing import TypeVar, cast
 
 import numpy as np
 from PySide6.QtCore import QPointF
@@ -17,18 +17,20 @@ from palpate.ui.desktop.slices.slice_sampling import SampledSlice, cut, is_align
 from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.pictures.images import AIR_HU
 
+Layer = TypeVar("Layer")
+
 
 class Kept:
     """The last value of each layer with what it was made from."""
 
     def __init__(self) -> None:
-        self._made: dict[str, tuple[Any, Any]] = {}
+        self._made: dict[str, tuple[Hashable, object]] = {}
 
-    def get(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
-        """The kept value where the key is the same, else a new one."""
+    def get(self, name: str, key: Hashable, make: Callable[[], Layer]) -> Layer:
+        """The kept value where the key is the same, else a new one. A name always stands for values of one type."""
         if name not in self._made or self._made[name][0] != key:
             self._made[name] = (key, make())
-        return self._made[name][1]
+        return cast(Layer, self._made[name][1])
 
     def forget(self) -> None:
         """Drops all."""
@@ -52,15 +54,13 @@ def sampled_slice(
 
 def grey_image(kept: Kept, name: str, sampled: SampledSlice, window: WindowLevel) -> QImage:
     """A slice of HU as grey."""
-    made: tuple[QImage, Any] = kept.get(f"{name} grey", (id(sampled), window), lambda: _grey(sampled, window))
-    return made[0]
+    return kept.get(f"{name} grey", (id(sampled), window), lambda: _grey(sampled, window))[0]
 
 
 def label_image(kept: Kept, name: str, sampled: SampledSlice, table: Mapping[int, RGBA]) -> QImage:
     """A slice of labels in colours."""
     key = (id(sampled), tuple(table.items()))
-    made: tuple[QImage, Any] = kept.get(f"{name} colours", key, lambda: _coloured(sampled, table))
-    return made[0]
+    return kept.get(f"{name} colours", key, lambda: _coloured(sampled, table))[0]
 
 
 def outline_paths(kept: Kept, name: str, sampled: SampledSlice, labels: tuple[int, ...]) -> dict[int, QPainterPath]:

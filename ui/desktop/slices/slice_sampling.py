@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ class SampledSlice:
     """values (rows, columns), first row at the top of the screen. extent : patient coordinates, mm, at the left, right,
     bottom and top edge, as in `planes.Slice`."""
 
-    values: NDArray[Any]
+    values: NDArray[np.generic]
     extent: tuple[float, float, float, float]
 
     @property
@@ -74,7 +74,7 @@ def _own_voxels(volume: Volume, plane: Plane, position: float) -> SampledSlice |
     index = int(np.floor((position - origin[n]) / spacing[n] + 0.5))
     if not 0 <= index < volume.array.shape[n]:
         return None
-    selector: list[Any] = [slice(None)] * 3
+    selector: list[slice | int] = [slice(None)] * 3
     selector[n] = index
     values = volume.array[tuple(selector)].T  # the axes that are left run across, then down
     low = origin - spacing / 2.0
@@ -127,7 +127,7 @@ def _indices(volume: Volume, plane: Plane, position: float, across: FloatArray, 
     return np.add(by_row[:, :, None], by_column[:, None, :], dtype=np.float32)
 
 
-def _nearest(array: NDArray[Any], index: Float32Array, fill: float) -> NDArray[Any]:
+def _nearest(array: NDArray[np.generic], index: Float32Array, fill: float) -> NDArray[np.generic]:
     """The voxels nearest to fractional indices (3, rows, columns), ``fill`` outside."""
     array = array if array.flags.forc else np.ascontiguousarray(array)
     order: Literal["F", "C"] = "F" if array.flags.f_contiguous else "C"

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from PySide6.QtCore import QPointF, QSize, Qt
+from PySide6.QtCore import QEvent, QPointF, QSize, Qt
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
@@ -24,7 +22,7 @@ class SliceView(QWidget):
         super().__init__()
         self.controller, self.viewport, self.plane, self.state = controller, viewport, plane, state
         self._picture = SlicePicture(controller, plane, state)
-        self._pressed: Any = None
+        self._pressed: tuple[Qt.MouseButton, QPointF, str] | None = None
         self._mouse: QPointF | None = None
         self.setMouseTracking(True)
         self.setMinimumSize(QSize(88, 140))
@@ -115,7 +113,7 @@ class SliceView(QWidget):
             self.controller.editing.end()
         self._pressed = None
 
-    def leaveEvent(self, event: Any) -> None:
+    def leaveEvent(self, event: QEvent) -> None:
         self._mouse = None
         self.update()
 

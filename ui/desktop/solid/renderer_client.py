@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -51,7 +50,7 @@ class SolidClient:
             np.save(path, table)
         self._pipe.say(type="points", file=None if table is None else str(path))
 
-    def view(self, **how: Any) -> int:
+    def view(self, **how: object) -> int:
         """Asks for a picture and returns its number; older ones that wait are not drawn."""
         self._number += 1
         self._pipe.say(type="view", id=self._number, **how)

@@ -18,7 +18,6 @@ logarithmic), untold (r, g, b), low_kpa, high_kpa, surest_factor as in `Display`
 from __future__ import annotations
 
 import sys
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -35,6 +34,7 @@ from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.drawing_child import off_screen_plotter, picture, serve_scene
 from palpate.ui.desktop.solid.pipe_child import Message
 from palpate.ui.desktop.solid.solid_shapes import map_colours, near, quad_of, surface
+from palpate.ui.desktop.solid.view_request import MapRequest
 from palpate.ui.pictures.images import AIR_HU
 from palpate.ui.pictures.planes import PLANES
 
@@ -49,11 +49,11 @@ class SolidScene:
         self._plotter = off_screen_plotter(samples=0)
         self._plotter.enable_depth_peeling(4)  # type: ignore[arg-type]
         self._plotter.enable_anti_aliasing("fxaa")
-        self._bodies: dict[tuple[str, int], Any] = {}
+        self._bodies: dict[tuple[str, int], pv.Actor] = {}
         self._scan: Volume | None = None
         self._centre, self._half = np.zeros(3), 60.0
         self._points: FloatArray | None = None
-        self._map: tuple[tuple[str, int], dict[str, NDArray[Any]]] | None = None
+        self._map: tuple[tuple[str, int], dict[str, NDArray[np.generic]]] | None = None
 
     def take(self, message: Message) -> None:
         """New labels, another scan or other points."""
@@ -108,7 +108,7 @@ class SolidScene:
         camera = Camera(message["azimuth"], message["elevation"], message["zoom"], self._centre, half)
         return picture(plotter, camera, message["size"])
 
-    def _paint(self, actor: Any, residual: bool, by_map: dict[str, Any] | None) -> None:
+    def _paint(self, actor: pv.Actor, residual: bool, by_map: MapRequest | None) -> None:
         """Colours the organ at rest point by point, by misfit or by the map, or leaves it in its one colour."""
         mapper = actor.mapper
         mapper.SetScalarVisibility(False)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
@@ -13,6 +11,7 @@ from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice
+from palpate.ui.desktop.solid.view_request import MapRequest
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import Plane
 
@@ -67,7 +66,7 @@ def quad_of(sampled: SampledSlice, plane: Plane, position: float) -> pv.PolyData
     return quad
 
 
-def map_colours(arrays: dict[str, NDArray[Any]], points: FloatArray, how: dict[str, Any]) -> LabelArray:
+def map_colours(arrays: dict[str, NDArray[np.generic]], points: FloatArray, how: MapRequest) -> LabelArray:
     """Colours (n, 3) of points (n, 3) mm by the stiffness map, as the slices have them. how : `map` of a view."""
     scale = StiffnessScale(*how["scale"])
     G, told = map_at(arrays, points, how["surest_factor"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
@@ -20,6 +19,7 @@ from palpate.ui.desktop.slices.slice_marks import text
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.renderer_client import SolidClient
 from palpate.ui.desktop.solid.solid_marks import begun, directions, image_of
+from palpate.ui.desktop.solid.view_request import MapRequest, ViewRequest
 
 _AROUND = {BONE: (0.93, 0.89, 0.78, 0.25), BLADDER: (1.0, 0.82, 0.2, 0.18), RECTUM: (0.8, 0.45, 0.25, 0.3)}
 _HALVES = {1: (0.86, 0.33, 0.31, 1.0), 2: (0.36, 0.72, 0.42, 1.0)}
@@ -87,7 +87,7 @@ class SolidView(QWidget):
         number = self.client.view(**self._how())
         self._awaited = number if self._awaited == 0 else self._awaited
 
-    def _how(self) -> dict[str, Any]:
+    def _how(self) -> ViewRequest:
         display = self.controller.display
         states = {"rest": ["rest"], "deformed": ["deformed"]}.get(display.mode, ["rest", "deformed"])
         # While it is turned, half the pixels each way: without a graphics card that is four times as fast.
@@ -101,7 +101,7 @@ class SolidView(QWidget):
             "residual": display.overlay == "misfit", "map": self._map(), "fast": turning,
         }  # fmt: skip
 
-    def _map(self) -> dict[str, Any] | None:
+    def _map(self) -> MapRequest | None:
         """What colours the organ at rest where the map is shown."""
         case, display = self.controller.case, self.controller.display
         if case is None or case.stiffness_map is None or display.overlay != "map":
@@ -109,7 +109,7 @@ class SolidView(QWidget):
         scale = case.scale
         return {
             "file": str(case.folder.file(MAP_FILE)), "version": self._version,
-            "scale": [scale.low, scale.high, scale.log], "untold": [round(255 * c) for c in _UNTOLD[:3]],
+            "scale": (scale.low, scale.high, scale.log), "untold": [round(255 * c) for c in _UNTOLD[:3]],
             "low_kpa": display.low_kpa, "high_kpa": display.high_kpa, "surest_factor": display.surest_factor,
         }  # fmt: skip
 
