@@ -21,7 +21,10 @@ RADIUS_STEP = 0.75
 WALL_MM = 3.5
 # The centre of the rectum lies about this far behind the symphysis.
 BEHIND_MM, BEHIND_SD_MM = 62.0, 18.0
+BESIDE_SD_MM = 12.0
 USUAL_MM = 13.0
+# A section of gas this large in the usual place is the rectum's; the least that is begun with, as a share of that.
+GAS_MM2, LEAST_GAS = 200.0, 0.05
 # The centre moves no further from one slice to the next, but where folds reach into the lumen it does move.
 JUMP_MM, BESIDE_MM = 9.0, 22.0
 AREA_MM2 = (250.0, 2800.0)
@@ -45,15 +48,38 @@ class Track:
 
 
 def start_of(scene: Scene, avoid: Mask) -> FloatArray | None:
-    """A point (3,) mm in the rectum: the middle of the roundest piece of soft tissue or gas where rectums are."""
-    pelvis = scene.pelvis
-    back = pelvis.symphysis[1, 1]
+    """A point (3,) mm in the rectum: the middle of the roundest piece that fat bounds where rectums are, else of its gas."""
     best, best_score = None, 0.0
-    for z in np.arange(pelvis.symphysis.mean(axis=0)[2], pelvis.symphysis[1, 2] + 40.0, 2.5):
+    for z in _heights(scene):
         for at, area, solidity in _pieces(scene, avoid, z):
-            beside = (at[0] - pelvis.midline_x(at[1], z)) / 12.0
-            behind = (at[1] - back - BEHIND_MM) / BEHIND_SD_MM
-            score = solidity**4 * np.exp(-0.5 * (beside**2 + behind**2)) * min(area, 500.0) / 500.0
+            score = solidity**4 * _usual_place(scene, at, z) * min(area, 500.0) / 500.0
+            if score > best_score:
+                best, best_score = np.array([*at, z]), float(score)
+    return _gas_start(scene) if best is None else best
+
+
+def _heights(scene: Scene) -> FloatArray:
+    """Heights at which a rectum is begun with, mm: about the upper half of the symphysis and above."""
+    front = scene.pelvis.symphysis
+    return np.arange(front.mean(axis=0)[2], front[1, 2] + 40.0, 2.5)
+
+
+def _usual_place(scene: Scene, at: FloatArray, z: float) -> float:
+    """1 where the rectum's centre is usually met at a height, less away from it."""
+    beside = (at[0] - scene.pelvis.midline_x(at[1], z)) / BESIDE_SD_MM
+    behind = (at[1] - scene.pelvis.symphysis[1, 1] - BEHIND_MM) / BEHIND_SD_MM
+    return float(np.exp(-0.5 * (beside**2 + behind**2)))
+
+
+def _gas_start(scene: Scene) -> FloatArray | None:
+    """The middle (3,) mm of the section of gas that lies most where rectums are; None where there is no such gas."""
+    best, best_score = None, LEAST_GAS
+    for z in _heights(scene):
+        k = scene.index(np.array([0.0, 0.0, z]))[2]
+        for part in regionprops(label(scene.gas[:, :, k])):
+            at = scene.grid.to_lps(np.array([[*part.centroid, k]]))[0, :2]
+            area = part.area * scene.step**2
+            score = _usual_place(scene, at, z) * min(area, GAS_MM2) / GAS_MM2
             if score > best_score:
                 best, best_score = np.array([*at, z]), float(score)
     return best

@@ -12,7 +12,7 @@ from palpate.imaging.volume import Volume
 from palpate.validate.segmentation import variant_study as study
 from palpate.validate.segmentation.contoured_scan import ContouredScan
 from palpate.validate.segmentation.dice import DiceRow
-from palpate.validate.segmentation.variants import FAT_HU, SOFT_HU, Recipe, drawn_recipe, variant_of
+from palpate.validate.segmentation.variants import SOFT_HU, Recipe, drawn_recipe, variant_of
 
 SPACING = np.array([2.0, 2.0, 2.5])
 
@@ -68,8 +68,10 @@ def test_left_and_right_change_places_and_halves_keep_their_side(scan: Contoured
 
 def test_fat_contrast_scale_and_noise_are_those_of_the_recipe(scan: ContouredScan) -> None:
     lean = variant_of(scan, Recipe(fat=0.0), 1).ct.array
-    near = lean[20, 16, 20]
-    assert FAT_HU[1] < near < SOFT_HU
+    assert lean[20, 16, 20] == SOFT_HU
+    thinner = variant_of(scan, Recipe(fat=0.5), 1).ct.array
+    assert thinner[22, 16, 15] > 0.5 * SOFT_HU  # 2 mm beside the prostate
+    assert thinner[30, 16, 15] == scan.ct.array[30, 16, 15]
     bright = variant_of(scan, Recipe(contrast_hu=250.0), 1).ct.array
     assert bright[16, 16, 26] > 200
     assert bright[19, 16, 15] == pytest.approx(scan.ct.array[19, 16, 15], abs=0.5)

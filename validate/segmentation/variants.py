@@ -18,8 +18,9 @@ from palpate.validate.segmentation.contoured_scan import ContouredScan
 
 # HU of soft tissue that takes the place of fat, and the range in which a voxel holds fat or part of it.
 SOFT_HU, FAT_HU = 40.0, (-150.0, 25.0)
-# How far about the organs fat fades, mm, and over which width.
-FADES_MM, FADES_OVER_MM = 45.0, 8.0
+# How far about the organs fat is lost, mm; by how much its planes become thinner from each side at a share near 0; and
+# the width of the new edges, as a scanner blurs them.
+NEAR_MM, THINNER_MM, EDGE_MM = 45.0, 8.0, 0.7
 # Slices kept beyond the organs where a field is cut off, mm.
 LEAST_ROOM_MM = 12.0
 
@@ -31,7 +32,8 @@ class Recipe:
     noise_hu : standard deviation of what is added. noise_blur_mm : its correlation. kernel_mm : standard deviation of a
     further blur; negative for a sharpening by as much. slice_mm : thickness of the new slices. scale, offset_hu : of HU
     above air. below_mm, above_mm : what is kept beyond the organs, infinite for all of it. mirrored : left for right.
-    contrast_hu : added to the bladder's contents. fat : share of the fat about the organs that is left, 0 to 1.
+    contrast_hu : added to the bladder's contents. fat : 1 for all of it, 0 for none about
+    the organs; between, its planes are thinner by up to THINNER_MM from each side.
     """
 
     noise_hu: float = 0.0
@@ -89,12 +91,17 @@ def variant_of(scan: ContouredScan, recipe: Recipe, seed: int) -> ContouredScan:
 
 
 def _with_less_fat(hu: Float32Array, organs: BoolArray, spacing: FloatArray, share: float) -> Float32Array:
+    """Fat planes about the organs made thinner from both sides, or all of it soft tissue where the share is 0."""
     if share >= 1.0:
         return hu
-    away = ndimage.distance_transform_edt(~organs, sampling=spacing)
-    fades = (1.0 - share) / (1.0 + np.exp((away - FADES_MM) / FADES_OVER_MM))
-    fat = (hu > FAT_HU[0]) & (hu < FAT_HU[1])
-    return np.where(fat, hu + fades * (SOFT_HU - hu), hu).astype(np.float32)
+    near = ndimage.distance_transform_edt(~organs, sampling=spacing) < NEAR_MM
+    fat = (hu > FAT_HU[0]) & (hu < FAT_HU[1]) & ~organs
+    gone = fat & near
+    if share > 0.0:
+        gone &= ndimage.distance_transform_edt(fat, sampling=spacing) < (1.0 - share) * THINNER_MM
+    soft = ndimage.gaussian_filter(gone.astype(np.float32), EDGE_MM / spacing)
+    part = np.where(gone, 1.0, np.where(fat, soft, 0.0)).astype(np.float32)
+    return (hu + part * (SOFT_HU - hu)).astype(np.float32)
 
 
 def _with_contrast(hu: Float32Array, bladder: BoolArray, spacing: FloatArray, added: float) -> Float32Array:
