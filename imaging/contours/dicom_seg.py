@@ -12,10 +12,10 @@ import numpy as np
 import pydicom
 from highdicom import VolumeGeometry
 from highdicom.seg import Segmentation
-from highdicom.sr import CodedConcept
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
+from palpate.imaging.contours.dicom_seg_filled import fill_in, pixel_measures
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
 from palpate.imaging.contours.roi_names import distinct, organ_of
 from palpate.imaging.dicom.files import DAMAGE, DicomFile, quiet, read_file, reading
@@ -30,8 +30,10 @@ SAME_PLANE_MM = 0.01
 OFF_LATTICE = 0.05
 # A narrower gap stated between slices is none, mm.
 SMALLEST_GAP_MM = 0.05
-# What a segment shows is told by its name, which is read before.
-_ANY_CODE = ("123037004", "SCT", "Anatomical Structure")
+_REFERENCES = (
+    *("PatientID", "PatientName", "FrameOfReferenceUID", "ReferencedFrameOfReferenceSequence"),
+    "ReferencedSeriesSequence",
+)
 _KINDS = ("BINARY", "FRACTIONAL", "LABELMAP")
 # What decoding damaged pixels raises beside what reading elements does.
 _PIXEL_DAMAGE = (*DAMAGE, IndexError, OverflowError, ZeroDivisionError, MemoryError, sqlite3.Error)
@@ -39,10 +41,14 @@ _PIXEL_DAMAGE = (*DAMAGE, IndexError, OverflowError, ZeroDivisionError, MemoryEr
 
 @dataclass(frozen=True, eq=False)
 class DicomSegments:
-    """A DICOM SEG. numbers : name -> number of the segment. full : the stored value that is certain, of a fractional one."""
+    """A DICOM SEG. origin : the patient and images that it says it was drawn on. numbers : name -> number of the segment.
+
+    full : the stored value that is certain, of a fractional one. tolerance : mm by which frames may lie beside their slice.
+    """
 
     path: Path
     dataset: Segmentation
+    origin: pydicom.Dataset
     numbers: dict[str, int]
     geometry: VolumeGeometry
     full: float
@@ -86,29 +92,21 @@ def read_dicom_seg(path: Path) -> DicomSegments:
         slices = slices_of(DicomFile(path, dataset))
         if len(slices) != int(dataset.get("NumberOfFrames", 1)):
             raise InputError(f"{path} describes {len(slices)} frames but holds another number; export it again")
-        if kind != "LABELMAP":
-            _check_segments_of_frames(dataset, path)
+        segments = None if kind == "LABELMAP" else _segments_of_frames(dataset, path)
         numbers = _numbers(dataset)
         notes: list[str] = []
         spacing = _slice_spacing(dataset, slices, path, notes)
         full = float(dataset.get("MaximumFractionalValue") or 1) if kind == "FRACTIONAL" else 1.0
+        origin = _what_it_was_drawn_on(dataset)
+        heights = _heights(slices)
+        fill_in(dataset, spacing, [int(k) for k in np.rint((heights - heights.min()) / spacing)], segments)
     tolerance = max(EVEN_WITHIN_MM, OFF_LATTICE * spacing)
-    segmentation = _segmentation(dataset, spacing, path)
+    segmentation = _segmentation(dataset, path)
     geometry = _geometry(segmentation, tolerance, path)
-    return DicomSegments(path, segmentation, numbers, geometry, full, tolerance, tuple(notes))
+    return DicomSegments(path, segmentation, origin, numbers, geometry, full, tolerance, tuple(notes))
 
 
-def _segmentation(dataset: pydicom.Dataset, spacing: float, path: Path) -> Segmentation:
-    """highdicom's reader of the frames. What it wants described and nobody needs here is filled in, so that nothing is refused for it."""
-    for measures in _measures(dataset):
-        measures.SpacingBetweenSlices = f"{spacing:.10g}"
-    for item in dataset.SegmentSequence:
-        item.SegmentLabel, item.SegmentAlgorithmType = str(item.get("SegmentLabel") or "?"), "MANUAL"
-        for keyword in ("SegmentedPropertyCategoryCodeSequence", "SegmentedPropertyTypeCodeSequence"):
-            setattr(item, keyword, [CodedConcept(*_ANY_CODE)])
-        for keyword in ("SegmentationAlgorithmIdentificationSequence", "AnatomicRegionSequence"):
-            item.pop(keyword, None)
-        item.pop("SegmentedPropertyTypeModifierCodeSequence", None)
+def _segmentation(dataset: pydicom.Dataset, path: Path) -> Segmentation:
     try:
         with quiet():
             return Segmentation.from_dataset(dataset, copy=False)
@@ -158,21 +156,24 @@ def _name(item: pydicom.Dataset) -> str:
     return meaning if organ_of(meaning) else label or meaning
 
 
-def _check_segments_of_frames(dataset: pydicom.Dataset, path: Path) -> None:
+def _segments_of_frames(dataset: pydicom.Dataset, path: Path) -> list[int]:
     shared = dataset.get("SharedFunctionalGroupsSequence") or [pydicom.Dataset()]
+    found = []
     for group in dataset.PerFrameFunctionalGroupsSequence:
         items = group.get("SegmentIdentificationSequence") or shared[0].get("SegmentIdentificationSequence")
         if not items or items[0].get("ReferencedSegmentNumber") is None:
             raise InputError(f"{path} has a frame that belongs to no segment; export the segmentation again")
+        found.append(int(items[0].ReferencedSegmentNumber))
+    return found
 
 
-def _measures(dataset: pydicom.Dataset) -> list[pydicom.Dataset]:
-    """The items that state pixel and slice spacing, of all frames."""
-    groups = [
-        *(dataset.get("SharedFunctionalGroupsSequence") or []),
-        *(dataset.get("PerFrameFunctionalGroupsSequence") or []),
-    ]
-    return [item for group in groups for item in group.get("PixelMeasuresSequence") or []]
+def _what_it_was_drawn_on(dataset: pydicom.Dataset) -> pydicom.Dataset:
+    """Patient and references, as the file states them."""
+    found = pydicom.Dataset()
+    for keyword in _REFERENCES:
+        if keyword in dataset:
+            found[keyword] = dataset[keyword]
+    return found
 
 
 def _slice_spacing(dataset: pydicom.Dataset, slices: list[Slice], path: Path, notes: list[str]) -> float:
@@ -187,7 +188,7 @@ def _slice_spacing(dataset: pydicom.Dataset, slices: list[Slice], path: Path, no
         off = max(abs(aside @ first.right) / first.spacing[0], abs(aside @ first.down) / first.spacing[1])
         if other.shape != first.shape or turned > 1e-4 or off > OFF_LATTICE or other.spacing != first.spacing:
             raise InputError(f"{path} has frames that do not lie over each other; export the segmentation again")
-    heights = np.array([each.origin @ first.normal for each in slices])
+    heights = _heights(slices)
     gaps = np.diff(np.unique(np.round(heights / SAME_PLANE_MM)) * SAME_PLANE_MM)
     stated = _stated(dataset, "SpacingBetweenSlices")
     narrowest = _refined(heights, float(gaps.min())) if len(gaps) else None
@@ -202,9 +203,14 @@ def _slice_spacing(dataset: pydicom.Dataset, slices: list[Slice], path: Path, no
     raise InputError(f"{path} has frames with uneven gaps; resample the segmentation onto even slices")
 
 
+def _heights(slices: list[Slice]) -> FloatArray:
+    """(n,) mm along the slices' normal."""
+    return np.array([each.origin @ slices[0].normal for each in slices])
+
+
 def _stated(dataset: pydicom.Dataset, keyword: str) -> float | None:
     """A length, mm, that is stated once for all frames."""
-    found = {abs(float(item.get(keyword) or 0.0)) for item in _measures(dataset)}
+    found = {abs(float(item.get(keyword) or 0.0)) for item in pixel_measures(dataset)}
     only = found.pop() if len(found) == 1 else 0.0
     return only if SMALLEST_GAP_MM <= only < 1e3 else None
 

@@ -84,7 +84,7 @@ def _read(path: Path, ct: Volume, facts: SeriesFacts | None, roi: Mapping[str, S
         unchecked: list[str] = []
         if facts is not None:
             with reading(path):
-                unchecked = check_same_scan(segments.dataset, images_of(segments.dataset), facts, path)
+                unchecked = check_same_scan(segments.origin, images_of(segments.origin), facts, path)
         labels = _of_segments(segments, "dicom-seg", path, roi)
         return _inside(replace(labels, notes=(*unchecked, *labels.notes)), ct, path)
     structures = read_rtstruct(path, ct, facts, roi)

@@ -268,6 +268,25 @@ def test_colours_and_odd_sizes_of_segmentations(ct: tuple, tmp_path: Path) -> No
     assert counts(read_user_labels(binary, *ct[1:]).volume) == WHOLE
 
 
+@pytest.mark.parametrize("kind", ["BINARY", "LABELMAP"])
+def test_what_a_segmentation_need_not_describe(kind: str, ct: tuple, tmp_path: Path) -> None:
+    """Identifiers that an anonymiser removed, indices and descriptions that a writer forgot."""
+    path = dicom_seg(tmp_path / "s.dcm", ct[0], PLAIN, kind)
+    dataset = pydicom.dcmread(path)
+    gone = ("StudyInstanceUID", "FrameOfReferenceUID", "DimensionIndexSequence", "DimensionOrganizationSequence")
+    change([dataset], **dict.fromkeys(gone))
+    change(dataset.PerFrameFunctionalGroupsSequence, FrameContentSequence=None)
+    change(dataset.SharedFunctionalGroupsSequence[0].PixelMeasuresSequence, SliceThickness=None)
+    told = ("SegmentAlgorithmType", "SegmentedPropertyCategoryCodeSequence", "SegmentedPropertyTypeCodeSequence")
+    change(dataset.SegmentSequence, **dict.fromkeys(told))
+    dataset.save_as(path)
+    assert counts(read_user_labels(path, *ct[1:]).volume) == WHOLE
+    change([dataset], ReferencedSeriesSequence=None)
+    dataset.save_as(path)
+    with pytest.raises(InputError, match="does not say that it was drawn on this scan"):
+        read_user_labels(path, *ct[1:])
+
+
 @pytest.mark.parametrize(
     ("kept", "stated", "spacing", "said"),
     [
