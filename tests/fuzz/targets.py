@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import nibabel as nib
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "fixtures"))
@@ -25,7 +26,7 @@ from palpate.imaging.contours.named_labels import labels_of
 from palpate.imaging.contours.nifti_labels import read_labels, write_labels
 from palpate.imaging.contours.rtstruct import read_rtstruct
 from palpate.imaging.contours.seg_nrrd import read_seg_nrrd, write_seg_nrrd
-from palpate.imaging.contours.user_labels import read_user_labels
+from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.volume import Volume
 from palpate.segmentation.prompts import parse_prompts
@@ -94,8 +95,13 @@ def _dicom_seg(folder: Path) -> Made:
 
 
 def _nifti(folder: Path) -> Made:
-    write_labels(folder / "a.nii", _labels())
-    return folder / "a.nii", lambda: read_labels(folder / "a.nii"), False
+    path = folder / "a.nii"
+    write_labels(path, _labels())
+    image = nib.Nifti1Image.from_bytes(path.read_bytes())
+    names = '<Label Key="1">Prostata sx</Label><Label Key="2">Prostata dx</Label><Label Key="5">Vescica</Label>'
+    image.header.extensions.append(nib.nifti1.Nifti1Extension(0, names.encode()))
+    nib.save(image, path)
+    return path, lambda: read_label_volume(path), False
 
 
 def _nifti_gz(folder: Path) -> Made:
