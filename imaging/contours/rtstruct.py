@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +27,13 @@ _NO_AREA = ("POINT", "OPEN_PLANAR", "OPEN_NONPLANAR")
 
 @dataclass(eq=False)
 class _Roi:
-    """The closed contours (n, 3) mm of one structure, and whether they are combined by exclusive or."""
+    """The closed contours (n, 3) mm of one structure, whether they are combined by exclusive or, and the images they were drawn on."""
 
     name: str
     number: int
     contours: list[FloatArray]
     exclusive: bool = False
+    images: set[str] = field(default_factory=set)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +91,7 @@ def read_rtstruct(
         if facts is not None:
             notes += check_same_scan(dataset, _images(dataset), facts, path)
         rois = _rois(dataset, path, notes)
+        _leave_out_other_frames(dataset, rois, facts, notes)
     with_contours = {name: roi for name, roi in rois.items() if roi.contours}
     numbers = {name: roi.number for name, roi in rois.items()}
     _refuse_empty(rois, roi or {}, path)
@@ -111,6 +113,22 @@ def read_rtstruct(
     return Structures(masks, chosen, tuple(notes))
 
 
+def _leave_out_other_frames(
+    dataset: pydicom.Dataset, rois: Mapping[str, _Roi], facts: SeriesFacts | None, notes: list[str]
+) -> None:
+    """A structure set may hold structures of several scans: those of another frame of reference lose their contours, with a note."""
+    here = None if facts is None else facts.telling_frame_of_reference()
+    if facts is None or here is None:
+        return
+    own = facts.telling_images()
+    for item in dataset.get("StructureSetROISequence") or []:
+        frame = str(item.get("ReferencedFrameOfReferenceUID") or "").strip()
+        roi = next((roi for roi in rois.values() if roi.number == item.get("ROINumber")), None)
+        if roi is not None and roi.contours and frame not in ("", here) and not roi.images & own:
+            roi.contours.clear()
+            notes.append(f"structure {roi.name} lies in another frame of reference than the CT and was left out")
+
+
 def _refuse_empty(rois: Mapping[str, _Roi], wanted: Mapping[str, Sequence[str]], path: Path) -> None:
     for names in wanted.values():
         empty = [name for name in names if name in rois and not rois[name].contours]
@@ -120,11 +138,15 @@ def _refuse_empty(rois: Mapping[str, _Roi], wanted: Mapping[str, Sequence[str]],
 
 def _images(dataset: pydicom.Dataset) -> set[str]:
     return {
-        str(image.get("ReferencedSOPInstanceUID", ""))
+        image
         for roi in dataset.get("ROIContourSequence") or []
         for contour in roi.get("ContourSequence") or []
-        for image in contour.get("ContourImageSequence") or []
+        for image in _images_of(contour)
     }
+
+
+def _images_of(contour: pydicom.Dataset) -> set[str]:
+    return {str(image.get("ReferencedSOPInstanceUID", "")) for image in contour.get("ContourImageSequence") or []}
 
 
 def _rois(dataset: pydicom.Dataset, path: Path, notes: list[str]) -> dict[str, _Roi]:
@@ -154,6 +176,7 @@ def _add_contours(roi: _Roi, contours: Sequence[pydicom.Dataset], path: Path, no
         if kind in _CLOSED and len(points) >= 3:
             roi.contours.append(points)
             roi.exclusive |= kind == _XOR
+            roi.images |= _images_of(contour)
         elif len(points) > 1 or kind not in (*_CLOSED, *_NO_AREA):
             unused[kind] = unused.get(kind, 0) + 1
     for kind, count in unused.items():

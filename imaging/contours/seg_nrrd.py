@@ -26,7 +26,7 @@ _SPACE = "NRRD_space"
 _LONGEST_HEADER = 2**20
 # Its complaints of damaged files go to standard error, ten lines each.
 sitk.ProcessObject.SetGlobalWarningDisplay(False)
-_KEY = re.compile(r"Segment([0-9]{1,6})_(Name|LabelValue|Layer)$")
+_KEY = re.compile(r"Segment([0-9]{1,6})_(ID|Name|LabelValue|Layer)$")
 _SPACES = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior")
 
 
@@ -139,7 +139,11 @@ def _segments(facts: Mapping[str, str], path: Path) -> dict[int, dict[str, str]]
     for key, text in facts.items():
         if (match := _KEY.match(key)) is not None:
             segments.setdefault(int(match[1]), {})[match[2]] = text
-    named = {number: segment for number, segment in sorted(segments.items()) if "Name" in segment}
+    named = {
+        number: {"Name": segment["ID"], **segment} if "ID" in segment else segment
+        for number, segment in sorted(segments.items())
+        if "Name" in segment or "ID" in segment
+    }
     if not named:
         raise InputError(f"{path} names no segments; save it as a segmentation (.seg.nrrd) with 3D Slicer")
     return named

@@ -203,6 +203,21 @@ def test_what_is_left_out_is_named(ct: tuple, tmp_path: Path) -> None:
         read_user_labels(path, *ct[1:], {"rectum": ["Rectum"]})
 
 
+def test_a_structure_of_another_frame_of_reference_is_left_out(ct: tuple, tmp_path: Path) -> None:
+    """One structure set may hold what was drawn on several scans of a patient."""
+    path, dataset = rtstruct(
+        tmp_path / "rs.dcm",
+        {"Prostate": outlines("prostate"), "Bladder": outlines("bladder"), "Rectum": outlines("rectum")},
+    )
+    frames = (ct[2].frame_of_reference_uid, "9.9.9", "")
+    for item, frame in zip(dataset.StructureSetROISequence, frames, strict=True):
+        item.ReferencedFrameOfReferenceUID = frame
+    dataset.save_as(path)
+    found = read_user_labels(path, *ct[1:])
+    assert counts(found.volume) == {1: SIZES["prostate"], 6: SIZES["rectum"]}
+    assert "structure Bladder lies in another frame of reference than the CT and was left out" in found.notes
+
+
 def test_a_misspelt_type_of_contour_is_named(ct: tuple, tmp_path: Path) -> None:
     path, dataset = rtstruct(tmp_path / "rs.dcm", {"Prostate": outlines("prostate")})
     for contour in dataset.ROIContourSequence[0].ContourSequence:
