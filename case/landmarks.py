@@ -11,6 +11,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.surfaces.rigid_motion import transformed
 
 COLUMNS = ("name", "rest_x", "rest_y", "rest_z", "deformed_x", "deformed_y", "deformed_z")
 
@@ -76,7 +77,7 @@ def _numbers(row: dict[str, str], path: Path, line: int) -> list[float]:
 
 def landmarks_csv(points: Landmarks, deformed_to_rest: FloatArray) -> str:
     """The text of landmarks.csv, the deformed points (own frame) moved by a rigid transform (4, 4) into the rest frame."""
-    moved = points.deformed @ deformed_to_rest[:3, :3].T + deformed_to_rest[:3, 3]
+    moved = transformed(deformed_to_rest, points.deformed)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -18,6 +18,7 @@ from palpate.case.case_folder import CaseFolder
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.statistics import rms
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_labels
 from palpate.imaging.volume import Volume
@@ -44,7 +45,7 @@ class RigidOffset:
 
     def back(self, points: FloatArray) -> FloatArray:
         """Points (n, 3) mm of the deformed scan in the frame of the one at rest."""
-        return np.asarray(points @ self.deformed_to_rest[:3, :3].T + self.deformed_to_rest[:3, 3])
+        return transformed(self.deformed_to_rest, points)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON object in mesh.json."""

@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from palpate.case.case_folder import STATES
 from palpate.core.arrays import FloatArray
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 
@@ -63,7 +64,7 @@ def _where_they_differ(
         if not len(voxels) or not np.isin(labels[other].array, group).any():
             continue
         points = labels[state].to_lps(voxels.astype(float))
-        moved = points @ matrix[:3, :3].T + matrix[:3, 3]
+        moved = transformed(matrix, points)
         alone = ~np.isin(_at(labels[other], moved, 0.0), group)
         if alone.all() or alone.sum() < _LEAST_VOXELS:
             continue
@@ -84,7 +85,7 @@ def _gas_left_out(
     if not len(voxels) or not (labels[state].array == RECTUM).any():
         return 0.0
     voxels = voxels[:: max(1, len(voxels) // _MOST_VOXELS)]
-    points = labels[other].to_lps(voxels.astype(float)) @ matrix[:3, :3].T + matrix[:3, 3]
+    points = transformed(matrix, labels[other].to_lps(voxels.astype(float)))
     alone = points[_at(labels[state], points, 0.0) != RECTUM]
     if len(alone) < _LEAST_VOXELS:
         return 0.0

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from palpate.core.arrays import FloatArray
 
@@ -35,6 +36,13 @@ class Volume:
     def to_index(self, lps: FloatArray) -> FloatArray:
         """Fractional indices (n, 3) of patient coordinates (n, 3) mm."""
         return (np.asarray(lps, dtype=float) - self.affine[:3, 3]) @ np.linalg.inv(self.affine[:3, :3]).T
+
+    def at(self, lps: FloatArray) -> FloatArray:
+        """Values (n,) at patient coordinates (n, 3) mm by trilinear interpolation; the nearest edge value beyond the grid."""
+        # Left to itself SciPy would round the values of a volume of integers.
+        output = None if np.issubdtype(self.array.dtype, np.floating) else np.float64
+        values = ndimage.map_coordinates(self.array, self.to_index(lps).T, output, order=1, mode="nearest")
+        return np.asarray(values, dtype=np.float64)
 
     def with_array(self, array: NDArray[Any]) -> Volume:
         """The same grid with other values."""

@@ -30,8 +30,7 @@ class SmoothField:
 
     def at(self, points: FloatArray) -> FloatArray:
         """Field values (n,) mm at points (n, 3) mm LPS by trilinear interpolation; the nearest edge value beyond the grid."""
-        index = self.grid.to_index(points).T
-        return np.asarray(ndimage.map_coordinates(self.grid.array, index, order=1, mode="nearest"), dtype=np.float64)
+        return self.grid.at(points)
 
     def gradient(self, points: FloatArray, step_mm: float = 0.25) -> FloatArray:
         """Central-difference gradient (n, 3) at points (n, 3) mm LPS."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.imaging.volume import Volume
 
 _HOW_MANY = {1: "give one point", 2: "give two points", 6: "give six points"}
@@ -61,8 +62,8 @@ class Prompts:
     def moved(self, transform: FloatArray) -> Prompts:
         """The prompts carried by a rigid transform (4, 4). A box becomes the box around its moved corners."""
         return Prompts(
-            {name: _carried(transform, point[None])[0] for name, point in self.seeds.items()},
-            {name: _carried(transform, points) for name, points in self.extremes.items()},
+            {name: transformed(transform, point[None])[0] for name, point in self.seeds.items()},
+            {name: transformed(transform, points) for name, points in self.extremes.items()},
             {name: _box_around(transform, box) for name, box in self.boxes.items()},
             self.spread_mm,
         )
@@ -125,11 +126,7 @@ def check_inside(scan: Volume, prompts: Prompts, state: str) -> None:
             )
 
 
-def _carried(transform: FloatArray, points: FloatArray) -> FloatArray:
-    return np.asarray(points @ transform[:3, :3].T + transform[:3, 3])
-
-
 def _box_around(transform: FloatArray, box: FloatArray) -> FloatArray:
     corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    moved = _carried(transform, corners)
+    moved = transformed(transform, corners)
     return np.array([moved.min(axis=0), moved.max(axis=0)])

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy import ndimage
 
 from palpate.core.arrays import FloatArray
 from palpate.core.surfaces.surface import Surface
@@ -75,7 +74,7 @@ class Faded:
 
     def displacement(self, points: FloatArray) -> FloatArray:
         """See `WallMotion.displacement`."""
-        t = np.clip(interpolated(self.depth, points) / FADE_MM, 0.0, 1.0)
+        t = np.clip(self.depth.at(points) / FADE_MM, 0.0, 1.0)
         return self.motion.displacement(points) * (t * t * (3.0 - 2.0 * t))[:, None]
 
 
@@ -92,9 +91,3 @@ class MovedWall:
         moved = self.surface.points + self.motion.displacement(self.surface.points)
         after = self.surface.with_points(moved)
         return after.enclosed_volume - self.surface.enclosed_volume
-
-
-def interpolated(volume: Volume, points: FloatArray) -> FloatArray:
-    """Values (n,) of a volume at points (n, 3) mm, linear; the nearest edge value beyond the grid."""
-    index = volume.to_index(points).T
-    return np.asarray(ndimage.map_coordinates(volume.array, index, order=1, mode="nearest"), dtype=np.float64)

@@ -16,7 +16,7 @@ from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import BLADDER, LABELS, ORGAN_LABELS, OUTSIDE, RECTUM
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import wall_surface
-from palpate.simulate.wall_motion import BagMotion, Faded, MovedWall, TubeMotion, interpolated
+from palpate.simulate.wall_motion import BagMotion, Faded, MovedWall, TubeMotion
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _wall(labels: Volume, label: int, depth: Volume) -> Surface:
     """The wall within the modelled region; beyond it nothing moves."""
     _require(labels, label)
     surface = wall_surface(labels, label)
-    inside = interpolated(depth, surface.points) > 0.0
+    inside = depth.at(surface.points) > 0.0
     faces = surface.faces[inside[surface.faces].any(axis=1)]
     return Surface(surface.points, faces, np.full(len(faces), label))
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.core.statistics import rms
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.imaging.registration.bone_surface import (
     BoneField,
     OrientedPoints,
@@ -117,8 +118,8 @@ def _measured(
     """What a transform, rest point to deformed point, achieves; and for each part how far off a quarter of it is, mm."""
     back = matrix_of(transform)
     matrix = np.asarray(np.linalg.inv(back), dtype=np.float64)
-    overlap = float(_inside(surfaces[0].points @ back[:3, :3].T + back[:3, 3], deformed.mask).mean())
-    points = surfaces[1].points @ matrix[:3, :3].T + matrix[:3, 3]
+    overlap = float(_inside(transformed(back, surfaces[0].points), deformed.mask).mean())
+    points = transformed(matrix, surfaces[1].points)
     points = points[_inside(points, rest.mask)]
     if len(points) < 100:
         raise InputError("the two scans show no common bone; give two scans of the same region of one patient")

@@ -91,6 +91,4 @@ def shell_of_mask(mask: Mask, grid: Volume, sigma_mm: float) -> Shell:
 def profiles(image: Volume, points: FloatArray, directions: FloatArray, offsets: FloatArray) -> FloatArray:
     """Values (n, m) of an image at points (n, 3) + offsets (m,) mm along directions (n, 3); linear, nearest beyond the grid."""
     at = points[:, None, :] + offsets[None, :, None] * directions[:, None, :]
-    index = image.to_index(at.reshape(-1, 3)).T
-    values = ndimage.map_coordinates(image.array, index, order=1, mode="nearest")
-    return np.asarray(values, dtype=np.float64).reshape(len(points), len(offsets))
+    return image.at(at.reshape(-1, 3)).reshape(len(points), len(offsets))

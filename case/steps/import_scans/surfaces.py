@@ -23,8 +23,8 @@ from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
 from palpate.core.identify.pair.no_driving_wall import NEXT, moved_by_its_surface
 from palpate.core.identify.pair.surface_alignment import aligned
-from palpate.core.identify.pair.surface_only import transformed
 from palpate.core.problem import SurfacePair
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE

@@ -10,6 +10,7 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.simulate.spec import SimulationSpec
 from palpate.core.arrays import FloatArray
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.core.worker.progress import Progress
 from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.nifti_labels import write_labels
@@ -33,8 +34,7 @@ class SimulatedPair:
 
     def to_rest(self, points: FloatArray) -> FloatArray:
         """Rest positions of points (n, 3) mm in the second scan's frame."""
-        T = self.deformed_to_rest
-        return self.warp.rest_points(points @ T[:3, :3].T + T[:3, 3])
+        return self.warp.rest_points(transformed(self.deformed_to_rest, points))
 
     @property
     def rng(self) -> np.random.Generator:

@@ -6,10 +6,10 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.identify.pair.rigid_pair import rigid_motion
-from palpate.core.identify.pair.surface_only import transformed
 from palpate.core.problem import SurfacePair
 from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangle_tree import TriangleTree
 

@@ -18,6 +18,7 @@ from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import SurfacePair
 from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.rigid_motion import transformed
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
 # Ways of moving the organ that are compared, the poorest first.
@@ -84,11 +85,6 @@ def affine_motion(pair: SurfacePair, start: FloatArray) -> FloatArray:
         if np.abs(step).max() < _STILL_MM:
             break
     return matrix
-
-
-def transformed(matrix: FloatArray, x: FloatArray) -> FloatArray:
-    """Points (n, 3) after an affine map (4, 4)."""
-    return np.asarray(x @ matrix[:3, :3].T + matrix[:3, 3], dtype=np.float64)
 
 
 def _moved(x: FloatArray, rigid: FloatArray, affine: FloatArray, space: Space, u: FloatArray) -> dict[str, FloatArray]:
