@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import synthetic_case
+from schemas import check_form
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
@@ -89,6 +90,7 @@ def test_a_second_state_makes_the_stiffness_surer_and_is_noticed(case: CaseFolde
     added = add_state(case, NewState(second))
     assert (added.labels, further_states(case)) == ("deformed_2.nii.gz", (added,))
     assert add_state(case, NewState(second)) == added and len(further_states(CaseFolder(case.path))) == 1
+    check_form(case.read_json("result.json"), "result")
     both = plain(identify.run(case, QUICK))
     assert (spread(both) < 0.8 * spread(alone)).all()
     for name, found in both["parameters"].items():

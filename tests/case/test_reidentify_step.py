@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic_case
+from schemas import check_form
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
@@ -80,6 +81,7 @@ def test_softer_contours_give_a_softer_half_within_a_second(
     for result in (same, softer):
         assert result["cpu_seconds"] < 1.0 and result["model_error_mm"] < 0.02
         assert result["misfit"]["rms_mm"] < 0.15 < result["misfit"]["rms_before_mm"]
+    check_form(identified.read_json("again.json"), "again")
     assert identified.read_json("again.json")["parameters"]["prostate_left"] == softer["parameters"][
         "prostate_left"
     ] | {"ci95_kpa": list(softer["parameters"]["prostate_left"]["ci95_kpa"])}

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from schemas import check_form
 from scipy.spatial.transform import Rotation
 from voxel_shapes import Shape, ball, grid, paint, tube
 
@@ -156,6 +157,7 @@ def test_a_scan_moved_rigidly_has_no_gap(tmp_path: Path) -> None:
     case = make_case(tmp_path / "case", pelvis().moved(ELSEWHERE), by(ELSEWHERE, MARK))
     mesh_step.run(case, MeshOptions(target_tets=1500))
     found = plain(diagnose.run(case))
+    check_form(case.read_json("diagnosis.json"), "diagnosis")
     assert found["verdict"] == "none"
     assert found["gap"]["rms_mm"] < 0.15
     assert any("was laid on its bones first" in flag for flag in found["flags"])

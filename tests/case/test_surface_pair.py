@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from schemas import check_form
 from scipy.spatial.transform import Rotation
 
 from palpate.case.case_folder import CaseFolder
@@ -157,6 +158,7 @@ def test_a_pair_becomes_a_case_that_says_what_it_cannot_tell(tmp_path: Path, mon
 
     case = CaseFolder(tmp_path / "case")
     result = plain(identify.run(case))
+    check_form(case.read_json("result.json"), "result")
     assert result["identifiability"]["verdict"].startswith("nothing can be identified: the organ's surface is all")
     assert result["landmarks"] == found
     with pytest.raises(InputError, match="other scans or surfaces"):

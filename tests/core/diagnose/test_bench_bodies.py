@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from schemas import check_form
 
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
@@ -74,6 +75,7 @@ def test_a_marker_off_the_body_turns_with_it() -> None:
 def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:
     found, residuals = diagnose_body(seen(bar(0.0, 0.08, 0.15, model_gravity=False), 60.0), EFFECTS, "bar")
     found = plain(found)
+    check_form(found, "diagnosis")
     assert found["verdict"] == "gravity_change"
     assert found["ranking"][0]["parameters"]["change"]["value"] == pytest.approx(9.81, rel=0.1)
     assert found["stiffness"]["with_effect"]["body"]["G_kpa"] == pytest.approx(60.0, rel=0.1)

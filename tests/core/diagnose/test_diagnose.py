@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from schemas import check_form
 from scipy import stats
 from synthetic_case import problem
 from triangle_shapes import ball
@@ -178,6 +179,7 @@ def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.F
     found: Diagnosis = request.getfixturevalue(which)
     written = plain(record(found, "a case"))
     assert set(written) >= KEYS
+    check_form(written, "diagnosis")
     assert written["decided_by"]["name"] in {rule.name for rule in RULES}
     assert written["decided_by"]["sentence"] == written["why"]
     assert (written["shrinkage"] is None) == (which == "none")
