@@ -9,12 +9,12 @@ from scipy.special import logsumexp
 
 from palpate.core.diagnose.case_data import CaseData
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.detection.gap_test import Named, gap_test
-from palpate.core.diagnose.detection.location import look
+from palpate.core.diagnose.detection.gap_test import EffectDirections, gap_test
+from palpate.core.diagnose.detection.location import discrepancy_maps
 from palpate.core.diagnose.detection.score_test import Screened, screen
 from palpate.core.diagnose.effects import Effect, Surroundings
 from palpate.core.diagnose.options import DiagnosisOptions
-from palpate.core.diagnose.refit.element_error_of_effects import with_own_error
+from palpate.core.diagnose.refit.element_error_of_effects import with_own_element_errors
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.diagnose.verdict.judge import Diagnosis, judge
@@ -40,27 +40,29 @@ def diagnose(
     rules = options.decision_rules
     told = part(progress, 0.0, 0.45)
     fit = fit_plain(data.pairs, data.remeshed, told, options.noise_model, options.wall_motion)
-    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights, fit.options)
-    r, J, R = fit.point.residual, fit.point.in_theta, forces.free
+    forces = UnknownDiscrepancy.around(fit.linearisation, fit.model.data_vectors, fit.options)
+    r, J, R = fit.linearisation.residual, fit.linearisation.in_theta, forces.free
     progress(0.46, "score test of every effect")
-    stage, point = fit.bench.first.stage, fit.point.first
-    around = Surroundings(data.problem, data.gravity, lambda: pressure_fields(stage, point.scene, point.theta))
+    geometry, linearisation = fit.model.first.geometry, fit.linearisation.first
+    around = Surroundings(
+        data.problem, data.gravity, lambda: pressure_fields(geometry, linearisation.scene, linearisation.theta)
+    )
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
-    named = {s.effect.id: Named(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
+    named = {s.effect.id: EffectDirections(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
     test = gap_test(fit.noise, r, J, R, named, seed, rules=rules)
     refits = [] if test.p_value > rules.clear else _refits(fit, screened, rules, part(progress, 0.6, 0.8))
     if refits:
-        found = {f.trial.effect.id: f.log_evidence for f in refits if f.trial.effect}
+        found = {f.hypothesis.effect.id: f.log_evidence for f in refits if f.hypothesis.effect}
         test = gap_test(fit.noise, r, J, R, named, seed, found, rules=rules)
-    refits = with_own_error(fit, screened, refits, rules, part(progress, 0.8, 0.92)) if test.detected else []
+    refits = with_own_element_errors(fit, screened, refits, rules, part(progress, 0.8, 0.92)) if test.detected else []
     progress(0.92, "prediction of what was left out")
-    where = look(fit, forces, rules)
-    return judge(fit, test, screened, refits, where, forces, _unnamed(fit, forces), rules, seed)
+    discrepancy = discrepancy_maps(fit, forces, rules)
+    return judge(fit, test, screened, refits, discrepancy, forces, _unnamed(fit, forces), rules, seed)
 
 
 def _unnamed(fit: PlainFit, forces: UnknownDiscrepancy) -> float:
     """Log evidence, against the plain model, of a free smooth field of any size, whatever the noise."""
-    r, J, R = fit.point.residual, fit.point.in_theta, forces.free
+    r, J, R = fit.linearisation.residual, fit.linearisation.in_theta, forces.free
     none = np.zeros((len(r), len(r)))
     plain = fit.noise.log_likelihood(r, J, none)
     sizes = [size for size in fit.options.gap_sizes if size]

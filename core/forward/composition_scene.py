@@ -36,34 +36,34 @@ class CompositionScene(CoupledScene):
     Nodal displacements are counted from the stress-free mesh; `seen` counts them from the scanned one.
     """
 
-    def __init__(self, stage: SharedGeometry, composition: Composition) -> None:
-        self.stage, self.composition = stage, composition
-        opened = stage.opened if composition.interface > 0.0 else None
-        self.problem = stage.problem if opened is None else opened.problem
+    def __init__(self, geometry: SharedGeometry, composition: Composition) -> None:
+        self.geometry, self.composition = geometry, composition
+        cut = geometry.cut if composition.interface > 0.0 else None
+        self.problem = geometry.problem if cut is None else cut.problem
         self.parameters = StiffnessParameters(self.problem.regions, self.problem.facts)
         scanned = self.problem.mesh
         shift = np.zeros_like(scanned.points) if composition.geometry is None else composition.geometry
-        shift = shift if opened is None else shift[opened.original]
+        shift = shift if cut is None else shift[cut.original]
         mesh = scanned if not shift.any() else TetMesh(scanned.points + shift, scanned.cells, scanned.regions)
-        self.space = Space.of(mesh, stage.element)
+        self.space = Space.of(mesh, geometry.element)
         self.shift = prolonged(shift, self.space)
         scanned_nodes = self.space.nodes - self.shift
         self.walls = [
-            wall_of(fields, self.problem, name, self.space, scanned_nodes) for name, fields in stage.fields.items()
+            wall_of(fields, self.problem, name, self.space, scanned_nodes) for name, fields in geometry.fields.items()
         ]
         self.drags = self._drags(np.zeros_like(self.shift), 1.0)
         self.loads: tuple[Term, ...] = (dead_load(self.space, [make(self.space) for make in composition.load]),)
-        if opened is not None:
+        if cut is not None:
             G = self.problem.facts.tissue_shear_modulus_kpa
             across = ACROSS * G
             along = 1.0 / (composition.interface + 1.0 / across)
-            self.loads = (*self.loads, sliding_springs(self.space, opened.split, across, along))
+            self.loads = (*self.loads, sliding_springs(self.space, cut.split, across, along))
         held = self.held_nodes()
         free = np.ones((self.space.n_nodes, 3), dtype=bool)
         free[held] = False
         self.prescribed = self._prescribed(scanned_nodes)
         self.observation = (
-            stage.observation if opened is None else moved_observation(stage.observation, self.space, self.problem)
+            geometry.observation if cut is None else moved_observation(geometry.observation, self.space, self.problem)
         )
         self.assembler = self._assembler(free.ravel())
         self.linearised_at = np.zeros((self.space.n_nodes, 3))
@@ -88,7 +88,7 @@ class CompositionScene(CoupledScene):
 
     def _drags(self, u: FloatArray, way: float) -> list[Springs]:
         shear = self.problem.facts.tissue_shear_modulus_kpa
-        motions = self.stage.motions.values()
+        motions = self.geometry.motions.values()
         return [
             motion.drag(wall, wall.points.displacements(self.shift), u, way, shear)
             for wall, motion in zip(self.walls, motions, strict=True)
@@ -135,7 +135,7 @@ class CompositionScene(CoupledScene):
     def _assembler(self, free: BoolArray) -> Assembler:
         """Assembler of the composition; those with the same unknowns share matrix structure and solver."""
         key = self.composition.interface > 0.0
-        if key not in self.stage.assemblers:
-            self.stage.assemblers[key] = Assembler(self.space, free, self.terms)
-        shared = self.stage.assemblers[key]
+        if key not in self.geometry.assemblers:
+            self.geometry.assemblers[key] = Assembler(self.space, free, self.terms)
+        shared = self.geometry.assemblers[key]
         return shared if shared.space.mesh is self.space.mesh else on_other_shape(shared, self.space)

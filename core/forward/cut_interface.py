@@ -17,7 +17,7 @@ from palpate.core.surfaces.triangles import point_normals
 
 
 @dataclass(frozen=True, eq=False)
-class OpenedProblem:
+class CutProblem:
     """problem : on the cut mesh. split : the two sides of the cut. original : (n,) index each point had before the cut."""
 
     problem: IdentificationProblem
@@ -25,7 +25,7 @@ class OpenedProblem:
     original: IntArray
 
 
-def open_problem(problem: IdentificationProblem) -> OpenedProblem:
+def cut_problem(problem: IdentificationProblem) -> CutProblem:
     """The problem with its mesh cut along the organ's surface. Raises InputError when organ and tissue share no face."""
     mesh = problem.mesh
     split = open_interface(mesh, problem.regions)
@@ -40,7 +40,7 @@ def open_problem(problem: IdentificationProblem) -> OpenedProblem:
         original[after] = before
     organ_faces = {tuple(sorted(f)) for f in mesh.region_boundary(problem.regions)[0].tolist()}
     boundary = {name: _renamed(faces, organ_faces, twin_of) for name, faces in problem.boundary.items()}
-    return OpenedProblem(replace(problem, mesh=split.mesh, boundary=boundary), split, original)
+    return CutProblem(replace(problem, mesh=split.mesh, boundary=boundary), split, original)
 
 
 def _renamed(faces: IntArray, organ_faces: set[tuple[int, ...]], twin_of: IntArray) -> IntArray:

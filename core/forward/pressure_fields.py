@@ -16,12 +16,12 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.surfaces.triangles import normals
 
 
-def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: FloatArray) -> dict[str, FloatArray]:
+def pressure_fields(geometry: SharedGeometry, scene: CompositionScene, theta: FloatArray) -> dict[str, FloatArray]:
     """Wall name -> linear displacement (points, 3) mm under a uniform pressure on that wall alone.
 
     Scaled to 1 mm rms on the wall. theta (t,) : ln G. scene : of the plain model.
     """
-    problem = stage.problem
+    problem = geometry.problem
     space = Space.of(problem.mesh, "p1p1")
     free = np.ones((space.n_nodes, 3), dtype=bool)
     free[np.unique(_held(scene, space))] = False
@@ -29,7 +29,7 @@ def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: Float
     assembler.set_materials(scene.parameters.materials(theta))
     tangent = Tangent(assembler, State(np.zeros((space.n_nodes, 3)), np.zeros(space.n_pressures)))
     out = {}
-    for name in stage.fields:
+    for name in geometry.fields:
         faces = problem.boundary[name]
         points = face_points(space.nodes, faces)
         normal = -normals(space.nodes[faces])  # into the tissue: outwards seen from the hollow organ
@@ -44,5 +44,5 @@ def pressure_fields(stage: SharedGeometry, scene: CompositionScene, theta: Float
 
 def _held(scene: CompositionScene, space: Space) -> IntArray:
     names = ("bone", "outer") if scene.problem.facts.outer_fixed else ("bone",)
-    boundary = scene.stage.problem.boundary
+    boundary = scene.geometry.problem.boundary
     return np.vstack([space.face_nodes(boundary[n]) for n in names if n in boundary])

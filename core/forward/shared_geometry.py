@@ -10,7 +10,7 @@ from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
-from palpate.core.forward.cut_interface import OpenedProblem, open_problem
+from palpate.core.forward.cut_interface import CutProblem, cut_problem
 from palpate.core.forward.scene_parts import DistanceFields, distance_fields, driving_walls, moved_observation
 from palpate.core.observe.surface_observation import SurfaceObservation, sample_surface
 from palpate.core.observe.wall_motion import POINTS, WallMotion
@@ -38,7 +38,7 @@ class SharedGeometry:
     walls: WallMotionOptions
     motions: dict[str, WallMotion] = field(default_factory=dict)
     assemblers: dict[bool, Assembler] = field(default_factory=dict)
-    _opened: OpenedProblem | None = None
+    _cut: CutProblem | None = None
 
     @classmethod
     def of(
@@ -58,18 +58,18 @@ class SharedGeometry:
             return cls(problem, element, observation, like.fields, like.walls, like.motions)
         walls = walls or WallMotionOptions()
         fields = {name: distance_fields(pair) for name, pair in driving_walls(problem).items()}
-        stage = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls)
+        geometry = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls)
         for name in fields:
             seen, at_rest = _seen(problem, name, fields[name], walls.seen_within_mm), fields[name][0].value_and_gradient
-            stage.motions[name] = WallMotion.of(seen, at_rest, problem.facts.noise_sd_mm, walls)
-        return stage
+            geometry.motions[name] = WallMotion.of(seen, at_rest, problem.facts.noise_sd_mm, walls)
+        return geometry
 
     @property
-    def opened(self) -> OpenedProblem:
+    def cut(self) -> CutProblem:
         """The problem with the organ cut from its surroundings; made once."""
-        if self._opened is None:
-            self._opened = open_problem(self.problem)
-        return self._opened
+        if self._cut is None:
+            self._cut = cut_problem(self.problem)
+        return self._cut
 
 
 def _seen(problem: IdentificationProblem, name: str, fields: DistanceFields, within_mm: float) -> SlidingWall:

@@ -17,7 +17,7 @@ _SPACING_MM, _FEWEST, _ROUNDS = 6.0, 50, 4
 
 
 @dataclass(frozen=True, eq=False)
-class BoneSight:
+class BoneRegistration:
     """Rigid registration of the bones between two scans, ready to be compared with a predicted motion.
 
     points (q, 3) mm on bone at rest. field : signed distance of the deformed scan's bone. design (q, 6) : takes a rigid
@@ -34,7 +34,7 @@ class BoneSight:
     floor_sd: FloatArray
 
     @classmethod
-    def of(cls, pair: SurfacePair, pivot: FloatArray, floor_sd: FloatArray, far_mm: float) -> BoneSight | None:
+    def of(cls, pair: SurfacePair, pivot: FloatArray, floor_sd: FloatArray, far_mm: float) -> BoneRegistration | None:
         """Registration of a pair of bone surfaces; None when they have too little in common.
 
         pivot (3,) mm : rotations are about it. floor_sd (6,) : see the class. far_mm : larger distances are left out,

@@ -1,7 +1,8 @@
-"""What the two scans show of a model, as one vector: smooth modes of the organ's surface, landmarks, motion of the bones.
+"""Data vector of a deformed state: smooth modes of the organ's surface, landmarks, rigid motion of the bones.
 
-Contour noise is correlated over millimetres, so 1,300 surface points are some tens of independent looks. The surface residual is
-therefore read in the leading modes of the noise's own covariance; what is left out is finer than any effect.
+Contour noise is correlated over millimetres, so that 1,300 surface points are some tens of independent observations.
+The surface residual is therefore projected on the leading modes of the noise's own covariance; the remainder is finer
+than any effect.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition_scene import CompositionScene
-from palpate.core.observe.bone_registration import BoneSight
+from palpate.core.observe.bone_registration import BoneRegistration
 from palpate.core.observe.contour_noise import smooth_covariance
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -20,14 +21,17 @@ from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 @dataclass(frozen=True, eq=False)
 class DataVector:
-    """modes : (q, k) orthonormal. bone : how the bones are seen, None where the case has none. n_marks : landmarks."""
+    """What one deformed state shows. modes (q, k) : orthonormal. n_marks : landmarks. bone : None where no bones are
+    seen."""
 
     modes: FloatArray
     n_marks: int
-    bone: BoneSight | None
+    bone: BoneRegistration | None
 
     @classmethod
-    def of(cls, observation: SurfaceObservation, bone: BoneSight | None, options: NoiseModelOptions) -> DataVector:
+    def of(
+        cls, observation: SurfaceObservation, bone: BoneRegistration | None, options: NoiseModelOptions
+    ) -> DataVector:
         """The modes of an observation's points."""
         values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, options.mode_length_mm))
         kept = values > options.mode_least * values[-1]
@@ -45,18 +49,18 @@ class DataVector:
 
     @property
     def wider(self) -> FloatArray:
-        """(n,) change of the residual when the whole contour is 1 mm wider."""
+        """Change (n,) of the residual when the whole contour is 1 mm wider."""
         out = np.zeros(self.n)
         out[: self.n_modes] = self.modes.sum(axis=0)
         return out
 
     @property
     def marks(self) -> slice:
-        """Where the landmarks are in the data vector."""
+        """Rows of the landmarks in the data vector."""
         return slice(self.n_modes, self.n_modes + 3 * self.n_marks)
 
     def residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
-        """(n,) predicted minus seen, for displacements u (nodes, 3) of the scene."""
+        """Predicted minus observed data (n,), for nodal displacements u (nodes, 3) mm of the scene."""
         seen = scene.seen(u)
         surface = self.modes.T @ self.surface_residual(scene, u)
         parts = [surface, scene.observation.landmark_residual(seen).ravel()]
@@ -65,11 +69,11 @@ class DataVector:
         return np.concatenate(parts)
 
     def surface_residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
-        """(q,) mm, predicted minus seen distance along the normal, point by point."""
+        """Predicted minus observed distance (q,) mm along the normal, at every point."""
         return scene.observation.residual(scene.seen(u)) + scene.composition.observation
 
     def response(self, scene: CompositionScene, u: FloatArray, moves: FloatArray) -> FloatArray:
-        """(n, r) change of the residual for changes of displacement (r, nodes, 3) at u."""
+        """Change (n, r) of the residual for changes of displacement `moves` (r, nodes, 3) mm at u (nodes, 3) mm."""
         seen = scene.seen(u)
         rows = [self.modes.T @ scene.observation.jacobian(seen, moves)]
         rows.append(np.stack([(scene.observation.landmark_operator @ m).ravel() for m in moves], axis=1))

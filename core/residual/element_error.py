@@ -1,4 +1,4 @@
-"""What a better element and other meshes change in the plain model's prediction."""
+"""Discretisation error of the plain model: what a better element, and other meshes, change in its prediction."""
 
 from __future__ import annotations
 
@@ -21,64 +21,70 @@ from palpate.core.worker.progress import Progress
 QUICK, GOOD = "p1p1", "p2p1"
 # Rounds in which the walls of the better element find their place from where the quick one had them.
 _ROUNDS = 2
-# Where cells fold it may find no equilibrium from there, and fight for minutes: it is given a fifth of what a solve may take.
+# Where cells fold it may find no equilibrium from there, and fight for minutes: it is given a fifth of what a solve may
+# take.
 OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
 
 
 @dataclass(frozen=True, eq=False)
-class Differences:
-    """What the better element changes, mm. every (M, n) : each mesh on which it finds an equilibrium, M may be 0; own (n,) : the first."""
+class ElementErrors:
+    """What the better element changes, mm.
+
+    every (M, n) : on each mesh on which it has an equilibrium; M may be 0. own (n,) : on the case's own mesh, None
+    where it has none.
+    """
 
     every: FloatArray
     own: FloatArray | None
 
 
-def better_differences(
-    bench: StateModel, point: Linearisation, remeshed: Sequence[Remeshed], progress: Progress
-) -> Differences:
-    """The better element's residual on every mesh, the bench's own first, less the quick one's at `point`."""
-    none = np.zeros(bench.sight.n)
-    found = [better_residual(better_bench(bench), PLAIN, point)]
+def element_errors(
+    model: StateModel, linearisation: Linearisation, remeshed: Sequence[Remeshed], progress: Progress
+) -> ElementErrors:
+    """Residual of the better element on every mesh, the model's own first, less that of the quick one at
+    `linearisation`."""
+    none = np.zeros(model.data.n)
+    found = [fine_element_residual(fine_element_model(model), PLAIN, linearisation)]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")
-        problem = other.problem(bench.plain.problem)
-        quick = StateModel(SharedGeometry.of(problem, QUICK, bench.stage), bench.sight, Composition(problem), none)
-        there = quick.solve(PLAIN, point.theta, NOTHING, None)
+        problem = other.problem(model.plain.problem)
+        quick = StateModel(SharedGeometry.of(problem, QUICK, model.geometry), model.data, Composition(problem), none)
+        there = quick.solve(PLAIN, linearisation.theta, NOTHING, None)
         if there is not None:  # a mesh on which the model has no equilibrium tells nothing
-            found.append(better_residual(better_bench(quick), PLAIN, there))
+            found.append(fine_element_residual(fine_element_model(quick), PLAIN, there))
     known = [r for r in found if r is not None]
-    every = np.array(known) - point.residual if known else np.zeros((0, len(none)))
-    return Differences(every, None if found[0] is None else every[0])
+    every = np.array(known) - linearisation.residual if known else np.zeros((0, len(none)))
+    return ElementErrors(every, None if found[0] is None else every[0])
 
 
-def better_bench(quick: StateModel) -> StateModel:
-    """The same problem with the better element."""
+def fine_element_model(quick: StateModel) -> StateModel:
+    """The same model with the better element."""
     return StateModel(
-        SharedGeometry.of(quick.plain.problem, GOOD, quick.stage), quick.sight, quick.plain, quick.correction
+        SharedGeometry.of(quick.plain.problem, GOOD, quick.geometry), quick.data, quick.plain, quick.correction
     )
 
 
-def scatter_mm(differences: FloatArray, sight: DataVector) -> float:
-    """rms mm along the surface, of one mesh about the mean."""
+def scatter_mm(differences: FloatArray, data: DataVector) -> float:
+    """Scatter (rms along the surface, mm) of one mesh about the mean of all."""
     if len(differences) < 2:
         return float("nan")
-    square = differences[:, : sight.n_modes].var(axis=0, ddof=1).sum() / len(sight.modes)
+    square = differences[:, : data.n_modes].var(axis=0, ddof=1).sum() / len(data.modes)
     return float(np.sqrt(square))
 
 
-def better_residual(
-    better: StateModel, trial: Hypothesis, point: Linearisation, options: NewtonOptions = OPTIONS
+def fine_element_residual(
+    better: StateModel, hypothesis: Hypothesis, linearisation: Linearisation, options: NewtonOptions = OPTIONS
 ) -> FloatArray | None:
-    """(n,) residual with the better element, from the quick one's equilibrium of the trial: their pressures share their nodes.
+    """Residual (n,) of the better element, started from the quick one's equilibrium, whose pressure unknowns it shares.
 
-    None where it finds no equilibrium within what options allow.
+    None where it has no equilibrium within what the options allow.
     """
-    scene = CompositionScene(better.stage, trial.composition(better.plain, point.phi))
-    state = State(carried(point, scene), point.equilibrium.p)
+    scene = CompositionScene(better.geometry, hypothesis.composition(better.plain, linearisation.phi))
+    state = State(carried(linearisation, scene), linearisation.equilibrium.p)
     for _ in range(_ROUNDS):
         scene.linearise(state.u)
-        found = scene.solve(point.theta, state, options)
+        found = scene.solve(linearisation.theta, state, options)
         if not found.converged:
             return None
         state = State(found.u, found.p)
-    return better.sight.residual(scene, state.u)
+    return better.data.residual(scene, state.u)

@@ -1,4 +1,4 @@
-"""Fitting a composition: stiffness and the effect's own parameters together, by Gauss-Newton."""
+"""Linearised model of one deformed state: equilibrium, residual and its derivatives in the stiffness and in an effect."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TIED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """An effect's variant under test; None, None stands for the plain model."""
+    """Variant of an effect under test; None, None stands for the plain model."""
 
     effect: Effect | None = None
     variant: Variant | None = None
@@ -40,7 +40,7 @@ class Hypothesis:
         return 0 if self.effect is None else len(self.effect.parameters)
 
     def composition(self, plain: Composition, phi: FloatArray) -> Composition:
-        """The composition at phi (n,)."""
+        """Composition at phi (n,)."""
         return plain if self.variant is None else self.variant.applied(plain, phi)
 
 
@@ -50,9 +50,10 @@ NOTHING = np.zeros(0)
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """A model solved in one deformed state. residual (n,), with what the better element adds; in_theta (n, t) its derivative.
+    """A model solved in one deformed state, and linearised there.
 
-    out_of_balance : what Newton left.
+    residual (n,) : with the better element's correction. in_theta (n, t) : its derivative in ln G. out_of_balance
+    (kept,) : forces that Newton left.
     """
 
     theta: FloatArray
@@ -71,23 +72,23 @@ class Linearisation:
 
 @dataclass(eq=False)
 class StateModel:
-    """Where models are tried in one deformed state: what all trials share.
+    """Model of one deformed state, to be solved for any hypothesis.
 
-    plain : the composition without an effect. correction : (n,) what a better element adds to every residual.
+    plain : the composition without an effect. correction : (n,) what the better element adds to every residual.
     """
 
-    stage: SharedGeometry
-    sight: DataVector
+    geometry: SharedGeometry
+    data: DataVector
     plain: Composition
     correction: FloatArray
 
     def solve(
-        self, trial: Hypothesis, theta: FloatArray, phi: FloatArray, near: Linearisation | None
+        self, hypothesis: Hypothesis, theta: FloatArray, phi: FloatArray, near: Linearisation | None
     ) -> Linearisation | None:
-        """The model at (theta, phi), from a neighbour's equilibrium; None when it has none."""
-        composition = trial.composition(self.plain, phi)
+        """The model at (theta, phi), started from the equilibrium of `near`; None when it has none."""
+        composition = hypothesis.composition(self.plain, phi)
         try:
-            scene = CompositionScene(self.stage, composition)
+            scene = CompositionScene(self.geometry, composition)
         except InputError:
             return None  # a stress-free mesh that is turned inside out
         u = None if near is None else carried(near, scene)
@@ -99,57 +100,59 @@ class StateModel:
         found = settled.equilibrium
         if not found.converged:
             return None
-        residual = self.sight.residual(scene, found.u) + self.correction
+        residual = self.data.residual(scene, found.u) + self.correction
         sensitivities = scene.displacement_sensitivities(theta, found)
-        in_theta = self.sight.response(scene, found.u, sensitivities)
+        in_theta = self.data.response(scene, found.u, sensitivities)
         left = out_of_balance(scene.assembler, State(found.u, found.p))
         return Linearisation(theta, phi, scene, found, residual, in_theta, left)
 
-    def directions(self, trial: Hypothesis, at: Linearisation) -> FloatArray:
-        """(n, k) derivative of the residual in phi: one back-substitution each at the point's own tangent."""
-        assert trial.effect is not None
+    def directions(self, hypothesis: Hypothesis, at: Linearisation) -> FloatArray:
+        """Derivative (n, k) of the residual in phi: one back-substitution per parameter with the linearisation's own
+        tangent."""
+        assert hypothesis.effect is not None
         columns = []
-        here = np.array([p.state in (None, self.plain.state) for p in trial.effect.parameters])
-        for j, parameter in enumerate(trial.effect.parameters):
+        here = np.array([p.state in (None, self.plain.state) for p in hypothesis.effect.parameters])
+        for j, parameter in enumerate(hypothesis.effect.parameters):
             if not here[j] or (parameter.secondary and not at.phi[here].any()):
-                columns.append(np.zeros(self.sight.n))
+                columns.append(np.zeros(self.data.n))
                 continue
-            step = np.zeros(trial.n)
+            step = np.zeros(hypothesis.n)
             step[j] = _STEP * parameter.scale * (-1.0 if at.phi[j] + _STEP * parameter.scale > parameter.high else 1.0)
-            columns.append(self._difference(trial, at, step) / step[j])
+            columns.append(self._difference(hypothesis, at, step) / step[j])
         return np.stack(columns, axis=1)
 
-    def _difference(self, trial: Hypothesis, at: Linearisation, step: FloatArray) -> FloatArray:
-        """Change of the residual (n,) from phi to phi + step, to first order."""
-        if trial.composition(self.plain, at.phi + step) is at.scene.composition:
-            return np.zeros(self.sight.n)
-        scene = CompositionScene(self.stage, trial.composition(self.plain, at.phi + step))
+    def _difference(self, hypothesis: Hypothesis, at: Linearisation, step: FloatArray) -> FloatArray:
+        """Change (n,) of the residual from phi to phi + step, to first order."""
+        if hypothesis.composition(self.plain, at.phi + step) is at.scene.composition:
+            return np.zeros(self.data.n)
+        scene = CompositionScene(self.geometry, hypothesis.composition(self.plain, at.phi + step))
         u = carried(at, scene)
         scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
         moved = newton_step(at, scene, u)
-        after = self.sight.residual(scene, u + moved) + self.correction
+        after = self.data.residual(scene, u + moved) + self.correction
         if scene.space.n_nodes == at.scene.space.n_nodes:
             return after - at.residual
         # Cutting the mesh open moves it a little by itself: count from the cut mesh held together.
-        scene = CompositionScene(self.stage, trial.composition(self.plain, at.phi + _TIED * step))
+        scene = CompositionScene(self.geometry, hypothesis.composition(self.plain, at.phi + _TIED * step))
         scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
-        return after - self.sight.residual(scene, u + newton_step(at, scene, u)) - self.correction
+        return after - self.data.residual(scene, u + newton_step(at, scene, u)) - self.correction
 
 
 def carried(at: Linearisation, scene: CompositionScene) -> FloatArray:
-    """Displacements (nodes, 3) of another scene that put its nodes where the point's are."""
+    """Displacements (nodes, 3) mm of another scene that put its nodes where the linearisation's are."""
     return carried_nodes(at, scene, at.equilibrium.u)
 
 
 def carried_nodes(at: Linearisation, scene: CompositionScene, u: FloatArray) -> FloatArray:
-    """The same for any displacement u of the point's scene; mid-edge nodes of a better element take the mean of their ends."""
+    """The same for any displacement u (n, 3) mm of the linearisation's scene; mid-edge nodes take the mean of their
+    ends."""
     place = u + at.scene.shift
     if scene.space.element.degree != at.scene.space.element.degree:
         place = prolonged(place, scene.space)
     if len(place) != scene.space.n_nodes:
-        opened = scene.stage.opened
+        cut = scene.geometry.cut
         if len(place) < scene.space.n_nodes:
-            place = place[opened.original]
+            place = place[cut.original]
         else:
             place = place[: scene.space.n_nodes]
     out: FloatArray = place - scene.shift
@@ -157,9 +160,9 @@ def carried_nodes(at: Linearisation, scene: CompositionScene, u: FloatArray) -> 
 
 
 def newton_step(at: Linearisation, scene: CompositionScene, u: FloatArray) -> FloatArray:
-    """(nodes, 3) first-order change of the equilibrium when the point's model becomes the scene's.
+    """First-order change (nodes, 3) mm of the equilibrium when the linearisation's model becomes the scene's.
 
-    Where unknowns are the same, the point's factor serves; a model with other unknowns is factorised once.
+    Where the unknowns are the same, the linearisation's tangent serves; a model with other unknowns is factorised once.
     """
     there = scene.assembler
     n = there.space.n_displacements
@@ -182,6 +185,6 @@ def newton_step(at: Linearisation, scene: CompositionScene, u: FloatArray) -> Fl
 
 
 def out_of_balance(assembler: Assembler, state: State) -> FloatArray:
-    """(kept,) residual of an assembler with its materials and terms."""
+    """Residual forces (kept,) of an assembler with its present materials and terms."""
     r = assembler.residual(state, 1.0)
     return np.concatenate([r.r_u, r.r_p])[assembler.kept]

@@ -1,11 +1,11 @@
-"""The case's own noise: how wide and how long its contours wander, by restricted likelihood; and models' evidence whatever it is.
+"""Estimate of the case's own noise by restricted likelihood, and evidence of models averaged over the noise.
 
-The covariance is the mean over all sizes that the likelihood allows, not that of the likeliest: a little more or less data then
-changes it a little, and never makes it jump from one grid point to the next.
+The covariance is the posterior mean over a grid of sizes, not that of the likeliest: a little more or less data changes
+it a little, and never makes it jump from one grid point to the next.
 
-Whatever an effect or a missing force could have caused is let free as a random effect, so that a gap is not taken for noise; the
-stiffness is projected out. How large it is, is not known either: one size of it, and the noise of every case without a gap would be
-taken for smaller than it is, to make room. The prior is what the case states, to a factor of about 1.4.
+The stiffness is projected out. What an effect or a missing force could have caused is a random effect of unknown size,
+so that a discrepancy is not taken for noise; with a fixed size the noise of cases without a discrepancy would be
+underestimated. The prior is what the case states, within a factor of about 1.4.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 # Sizes less probable than this, over the most probable one, are left out of the mean: a truncation.
 _NEGLIGIBLE = 1e-4
-# Precision of ln G's prior: none to speak of, so that a pair that tells nothing of the stiffness does not divide by zero.
+# Precision of ln G's prior: none to speak of, so that a pair that tells nothing of the stiffness does not divide by
+# zero.
 FLAT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseGrid:
-    """All sizes that noise may have: covariances (g, n, n) mm2, log_prior (g,)."""
+    """Grid of all sizes that the noise may have: covariances (g, n, n) mm2, log_prior (g,)."""
 
     sizes: Sequence[NoiseSizes]
     covariances: FloatArray
@@ -37,7 +38,7 @@ class NoiseGrid:
 
     @classmethod
     def of(cls, parts: NoiseParts, start: NoiseSizes, left: FloatArray) -> NoiseGrid:
-        """left : see `NoiseParts.covariance`."""
+        """Grid over correlation lengths, contour factors and own sizes. left : see `NoiseParts.covariance`."""
         options = parts.options
         sizes = [
             replace(start, length=length, contour=factor, own=own)
@@ -49,11 +50,12 @@ class NoiseGrid:
         return cls(sizes, np.stack([parts.covariance(s, left) for s in sizes]), prior - logsumexp(prior), options)
 
     def log_likelihood(self, r: FloatArray, J: FloatArray, more: FloatArray) -> FloatArray:
-        """(g,) restricted likelihood of residuals r (n,), stiffness J (n, t) projected out, with a further covariance (n, n)."""
+        """Restricted log likelihood (g,) of residuals r (n,), J (n, t) projected out; more (n, n) : a further
+        covariance."""
         return np.array([_restricted(C + more, r, J) for C in self.covariances])
 
     def probable(self, r: FloatArray, J: FloatArray, gap: FloatArray, most: int) -> NoiseGrid:
-        """The sizes that are most probable with a gap (n, k) of any size or without one, as many as `most`."""
+        """The most probable sizes, with a discrepancy gap (n, k) of any size or without one; at most `most` of them."""
         if len(self.sizes) <= most:
             return self
         none = np.zeros((len(r), len(r)))
@@ -66,17 +68,17 @@ class NoiseGrid:
         return NoiseGrid([self.sizes[k] for k in kept], self.covariances[kept], prior - logsumexp(prior), self.options)
 
     def log_evidence(self, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
-        """Laplace's, averaged over all sizes: each model may have the noise that suits it.
+        """Laplace's log evidence of a model, averaged over all sizes of the noise.
 
-        r (n,) where the model fits best, J (n, k) in its parameters, precision (k,) of their priors. Not refitted for each noise: a
-        model bent far from its best fit is not the line that J says.
+        r (n,) : residual where the model fits best. J (n, k) : its derivative in the model's parameters. precision (k,)
+        : of their priors. The model is not refitted for each size: far from its best fit J is no longer its derivative.
         """
         return float(logsumexp([_laplace(C, r, J, precision) for C in self.covariances] + self.log_prior))
 
 
 @dataclass(frozen=True, eq=False)
 class FittedNoise:
-    """sizes : posterior means (root mean squares of standard deviations). covariance : (n, n) mm2, its posterior mean."""
+    """Posterior of the noise. sizes : root mean squares of the standard deviations. covariance : (n, n) mm2, mean."""
 
     sizes: NoiseSizes
     covariance: FloatArray
@@ -85,7 +87,11 @@ class FittedNoise:
 def fit_noise(
     grid: NoiseGrid, r: FloatArray, J: FloatArray, gap: FloatArray, free: Sequence[FloatArray]
 ) -> FittedNoise:
-    """By the restricted likelihood; gap, free : (n, k) responses to unit normal amplitudes, gap of unknown size."""
+    """Posterior by the restricted likelihood.
+
+    r (n,), J (n, t) : residual and its derivative in ln G. gap : (n, k) responses to unit normal amplitudes, of unknown
+    size. free : the same of known size.
+    """
     fixed = sum((S @ S.T for S in free), np.zeros((len(r), len(r))))
     logs = np.stack([grid.log_likelihood(r, J, fixed + size**2 * gap @ gap.T) for size in grid.options.gap_sizes])
     weight = np.exp(logsumexp(logs, axis=0) + grid.log_prior - logsumexp(logs + grid.log_prior))
@@ -97,12 +103,12 @@ def fit_noise(
 
 
 def _prior(factor: float, sd: float) -> float:
-    """ln of the density of the contours' factor, whose logarithm is normal."""
+    """Log density of the contours' factor, whose logarithm is normal with this standard deviation."""
     return float(-0.5 * (np.log(factor) / sd) ** 2 - np.log(factor))
 
 
 def _laplace(C: FloatArray, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
-    """ln of the likelihood times the posterior's volume."""
+    """Log of the likelihood times the posterior's volume."""
     L = np.linalg.cholesky(C)
     both = np.linalg.solve(L, np.column_stack([r, J]))
     rw, Jw = both[:, 0], both[:, 1:]
@@ -111,7 +117,7 @@ def _laplace(C: FloatArray, r: FloatArray, J: FloatArray, precision: FloatArray)
 
 
 def _restricted(C: FloatArray, r: FloatArray, J: FloatArray) -> float:
-    """ln of the restricted likelihood."""
+    """Log of the restricted likelihood."""
     L = np.linalg.cholesky(C)
     both = np.linalg.solve(L, np.column_stack([r, J]))
     rw, Jw = both[:, 0], both[:, 1:]

@@ -1,8 +1,8 @@
-"""The same problem on other meshes: what a mesh adds to a prediction is averaged, and what is left of it is known.
+"""The same problem on other meshes: their mean prediction, and the covariance of its error.
 
-A mesh is one of many that the labels allow. Where its edges fall moves the predicted organ by some hundredths of a millimetre
-smoothly, which looks like an effect. Independent meshes differ in that alone, so their mean is nearer to the truth
-and their scatter says by how much it may still be off.
+A mesh is one of many that the labels allow. Where its edges fall moves the predicted organ smoothly by some hundredths
+of a millimetre, which looks like an effect. Independent meshes differ in that alone, so that their mean is nearer to
+the truth, and their scatter gives its standard error.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Remeshed:
 
 
 def all_from(found: dict[str, NDArray[np.generic]], prefix: str) -> tuple[Remeshed, ...]:
-    """Every mesh written as prefix/0, prefix/1, ... Raises KeyError when one is not whole."""
+    """Meshes written as prefix/0, prefix/1, ... Raises KeyError when one is incomplete."""
     out: list[Remeshed] = []
     while f"{prefix}/{len(out)}/points" in found:
         here = f"{prefix}/{len(out)}"
@@ -49,10 +49,12 @@ def all_from(found: dict[str, NDArray[np.generic]], prefix: str) -> tuple[Remesh
 
 
 def what_is_left(differences: FloatArray, share: float) -> FloatArray:
-    """(n, 1 + M) mm, columns whose outer products are what the mean of M meshes leaves uncertain; one mesh: (n, 1); none: (n, 0).
+    """Columns (n, 1 + M) mm whose outer products are the covariance of the mean over M meshes; (n, 1) for one, (n, 0)
+    for none.
 
-    differences : (M, n) of every mesh's better element from the one quick prediction. share : of their mean that the better
-    element may still be wrong by. The scatter of a mean is that of one over the square root of M.
+    differences : (M, n) of the better element on every mesh from the one quick prediction. share : of their mean that
+    the better element may still err by. The standard error of a mean is the scatter of one mesh over the square root of
+    M.
     """
     M = len(differences)
     if M == 0:
@@ -65,7 +67,7 @@ def what_is_left(differences: FloatArray, share: float) -> FloatArray:
 
 
 def left_by_all(differences: Sequence[FloatArray], share: float) -> FloatArray:
-    """(n, m) the same for all deformed states. What an element does wrong to one state it does to the next, by the same share."""
+    """Columns (n, m) for all deformed states; the better element's own error has the same share in all of them."""
     each = [what_is_left(d, share) for d in differences]
     common = np.concatenate([e[:, 0] if e.shape[1] else np.zeros(len(e)) for e in each])
     return np.column_stack([common, block_diag(*(e[:, 1:] for e in each))])

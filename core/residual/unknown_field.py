@@ -1,4 +1,4 @@
-"""What a gap could be that has no name: smooth missing forces around the organ, and smooth errors of its contour."""
+"""Discrepancy without a name: smooth missing forces around the organ, and smooth errors of its contour."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _FORCES_KEPT, _SHAPES_KEPT = 0.9, 0.97
 
 @dataclass(frozen=True, eq=False)
 class ForceFields:
-    """In one deformed state. fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface by the size of a
-    typical gap (rms).
+    """In one deformed state. fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface
+    by the size of a typical gap (rms).
 
-    response : (n, k) of the residual. shapes : (n, m) of the residual, contours drawn wrongly by as much, which no force explains.
-    share : (nodes,) mm3 each node stands for.
+    response : (n, k) of the residual. shapes : (n, m) of the residual, contours drawn wrongly by as much, which no
+    force explains. share : (nodes,) mm3 each node stands for.
     """
 
     fields: FloatArray
@@ -35,9 +35,9 @@ class ForceFields:
     share: FloatArray
 
     @classmethod
-    def around(cls, point: Linearisation, sight: DataVector, options: NoiseModelOptions) -> ForceFields:
+    def around(cls, linearisation: Linearisation, data: DataVector, options: NoiseModelOptions) -> ForceFields:
         """At a point."""
-        scene = point.scene
+        scene = linearisation.scene
         mesh, nodes = scene.space.mesh, scene.space.nodes
         share = np.zeros(len(nodes))
         np.add.at(share, mesh.cells, np.repeat(mesh.volumes[:, None] / 4.0, 4, axis=1))
@@ -50,45 +50,46 @@ class ForceFields:
         for j, mode in enumerate(modes.T):
             for axis in range(3):
                 fields[3 * j + axis, near, axis] = mode * share[near]
-        response = sight.response(scene, point.equilibrium.u, response_to_forces(point.tangent, fields))
+        response = data.response(scene, linearisation.equilibrium.u, response_to_forces(linearisation.tangent, fields))
         q = len(organ)
-        size = float(np.sqrt((response[: sight.n_modes] ** 2).sum() / q))
+        size = float(np.sqrt((response[: data.n_modes] ** 2).sum() / q))
         scale = options.force_typical_mm / max(size, 1e-30)
-        return cls(fields * scale, response * scale, contour_shapes(organ, sight, options), share)
+        return cls(fields * scale, response * scale, contour_shapes(organ, data, options), share)
 
     def force_density(self, amplitudes: FloatArray) -> FloatArray:
-        """(nodes, 3) kPa/mm of the amplitudes (k,)."""
+        """Force density (nodes, 3) kPa/mm for amplitudes (k,)."""
         total = np.einsum("k,kni->ni", amplitudes, self.fields)
         return total / np.maximum(self.share, 1e-30)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
 class UnknownDiscrepancy:
-    """What has no name, in every deformed state by itself: each state's forces and shapes."""
+    """Forces and shapes of every deformed state, independent between states."""
 
     each: tuple[ForceFields, ...]
 
     @classmethod
     def around(
-        cls, points: JointLinearisation, sights: Sequence[DataVector], options: NoiseModelOptions
+        cls, points: JointLinearisation, data_vectors: Sequence[DataVector], options: NoiseModelOptions
     ) -> UnknownDiscrepancy:
         """At points, one for each state."""
-        return cls(tuple(ForceFields.around(p, s, options) for p, s in zip(points.each, sights, strict=True)))
+        return cls(tuple(ForceFields.around(p, s, options) for p, s in zip(points.each, data_vectors, strict=True)))
 
     @cached_property
     def response(self) -> FloatArray:
-        """(n, k) of the residual to forces."""
+        """Response (n, k) of the residual to the forces of all states."""
         return apart([f.response for f in self.each])
 
     @cached_property
     def free(self) -> FloatArray:
-        """(n, k + m): forces and shapes."""
+        """Response (n, k + m) of the residual to forces and shapes."""
         return np.hstack([self.response, apart([f.shapes for f in self.each])])
 
 
-def contour_shapes(organ: FloatArray, sight: DataVector, options: NoiseModelOptions) -> FloatArray:
-    """(n, m) of the residual for smooth errors of a contour with points organ (q, 3) mm, as large as a typical gap."""
+def contour_shapes(organ: FloatArray, data: DataVector, options: NoiseModelOptions) -> FloatArray:
+    """Response (n, m) of the residual to smooth errors of a contour with points organ (q, 3) mm, of a typical
+    discrepancy's size."""
     modes = noise_modes(organ, options.force_typical_mm, options.shape_length_mm, _SHAPES_KEPT)
-    shapes = np.zeros((sight.n, modes.shape[1]))
-    shapes[: sight.n_modes] = sight.modes.T @ modes
+    shapes = np.zeros((data.n, modes.shape[1]))
+    shapes[: data.n_modes] = data.modes.T @ modes
     return shapes

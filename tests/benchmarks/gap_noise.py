@@ -65,7 +65,7 @@ def plain_of(path: Path) -> PlainFit:
 
 def likelihoods(fit: PlainFit) -> dict[str, FloatArray]:
     """For each size, log likelihoods as it changes, less that of the sizes in use."""
-    forces = UnknownDiscrepancy.around(fit.point, fit.bench.sights, fit.options).response
+    forces = UnknownDiscrepancy.around(fit.linearisation, fit.model.data_vectors, fit.options).response
     used = NoiseSizes.of(fit.options)
     parts = _parts(fit)
     base = _log_likelihood(fit, parts, used, forces)
@@ -78,14 +78,14 @@ def likelihoods(fit: PlainFit) -> dict[str, FloatArray]:
 
 def _slides(fit: PlainFit, used: NoiseSizes, forces: FloatArray) -> FloatArray:
     """The walls' likeliest motions stay as they are: slides change only what is unknown of them."""
-    stages = [point.scene.stage for point in fit.point.each]
-    kept, logs = [dict(stage.motions) for stage in stages], []
+    stages = [point.scene.geometry for point in fit.linearisation.each]
+    kept, logs = [dict(geometry.motions) for geometry in stages], []
     for share in SLIDES:
-        for stage, motions in zip(stages, kept, strict=True):
-            stage.motions |= {name: _sliding(motion, share) for name, motion in motions.items()}
+        for geometry, motions in zip(stages, kept, strict=True):
+            geometry.motions |= {name: _sliding(motion, share) for name, motion in motions.items()}
         logs.append(_log_likelihood(fit, _parts(fit), used, forces))
-    for stage, motions in zip(stages, kept, strict=True):
-        stage.motions |= motions
+    for geometry, motions in zip(stages, kept, strict=True):
+        geometry.motions |= motions
     return np.array(logs)
 
 
@@ -95,14 +95,16 @@ def _sliding(motion: WallMotion, share: float) -> WallMotion:
 
 
 def _parts(fit: PlainFit) -> NoiseParts:
-    return NoiseParts.of(fit.point.each, fit.bench.sights, fit.options)
+    return NoiseParts.of(fit.linearisation.each, fit.model.data_vectors, fit.options)
 
 
 def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: FloatArray) -> float:
     """Of the residual, whatever the contours' noise."""
     grid = NoiseGrid.of(parts, sizes, np.hstack([sizes.mesh * fit.mesh[:, None], sizes.model * forces]))
-    none = np.zeros((fit.bench.n,) * 2)
-    return float(logsumexp(grid.log_likelihood(fit.point.residual, fit.point.in_theta, none) + grid.log_prior))
+    none = np.zeros((fit.model.n,) * 2)
+    return float(
+        logsumexp(grid.log_likelihood(fit.linearisation.residual, fit.linearisation.in_theta, none) + grid.log_prior)
+    )
 
 
 if __name__ == "__main__":

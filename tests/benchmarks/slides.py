@@ -65,18 +65,18 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
         case = CaseFolder(path)
         mesh.run(case)
         problem = data_of(case).problem
-    stage = SharedGeometry.of(problem, "p1p1")
-    scene, theta = CompositionScene(stage, Composition(problem)), np.log(recipe.G)
+    geometry = SharedGeometry.of(problem, "p1p1")
+    scene, theta = CompositionScene(geometry, Composition(problem)), np.log(recipe.G)
     found = scene.settle(theta).equilibrium
     if not found.converged:
         raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")
-    sight = DataVector.of(stage.observation, None, NoiseModelOptions())
+    data = DataVector.of(geometry.observation, None, NoiseModelOptions())
     out = {}
-    for (name, motion), wall in zip(stage.motions.items(), scene.walls, strict=True):
+    for (name, motion), wall in zip(geometry.motions.items(), scene.walls, strict=True):
         missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))
         # The last field is what truly happened; both go through the same model.
-        response = slide_responses(scene, sight, found, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
-        size = np.sqrt((response[: sight.n_modes] ** 2).sum(axis=0) / len(sight.modes))
+        response = slide_responses(scene, data, found, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
+        size = np.sqrt((response[: data.n_modes] ** 2).sum(axis=0) / len(data.modes))
         out[name] = (float(size[-1]), float(np.linalg.norm(size[:-1])))
     return out
 

@@ -14,7 +14,7 @@ import numpy as np
 from gap_noise import plain_of
 
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.verdict.averaged_stiffness import plain_stiffness, too_stiff_by
+from palpate.core.diagnose.verdict.model_average import plain_stiffness, too_stiff_by
 from palpate.core.worker.executors import one_thread
 
 
@@ -29,7 +29,7 @@ def main() -> None:
         fit = plain_of(path)
         told_theta, covariance = plain_stiffness(fit, rules)
         calibrated = too_stiff_by(covariance / rules.wider**2, rules)
-        bias, sd = fit.point.theta - told_theta - calibrated, np.sqrt(np.diag(covariance))
+        bias, sd = fit.linearisation.theta - told_theta - calibrated, np.sqrt(np.diag(covariance))
         in_sd = (bias / sd).round(2).tolist()
         told = {"case": path.name, "bias_ln_G": bias.round(3).tolist(), "sd_ln_G": sd.round(3).tolist(), "in_sd": in_sd}
         print(json.dumps(told), flush=True)

@@ -47,10 +47,10 @@ def error_mm(data: Path, name: str, element: str) -> float:
         case = CaseFolder(lone)
         mesh.run(case)
         problem = data_of(case).problem
-    stage = SharedGeometry.of(problem, element)
-    sight = DataVector.of(stage.observation, None, NoiseModelOptions())
+    geometry = SharedGeometry.of(problem, element)
+    vector = DataVector.of(geometry.observation, None, NoiseModelOptions())
     theta = np.log([truth["true_G_kpa"][label] for label in ("1", "2")])
-    point = StateModel(stage, sight, Composition(problem), np.zeros(sight.n)).solve(PLAIN, theta, NOTHING, None)
+    point = StateModel(geometry, vector, Composition(problem), np.zeros(vector.n)).solve(PLAIN, theta, NOTHING, None)
     if point is None:
         raise ConvergenceError(f"{name}: the plain model has no equilibrium at the true stiffness")
     with np.load(data / "answers" / f"{name}_surface.npz", allow_pickle=False) as surface:

@@ -13,7 +13,7 @@ from palpate.core.diagnose.bench_bodies.fit import BodyFit
 from palpate.core.diagnose.bench_bodies.judge import base_fit, decide_body, p_value
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
 from palpate.core.diagnose.bench_bodies.rivals import Rival, rivals
-from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.bench_bodies.scene import BodySolver
 from palpate.core.diagnose.diagnosis_record import DecidedByRecord, DiagnosisRecord, StiffnessRecord, WhereRecord
 from palpate.core.diagnose.effects import Effect, library
 from palpate.core.diagnose.options import DiagnosisOptions
@@ -53,9 +53,9 @@ def diagnose_body(
 ) -> tuple[DiagnosisRecord, dict[str, FloatArray]]:
     """The record, and by state the markers' residuals (k, 3) mm. Raises ConvergenceError when nothing can be solved."""
     options = options or DiagnosisOptions()
-    stage = BodyStage.of(problem, options)
+    solver = BodySolver.of(problem, options)
     progress(0.0, "plain model")
-    base = base_fit(stage)
+    base = base_fit(solver)
     p = p_value(base)
     found = rivals(base, effects, part(progress, 0.1, 0.7))
     decided = decide_body(base, found, p < options.decision_rules.level)
@@ -89,7 +89,7 @@ def diagnose_body(
 
 def _second(named: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> Rival | None:
     """A second effect beside the one that was named, if one passes all that the first had to."""
-    rules = named.model.stage.options.decision_rules
+    rules = named.model.solver.options.decision_rules
     for f in rivals(named, effects, progress):
         if f.log_evidence > np.log(rules.tied) and f.p_value < rules.level and f.predicts:
             return f

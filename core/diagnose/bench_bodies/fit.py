@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.bench_bodies.scene import BodySolver
 from palpate.core.diagnose.effects import Effect, Variant
 from palpate.core.fem.assembly import State
 from palpate.core.forward.composition import Composition
@@ -37,7 +37,7 @@ class Added:
 class BodyModel:
     """The plain body with effects added; parameters are ln G, then each effect's phi in prior standard deviations."""
 
-    stage: BodyStage
+    solver: BodySolver
     added: tuple[Added, ...] = ()
 
     @property
@@ -49,11 +49,11 @@ class BodyModel:
     def bounds(self) -> FloatArray:
         """(1 + k, 2)."""
         effects = [a.effect.bounds / a.effect.scales[:, None] for a in self.added]
-        return np.vstack([np.log([self.stage.problem.bounds_kpa]), *effects])
+        return np.vstack([np.log([self.solver.problem.bounds_kpa]), *effects])
 
     def composition(self, x: FloatArray, state: int) -> Composition:
         """At parameters x (1 + k,) in the state of this index."""
-        out, start = Composition(self.stage.problem.shell), 1
+        out, start = Composition(self.solver.problem.shell), 1
         for a in self.added:
             n = len(a.effect.parameters)
             out = a.variants[state].applied(out, x[start : start + n] * a.effect.scales)
@@ -64,18 +64,18 @@ class BodyModel:
         """Residual (m,) mm, predicted minus seen, of the markers of the states `which`, and its derivative in x; None: no answer."""
         r, J = [], []
         for k in which:
-            state = self.stage.problem.states[k]
-            found = self.stage.solve(self.composition(x, k), x[:1], state)
+            state = self.solver.problem.states[k]
+            found = self.solver.solve(self.composition(x, k), x[:1], state)
             if not found.converged:
                 return None
-            balance = out_of_balance(self.stage.assembler, State(found.u, found.p))
-            here = self.stage.markers(found.u, state)
+            balance = out_of_balance(self.solver.assembler, State(found.u, found.p))
+            here = self.solver.markers(found.u, state)
             r.append((here - state.moved).ravel())
             columns = []
             for step in _STEP * np.eye(len(x)):
                 y = x + step
-                u = found.u + self.stage.first_order(self.composition(y, k), y[:1], state, found, balance)
-                columns.append((self.stage.markers(u, state) - here).ravel() / _STEP)
+                u = found.u + self.solver.first_order(self.composition(y, k), y[:1], state, found, balance)
+                columns.append((self.solver.markers(u, state) - here).ravel() / _STEP)
             J.append(np.stack(columns, axis=1))
         return np.concatenate(r), np.vstack(J)
 
@@ -101,15 +101,15 @@ class BodyFit:
         return 0.5 * (plain.cost - self.cost) + self.volume - plain.volume
 
 
-def weighting(stage: BodyStage, which: Sequence[int]) -> Weighting:
+def weighting(solver: BodySolver, which: Sequence[int]) -> Weighting:
     """Of the markers of the states `which` together."""
-    common = stage.options.noise_model.markers_common
-    return Weighting(block_diag(*(stage.problem.states[k].covariance(common) for k in which)))
+    common = solver.options.noise_model.markers_common
+    return Weighting(block_diag(*(solver.problem.states[k].covariance(common) for k in which)))
 
 
 def fit_body(model: BodyModel, which: Sequence[int], start: FloatArray) -> BodyFit | None:
     """Gauss-Newton from parameters start (1 + k,) on the states `which`; None when nothing could be solved."""
-    weight = weighting(model.stage, which)
+    weight = weighting(model.solver, which)
     prior = np.diag(np.concatenate([[0.0], np.ones(len(start) - 1)]))
 
     def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:

@@ -11,7 +11,7 @@ from scipy import stats
 
 from palpate.core.diagnose.bench_bodies.fit import BodyFit, BodyModel, fit_body, weighting
 from palpate.core.diagnose.bench_bodies.rivals import Rival
-from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.bench_bodies.scene import BodySolver
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.verdict.rules import Rule, always, first_that_holds
 from palpate.core.diagnose.verdict.verdict import (
@@ -27,10 +27,10 @@ from palpate.core.inference.evidence import projected, score
 GRAVITY = "gravity_change"
 
 
-def base_fit(stage: BodyStage) -> BodyFit:
+def base_fit(solver: BodySolver) -> BodyFit:
     """The plain model on all states. Raises ConvergenceError when nothing can be solved."""
-    which = range(len(stage.problem.states))
-    found = fit_body(BodyModel(stage), which, np.log(stage.problem.bounds_kpa).mean(keepdims=True))
+    which = range(len(solver.problem.states))
+    found = fit_body(BodyModel(solver), which, np.log(solver.problem.bounds_kpa).mean(keepdims=True))
     if found is None:
         raise ConvergenceError(
             "the body has no equilibrium under these loads; look at its supports, loads and stiffness bounds"
@@ -40,14 +40,14 @@ def base_fit(stage: BodyStage) -> BodyFit:
 
 def p_value(fit: BodyFit) -> float:
     """Of the markers' residual under their noise alone."""
-    weight = weighting(fit.model.stage, fit.which)
+    weight = weighting(fit.model.solver, fit.which)
     return float(stats.chi2.sf(weight.squared(fit.residual), max(len(fit.residual) - len(fit.x), 1)))
 
 
 def unnamed(base: BodyFit) -> float:
     """Log evidence of a displacement of every state's markers that no effect of the library makes."""
-    states = [base.model.stage.problem.states[k] for k in base.which]
-    weight = weighting(base.model.stage, base.which)
+    states = [base.model.solver.problem.states[k] for k in base.which]
+    weight = weighting(base.model.solver, base.which)
     r = projected(weight.whiten(base.jacobian), weight.whiten(base.residual))
     S = np.zeros((len(r), 3 * len(states)))
     row = 0
@@ -57,7 +57,7 @@ def unnamed(base: BodyFit) -> float:
         row += n
     J = weight.whiten(base.jacobian)
     return score(
-        r, J, weight.whiten(S), np.full(S.shape[1], base.model.stage.options.decision_rules.bench_unnamed_mm)
+        r, J, weight.whiten(S), np.full(S.shape[1], base.model.solver.options.decision_rules.bench_unnamed_mm)
     ).log_evidence
 
 
@@ -148,8 +148,8 @@ BODY_RULES: tuple[Rule[BodyFindings], ...] = (
 
 def decide_body(base: BodyFit, rivals: Sequence[Rival], detected: bool) -> Verdict:
     """The first of `BODY_RULES` that holds decides. rivals : effects refitted, best first. detected : whether there is a gap."""
-    problem = base.model.stage.problem
+    problem = base.model.solver.problem
     known = not problem.model_gravity and any(np.linalg.norm(s.gravity) > 0.1 for s in problem.states)
-    findings = BodyFindings(detected, rivals, unnamed(base), known, rules=base.model.stage.options.decision_rules)
+    findings = BodyFindings(detected, rivals, unnamed(base), known, rules=base.model.solver.options.decision_rules)
     decision = first_that_holds(BODY_RULES, findings)
     return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

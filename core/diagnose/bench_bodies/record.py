@@ -25,19 +25,19 @@ from palpate.core.statistics import rms
 
 def by_state(fit: BodyFit) -> list[FloatArray]:
     """Residuals (k, 3) mm of every state's markers."""
-    ends = np.cumsum([3 * len(fit.model.stage.problem.states[k].rest) for k in fit.which])
+    ends = np.cumsum([3 * len(fit.model.solver.problem.states[k].rest) for k in fit.which])
     return [r.reshape(-1, 3) for r in np.split(fit.residual, ends[:-1])]
 
 
 def gap(base: BodyFit, p: float) -> GapRecord:
     """The "gap" of diagnosis.json; p : of the markers under their noise alone."""
     distance = np.linalg.norm(np.vstack(by_state(base)), axis=1)
-    noise = [3.0 * base.model.stage.problem.states[k].sd_mm ** 2 for k in base.which]
+    noise = [3.0 * base.model.solver.problem.states[k].sd_mm ** 2 for k in base.which]
     return GapRecord(
         rms_mm=rms(distance),
         p95_mm=float(np.quantile(distance, 0.95)),
         noise_floor_mm=float(np.sqrt(np.mean(noise))),
-        detected=p < base.model.stage.options.decision_rules.level,
+        detected=p < base.model.solver.options.decision_rules.level,
         p_value=p,
     )
 
@@ -45,7 +45,7 @@ def gap(base: BodyFit, p: float) -> GapRecord:
 def regions(base: BodyFit) -> list[RegionGapRecord]:
     """Markers by state."""
     total = max(float((base.residual**2).sum()), 1e-30)
-    names = [s.name for s in base.model.stage.problem.states]
+    names = [s.name for s in base.model.solver.problem.states]
     return [
         RegionGapRecord(n, "all", marker_rms(r.ravel()), float((r**2).sum()) / total)
         for n, r in zip(names, by_state(base), strict=True)
@@ -101,7 +101,7 @@ def shrinkage(best: Rival) -> ShrinkageRecord | None:
 def states(base: BodyFit, best: Rival | None) -> list[MarkersRecord]:
     """Every state's misfit, mm, before and after, fitted and predicted from the others."""
     out = []
-    for k, (state, r) in enumerate(zip(base.model.stage.problem.states, by_state(base), strict=True)):
+    for k, (state, r) in enumerate(zip(base.model.solver.problem.states, by_state(base), strict=True)):
         before = marker_rms(r.ravel())
         if best is None:
             out.append(MarkersRecord(name=state.name, rms_before_mm=before))
@@ -121,14 +121,14 @@ def states(base: BodyFit, best: Rival | None) -> list[MarkersRecord]:
 
 def remainder(named: BodyFit, cause: Rival | None) -> RemainderRecord:
     """What is left in each state, mm, and a second cause where one passes."""
-    names = [s.name for s in named.model.stage.problem.states]
+    names = [s.name for s in named.model.solver.problem.states]
     left = {n: marker_rms(r.ravel()) for n, r in zip(names, by_state(named), strict=True)}
     return RemainderRecord(left, None if cause is None else cause.effect.id)
 
 
 def next_state(base: BodyFit, best: Rival) -> str:
     """The further load under which the rivals' markers differ most, and by how much."""
-    problem = base.model.stage.problem
+    problem = base.model.solver.problem
     told = []
     for factor, words in ((0.0, "no load"), (2.0, "twice the load")):
         loads = tuple(
@@ -138,8 +138,8 @@ def next_state(base: BodyFit, best: Rival) -> str:
         asked = replace(problem.states[-1], name=words, loads=loads)
         moved = []
         for fit in (base, best.fit):
-            at = fit.model.stage.solve(fit.model.composition(fit.x, len(problem.states) - 1), fit.x[:1], asked)
-            moved.append(fit.model.stage.markers(at.u, asked))
+            at = fit.model.solver.solve(fit.model.composition(fit.x, len(problem.states) - 1), fit.x[:1], asked)
+            moved.append(fit.model.solver.markers(at.u, asked))
         told.append((marker_rms((moved[0] - moved[1]).ravel()), words))
     (first, one), (second, other) = sorted(told, reverse=True)
     return (

@@ -47,13 +47,13 @@ class Rival:
     def predicts(self) -> bool:
         """Whether every state is predicted better from the others, and all together by the share of the mean square that counts."""
         before, after = np.square(self.left_out).T
-        left = 1.0 - self.fit.model.stage.options.decision_rules.gain_share
+        left = 1.0 - self.fit.model.solver.options.decision_rules.gain_share
         return bool(np.isfinite(before).all() and (after < before).all() and after.sum() < left * before.sum())
 
 
 def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> list[Rival]:
     """All effects that a body can have, added to `base`, refitted where they are not hopeless; best first."""
-    rules = base.model.stage.options.decision_rules
+    rules = base.model.solver.options.decision_rules
     taken = {a.effect.id for a in base.model.added}
     asked = [e for e in effects.values() if e.id not in taken and e.id not in NOT_ON_A_BENCH]
     looks = []
@@ -72,11 +72,11 @@ def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> 
 
 def _first_look(base: BodyFit, effect: Effect) -> tuple[Added | None, float, float]:
     """The likeliest variant, the effect's log evidence (mean over variants), and how much the variants cost it."""
-    problem = base.model.stage.problem
+    problem = base.model.solver.problem
     states = [_variants(problem, effect, k) for k in range(len(problem.states))]
     if not states or len({len(v) for v in states}) != 1 or not states[0]:
         return None, -np.inf, 0.0
-    weight = weighting(base.model.stage, base.which)
+    weight = weighting(base.model.solver, base.which)
     r, J = weight.whiten(base.residual), weight.whiten(base.jacobian)
     scores = []
     for variants in zip(*states, strict=True):
@@ -104,7 +104,7 @@ def _refitted(base: BodyFit, effect: Effect, added: Added, spread: float) -> Riv
     if not fits:
         return None
     best = min(fits, key=lambda f: f.cost)
-    states = base.model.stage.problem.states
+    states = base.model.solver.problem.states
     left_out = np.full((len(states), 2), np.nan)
     if len(states) > 1:
         for k in range(len(states)):
@@ -123,7 +123,7 @@ def _signs(effect: Effect, start: FloatArray) -> list[FloatArray]:
 
 
 def _squares(fit: BodyFit) -> float:
-    return weighting(fit.model.stage, fit.which).squared(fit.residual)
+    return weighting(fit.model.solver, fit.which).squared(fit.residual)
 
 
 def _predicted(fit: BodyFit, left_out: int) -> float:

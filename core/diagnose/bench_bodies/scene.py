@@ -29,7 +29,7 @@ _MN = 1000.0  # mN in a N
 
 
 @dataclass(eq=False)
-class BodyStage:
+class BodySolver:
     """What all models of one body share: the space, the matrix structure, the last equilibrium of each state."""
 
     problem: BodyProblem
@@ -40,7 +40,7 @@ class BodyStage:
     last: dict[str, FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, problem: BodyProblem, options: DiagnosisOptions | None = None) -> BodyStage:
+    def of(cls, problem: BodyProblem, options: DiagnosisOptions | None = None) -> BodySolver:
         """With the program's own numbers where no options are given. Raises InputError when nothing holds the body."""
         space = Space.of(problem.mesh, ELEMENT)
         held = np.unique(space.face_nodes(problem.held))

@@ -20,7 +20,7 @@ _FAR = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Named:
+class EffectDirections:
     """A named effect's directions S (n, k), one for each of its variants; the standard deviations (k,) of its parameters' prior, and
     their bounds (k, 2).
     """
@@ -53,7 +53,7 @@ def gap_test(
     r: FloatArray,
     J: FloatArray,
     fields: FloatArray,
-    named: Mapping[str, Named] | None = None,
+    named: Mapping[str, EffectDirections] | None = None,
     seed: int = 1,
     refitted: Mapping[str, float] | None = None,
     *,
@@ -85,9 +85,11 @@ def gap_test(
     factor = _of_a_gap(smooth, some, rules.prior_unknown)
     p = _p_values(factor, whole, rules.whole_share)
     if refitted is not None:
-        known = [np.maximum(look[:1], refitted.get(name, -np.inf)) for name, look in library.items()]
+        known = [
+            np.maximum(discrepancy_maps[:1], refitted.get(name, -np.inf)) for name, discrepancy_maps in library.items()
+        ]
         after = _of_a_gap(smooth[:1], _any_named(known, 1), rules.prior_unknown)[0]
-        p = _looked_again(p, factor, after, whole, rules)
+        p = _refitted_p_values(p, factor, after, whole, rules)
     return GapTest(
         float((weight * looks.Q).sum(axis=0)[0]),
         freedom,
@@ -104,7 +106,7 @@ def _p_values(factor: FloatArray, whole: FloatArray, whole_share: float) -> Floa
     return _shares(-np.minimum(_shares(factor) / (1.0 - whole_share), _shares(-whole) / whole_share))
 
 
-def _looked_again(
+def _refitted_p_values(
     p: FloatArray, factor: FloatArray, refitted: float, whole: FloatArray, rules: DecisionRules
 ) -> FloatArray:
     """(draws * gains,) p-values with the data's factor after refits, and every draw that would be refitted with every gain."""
@@ -143,7 +145,7 @@ class _Statistics:
         log_prior: float,
         J: FloatArray,
         fields: FloatArray,
-        named: Mapping[str, Named],
+        named: Mapping[str, EffectDirections],
         draws: FloatArray,
     ) -> None:
         """Under noise of covariance C (n, n)."""
@@ -194,7 +196,7 @@ def _unnamed(fields: FloatArray, draws: FloatArray, gap_sizes: Sequence[float]) 
     )
 
 
-def _of_effect(S: FloatArray, effect: Named, draws: FloatArray) -> FloatArray:
+def _of_effect(S: FloatArray, effect: EffectDirections, draws: FloatArray) -> FloatArray:
     """(draws,) log evidence of an effect, the mean over its variants, whose directions S (n, variants * k) holds side by side."""
     k = len(effect.scales)
     seen, alike = S.T @ draws, S.T @ S

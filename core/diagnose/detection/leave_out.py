@@ -19,15 +19,15 @@ def organ_split(fit: PlainFit, rules: DecisionRules) -> Split:
     A patch is left out of all deformed states at once: the contour at rest, which they share, would give it away. Rows of the organ's
     surfaces come first, state by state.
     """
-    sights, at_rest = fit.bench.sights, fit.point.first.scene.observation.points
+    data_vectors, at_rest = fit.model.data_vectors, fit.linearisation.first.scene.observation.points
     chosen = _thinned(at_rest, rules.point_spacing_mm)
-    surface = apart([_rows_of_surface(sight, chosen) for sight in sights])
-    rest = np.delete(np.eye(fit.bench.n), fit.bench.surface, axis=0)
+    surface = apart([_rows_of_surface(data, chosen) for data in data_vectors])
+    rest = np.delete(np.eye(fit.model.n), fit.model.surface, axis=0)
     reader = np.vstack([surface, rest])
-    points = np.tile(at_rest[chosen], (len(sights), 1))
+    points = np.tile(at_rest[chosen], (len(data_vectors), 1))
     patch = np.full(len(reader), -1)
-    patch[: len(points)] = np.tile(_patches(at_rest[chosen], rules.patch_mm), len(sights))
-    marks = np.concatenate([np.arange(s.n - s.n_modes) < 3 * s.n_marks for s in sights])
+    patch[: len(points)] = np.tile(_patches(at_rest[chosen], rules.patch_mm), len(data_vectors))
+    marks = np.concatenate([np.arange(s.n - s.n_modes) < 3 * s.n_marks for s in data_vectors])
     if marks.any():
         patch[len(points) + np.flatnonzero(marks)] = patch.max() + 1
     covariance = reader @ fit.weighting.covariance @ reader.T
@@ -35,10 +35,10 @@ def organ_split(fit: PlainFit, rules: DecisionRules) -> Split:
     return Split(reader, np.zeros(len(reader)), patch, covariance, points)
 
 
-def _rows_of_surface(sight: DataVector, chosen: IntArray) -> FloatArray:
+def _rows_of_surface(data: DataVector, chosen: IntArray) -> FloatArray:
     """(c, n) that takes a state's data to the organ's surface at the chosen points (c,)."""
-    out = np.zeros((len(chosen), sight.n))
-    out[:, : sight.n_modes] = sight.modes[chosen]
+    out = np.zeros((len(chosen), data.n))
+    out[:, : data.n_modes] = data.modes[chosen]
     return out
 
 
@@ -47,14 +47,14 @@ def bone_split(fit: PlainFit, state: int, rules: DecisionRules) -> Split | None:
 
     None where the state shows no bones.
     """
-    organ, bone, at = organ_split(fit, rules), fit.bench.each[state].sight.bone, fit.bench.bones[state]
+    organ, bone, at = organ_split(fit, rules), fit.model.each[state].data.bone, fit.model.bones[state]
     if bone is None or at is None:
         return None
     chosen = _thinned(bone.points, rules.bone_point_spacing_mm)
     points = bone.points[chosen]
-    reader = np.zeros((len(chosen), fit.bench.n))
+    reader = np.zeros((len(chosen), fit.model.n))
     reader[:, at] = bone.design[chosen]
-    sd, length = fit.sizes.contour * fit.point.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
+    sd, length = fit.sizes.contour * fit.linearisation.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
     noise = 2.0 * smooth_covariance(points, sd, length) + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
     noise[np.diag_indices_from(noise)] += fit.options.bone_extraction_mm**2
     seen = ~organ.reader[:, at].any(axis=1)

@@ -36,26 +36,26 @@ class DiscrepancyMaps:
     blur_mm: float
 
 
-def look(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRules, state: int = 0) -> DiscrepancyMaps:
+def discrepancy_maps(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRules, state: int = 0) -> DiscrepancyMaps:
     """Maps of a deformed state at the plain fit, from that state's data."""
-    sight, point, forces, rows = (
-        fit.bench.each[state].sight,
-        fit.point.each[state],
+    data, linearisation, forces, rows = (
+        fit.model.each[state].data,
+        fit.linearisation.each[state],
         free.each[state],
-        fit.bench.rows[state],
+        fit.model.rows[state],
     )
     weighting = Weighting(fit.weighting.covariance[rows, rows])
-    observation = point.scene.observation
-    k = sight.n_modes
-    smooth = sight.modes @ point.residual[:k]
-    sd = np.sqrt(np.einsum("qi,ij,qj->q", sight.modes, weighting.covariance[:k, :k], sight.modes))
-    r, J = weighting.whiten(point.residual), weighting.whiten(point.in_theta)
+    observation = linearisation.scene.observation
+    k = data.n_modes
+    smooth = data.modes @ linearisation.residual[:k]
+    sd = np.sqrt(np.einsum("qi,ij,qj->q", data.modes, weighting.covariance[:k, :k], data.modes))
+    r, J = weighting.whiten(linearisation.residual), weighting.whiten(linearisation.in_theta)
     R = projected(J, weighting.whiten(forces.response))
     inverse = np.linalg.solve(R.T @ R + np.eye(R.shape[1]), R.T)
     density = forces.force_density(-inverse @ projected(J, r))
     size = np.linalg.norm(density, axis=1)
     near = np.flatnonzero(size > 1e-12 * max(size.max(), 1e-30))
-    nodes = point.scene.space.nodes[near] - point.scene.shift[near]
+    nodes = linearisation.scene.space.nodes[near] - linearisation.scene.shift[near]
     peak = _peak(nodes, size[near], observation.points, rules)
     blur = _blur(forces, inverse @ R, nodes, near, peak)
     return DiscrepancyMaps(
@@ -73,26 +73,26 @@ def look(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRules, state: i
 
 def residuals(fit: PlainFit) -> list[FloatArray]:
     """For each deformed state (q,) mm, what the plain model leaves on the organ's surface, as smooth as contour noise."""
-    each = zip(fit.bench.each, fit.point.each, strict=True)
-    return [bench.sight.modes @ point.residual[: bench.sight.n_modes] for bench, point in each]
+    each = zip(fit.model.each, fit.linearisation.each, strict=True)
+    return [model.data.modes @ linearisation.residual[: model.data.n_modes] for model, linearisation in each]
 
 
-def regions(where: DiscrepancyMaps, names: dict[int, str]) -> list[RegionGapRecord]:
+def regions(maps: DiscrepancyMaps, names: dict[int, str]) -> list[RegionGapRecord]:
     """Residual by organ region and by side: rms in mm and share of the sum of squares."""
-    centre = where.points.mean(axis=0)
-    total = max(float((where.residual**2).sum()), 1e-30)
+    centre = maps.points.mean(axis=0)
+    total = max(float((maps.residual**2).sum()), 1e-30)
     out = []
     for region, name in names.items():
-        out.append(_row(where, where.region == region, name, "all", total))
+        out.append(_row(maps, maps.region == region, name, "all", total))
     for axis, (low, high) in enumerate(_SIDES):
-        above = where.points[:, axis] > centre[axis]
-        out.append(_row(where, ~above, "organ", low, total))
-        out.append(_row(where, above, "organ", high, total))
+        above = maps.points[:, axis] > centre[axis]
+        out.append(_row(maps, ~above, "organ", low, total))
+        out.append(_row(maps, above, "organ", high, total))
     return out
 
 
-def _row(where: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: float) -> RegionGapRecord:
-    squares = where.residual[part] ** 2
+def _row(maps: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: float) -> RegionGapRecord:
+    squares = maps.residual[part] ** 2
     rms = float(np.sqrt(squares.mean())) if part.any() else 0.0
     return RegionGapRecord(name, side, rms, float(squares.sum()) / total)
 

@@ -36,16 +36,16 @@ class Screened:
 
 def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -> list[Screened]:
     """Every effect that the case does not exclude."""
-    r = fit.weighting.whiten(fit.point.residual)
-    J = fit.weighting.whiten(fit.point.in_theta)
+    r = fit.weighting.whiten(fit.linearisation.residual)
+    J = fit.weighting.whiten(fit.linearisation.in_theta)
     out = []
     for one in effects.values():
-        effect = one.over(len(fit.bench.each))
+        effect = one.over(len(fit.model.each))
         variants = effect.variants(around)
         if not variants:
             continue
         at = _at_zero(fit, effect)
-        directions = [fit.bench.directions(Hypothesis(effect, v), at) for v in variants]
+        directions = [fit.model.directions(Hypothesis(effect, v), at) for v in variants]
         scores = [score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds) for S in directions]
         order = np.argsort([-s.log_evidence for s in scores], kind="stable")
         total = mean_of_exponentials(np.array([s.log_evidence for s in scores]))
@@ -59,4 +59,4 @@ def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -
 
 def _at_zero(fit: PlainFit, effect: Effect) -> JointLinearisation:
     """The plain point as a point of the effect's model."""
-    return fit.point.with_phi(np.zeros(len(effect.parameters)))
+    return fit.linearisation.with_phi(np.zeros(len(effect.parameters)))

@@ -1,6 +1,6 @@
-"""Effects that a model may leave out, by id. A new effect is a new file in this folder, or beside a user's own, that defines EFFECT.
+"""Library of effects that a model may leave out, by id. Each file of this folder defines one EFFECT.
 
-`library(folder)` also reads the files of a folder outside the program, so that nobody need touch this one to add an effect.
+`library(folder)` also reads a user's own effects from the files of another folder.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The bones moved between the scans: pose or alignment."""
+"""Rigid motion of the bones between the scans: another pose, or scans that are not aligned."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.surfaces.rigid_motion import rigid_motion
 
-# How far from bone the tissue at the region's edge goes along with it, mm: not at all, near bone, or, where the scans are not aligned,
-# everywhere.
+# Distance from bone over which the region's edge moves along with it, mm: none, near bone, or, for scans that are not
+# aligned, everywhere.
 _EDGES_MM = {"edge held": 0.0, "edge near bone goes along": 20.0, "edge goes along": np.inf}
 
 

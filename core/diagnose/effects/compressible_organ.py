@@ -1,4 +1,4 @@
-"""The organ gives up volume under pressure."""
+"""Compressibility of the organ: it loses volume under pressure."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.forward.material_changes import per_cell
 from palpate.core.mesh import TetMesh
 
-# What is given up saturates as G / K grows, the more so the softer the organ: it grows exponentially with phi, in which the data's
-# answer is more nearly a line.
+# The lost volume saturates as G / K grows, the sooner the softer the organ. G / K therefore grows exponentially with
+# phi, in which the data are more nearly linear.
 _UNIT_RATIO = 0.05
-# Where Poisson's ratio is 0: below it lies no tissue.
+# phi at which Poisson's ratio is 0, the least of any tissue.
 _AT_ZERO = 3.42
 
 
@@ -41,12 +41,12 @@ def _soften(composition: Composition, phi: FloatArray) -> Composition:
 
 
 def given_way(phi: float) -> float:
-    """What the ratio G / K grows by."""
+    """Increase of the ratio G / K at phi."""
     return float(_UNIT_RATIO * np.expm1(max(phi, 0.0)))
 
 
 def poisson_ratio(phi: float, plain: float = 0.495) -> float:
-    """Small-strain Poisson ratio."""
+    """Poisson's ratio at small strain for phi; plain : at phi = 0."""
     ratio = 3.0 * (1.0 - 2.0 * plain) / (2.0 * (1.0 + plain)) + given_way(phi)
     return float((3.0 - 2.0 * ratio) / (6.0 + 2.0 * ratio))
 

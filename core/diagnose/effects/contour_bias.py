@@ -1,4 +1,4 @@
-"""The deformed scan's contour of the organ is too wide or too tight everywhere."""
+"""Bias of the deformed scan's contour of the organ: too wide or too tight everywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The organ is stiffer along one direction."""
+"""Anisotropy of the organ: stiffer along one direction."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _variants(around: Surroundings) -> list[Variant]:
 
 
 def _directions() -> FloatArray:
-    """(13, 3): edges, faces and corners of a cube, one of each opposite pair."""
+    """Unit directions (13, 3) to faces, edges and corners of a cube, one of each opposite pair."""
     grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     half = grid[len(grid) // 2 + 1 :]
     return half / np.linalg.norm(half, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""The body force turned between the scans."""
+"""Change of the direction of gravity between the scans."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from palpate.core.fem.terms.loads import body_force
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 
-# 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
+# 1 kg/m3 times 1 m/s2 in kPa/mm.
 _WEIGHT = 1.0e-6
 
 
 def _variants(around: Surroundings) -> list[Variant]:
-    """Along what the case states; every axis when it states nothing; none when it says that gravity stayed."""
+    """Along the change that the case states; along every axis when it states none; no variant when gravity did not
+    change."""
     rest, deformed = around.gravity
     if rest is None or deformed is None:
         return [_variant(around, np.eye(3)[i], f"along {'xyz'[i]}") for i in range(3)]

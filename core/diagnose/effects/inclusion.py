@@ -1,4 +1,4 @@
-"""A stiff or soft focus inside the organ."""
+"""Stiff or soft focus inside the organ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The organ slides along its surroundings instead of being tied to them."""
+"""Sliding of the organ along its surroundings, to which the plain model ties it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 
-# Compliance grows exponentially with phi, because what it does saturates once it exceeds radius / shear modulus.
+# Compliance grows exponentially with phi, because its effect saturates beyond radius / shear modulus.
 _UNIT_COMPLIANCE = 0.1
 
 

@@ -1,4 +1,4 @@
-"""The scan at rest is already loaded: bladder or rectum were filled, and the stress-free shape is another."""
+"""Prestress of the scan at rest: bladder or rectum are filled, and the stress-free shape is another."""
 
 from __future__ import annotations
 

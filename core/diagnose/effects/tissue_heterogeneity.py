@@ -1,4 +1,4 @@
-"""The surrounding tissue is stiffer or softer on one side of a plane."""
+"""Heterogeneity of the surrounding tissue: stiffer or softer on one side of a plane."""
 
 from __future__ import annotations
 

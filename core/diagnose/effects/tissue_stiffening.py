@@ -1,4 +1,4 @@
-"""The surrounding tissue stiffens with strain."""
+"""Strain stiffening of the surrounding tissue."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from palpate.core.forward.parameters import TISSUE
 from palpate.core.laws.stiffening import STIFFENING
 from palpate.core.mesh import TetMesh
 
-# What stiffening does to an organ saturates: the exponent grows exponentially with phi, and the data's answer is then nearly a line in it
-# (slopes at phi = 0 and at the best fit differ by less than a factor of 1.6, and by 2 to 5 with the exponent itself).
+# The effect of stiffening on the organ saturates. The exponent therefore grows exponentially with phi, in which the
+# data are nearly linear: slopes at phi = 0 and at the best fit differ by a factor below 1.6, by 2 to 5 in the exponent
+# itself.
 _UNIT_EXPONENT = 2.0
 
 
 def exponent(phi: float) -> float:
-    """Of the tissue's stiffening."""
+    """Exponent of the tissue's law at phi."""
     return float(_UNIT_EXPONENT * np.expm1(max(phi, 0.0)))
 
 

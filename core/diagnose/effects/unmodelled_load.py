@@ -1,4 +1,4 @@
-"""Something unseen pushes on the organ."""
+"""Load on the organ by something that the scans do not show."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.surfaces.triangles import area_vectors
 
-# Half width at 0.6 of the pressure's peak, mm: what pushes is a centimetre or two across (chosen); how far apart places are tried.
+# Standard deviation of the pressure's profile, mm: the load is a centimetre or two across (chosen). Distance between the
+# places that are tried, mm.
 _RADIUS_MM, _SPACING_MM = 6.0, 10.0
 
 
@@ -35,7 +36,7 @@ def _faces(X: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _normal(at: FloatArray, area: FloatArray, centre: FloatArray) -> FloatArray:
-    """(3,) unit, the mean around a centre."""
+    """Mean outward unit normal (3,) of the faces around a centre (3,) mm."""
     mean = _share(at, centre, _RADIUS_MM) @ area
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-30))
 
@@ -45,7 +46,7 @@ def _share(at: FloatArray, centre: FloatArray, radius: float) -> FloatArray:
 
 
 def _variant(around: Surroundings, centre: FloatArray, outward: FloatArray) -> Variant:
-    # Two directions along the surface, whichever they are.
+    # Any two orthonormal directions along the surface.
     along = np.linalg.svd(outward[None])[2][1:]
 
     def change(composition: Composition, phi: FloatArray) -> Composition:
@@ -64,7 +65,7 @@ def _variant(around: Surroundings, centre: FloatArray, outward: FloatArray) -> V
 
 
 def _pulls(phi: Mapping[str, float]) -> str:
-    """Nothing that only lies against the organ can pull at it: what does is grown together with it."""
+    """Why a load that fits best with a pull is not this effect: what only lies against the organ cannot pull at it."""
     pressures = [value for name, value in phi.items() if name.startswith("pressure")]
     if max(pressures, key=abs) >= 0.0:
         return ""

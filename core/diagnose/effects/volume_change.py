@@ -1,4 +1,4 @@
-"""The organ swelled or shrank between the scans."""
+"""Swelling or shrinking of the organ between the scans."""
 
 from __future__ import annotations
 

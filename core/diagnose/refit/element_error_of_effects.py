@@ -14,9 +14,9 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.score_test import Screened
-from palpate.core.diagnose.refit.refit import Refit, refit_again
+from palpate.core.diagnose.refit.refit import Refit, refit_corrected
 from palpate.core.diagnose.refit.variants import corrected
-from palpate.core.residual.element_error import OPTIONS, better_bench, better_residual
+from palpate.core.residual.element_error import OPTIONS, fine_element_model, fine_element_residual
 from palpate.core.residual.linearised_model import StateModel
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.progress import Progress, silent
@@ -26,7 +26,7 @@ from palpate.core.worker.progress import Progress, silent
 _FEW = replace(OPTIONS, max_factorisations=8)
 
 
-def with_own_error(
+def with_own_element_errors(
     fit: PlainFit,
     screened: Sequence[Screened],
     refits: Sequence[Refit],
@@ -42,23 +42,25 @@ def with_own_error(
     if fit.on_own_mesh is None or not leading:
         return list(refits)
     by_id = {s.effect.id: s for s in screened}
-    better = [better_bench(b) for b in fit.bench.each]
+    fine = [fine_element_model(m) for m in fit.model.each]
     out = list(refits)
-    for k, found in enumerate(leading):
-        assert found.trial.effect is not None
-        progress(k / len(leading), f"the better element with {found.trial.effect.id}")
-        again = _again(fit, fit.on_own_mesh, by_id[found.trial.effect.id], found, better)
-        out[k] = found if again is None else corrected(again, found, by_id[found.trial.effect.id])
+    for k, refit in enumerate(leading):
+        assert refit.hypothesis.effect is not None
+        effect = by_id[refit.hypothesis.effect.id]
+        progress(k / len(leading), f"the better element with {effect.effect.id}")
+        refitted = _with_own_element_error(fit, fit.on_own_mesh, effect, refit, fine)
+        out[k] = refit if refitted is None else corrected(refitted, refit, effect)
     return sorted(out, key=lambda f: -f.log_evidence)
 
 
-def _again(
-    fit: PlainFit, of_plain: FloatArray, screened: Screened, found: Refit, better: Sequence[StateModel]
+def _with_own_element_error(
+    fit: PlainFit, of_plain: FloatArray, screened: Screened, refit: Refit, fine: Sequence[StateModel]
 ) -> Refit | None:
-    residuals = [better_residual(b, found.trial, p, _FEW) for b, p in zip(better, found.point.each, strict=True)]
-    known = [r for r in residuals if r is not None]
-    if len(known) < len(residuals):
+    each = zip(fine, refit.linearisation.each, strict=True)
+    residuals = [fine_element_residual(m, refit.hypothesis, p, _FEW) for m, p in each]
+    solved = [r for r in residuals if r is not None]
+    if len(solved) < len(residuals):
         return None
     # Other meshes, where there are any, err on the effect as they do on the plain model.
-    own = np.concatenate(known) - (found.point.residual - found.correction)
-    return refit_again(fit, screened, found, fit.bench.correction + own - of_plain)
+    own = np.concatenate(solved) - (refit.linearisation.residual - refit.correction)
+    return refit_corrected(fit, screened, refit, fit.model.correction + own - of_plain)

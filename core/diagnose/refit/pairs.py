@@ -50,7 +50,7 @@ def refit_pairs(
     log_evidence : pays for the number of partners tried.
     """
     by_id = {s.effect.id: s for s in screened}
-    ids = [f.trial.effect.id for f in refits if f.trial.effect is not None]
+    ids = [f.hypothesis.effect.id for f in refits if f.hypothesis.effect is not None]
     pairs = [_screened(fit, by_id[ids[0]], by_id[name], rules.partners) for name in ids[1:]]
     pairs = sorted(pairs, key=lambda s: -s.log_evidence)[: rules.partners]
     found = [f for f in (refit_variants(fit, pair, rules) for pair in pairs) if f is not None]
@@ -61,7 +61,7 @@ def _screened(fit: PlainFit, first: Screened, second: Screened, partners: int) -
     """The first look at a pair; its evidence pays for the variants of both and for the choice among so many partners."""
     effect = together(first.effect, second.effect)
     S = np.hstack([first.directions[0], second.directions[0]])
-    r, J = fit.weighting.whiten(fit.point.residual), fit.weighting.whiten(fit.point.in_theta)
+    r, J = fit.weighting.whiten(fit.linearisation.residual), fit.weighting.whiten(fit.linearisation.in_theta)
     found = score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds)
     variant = joined(first.variants[0], second.variants[0], len(first.effect.parameters))
     paid = sum(s.log_evidence - s.scores[0].log_evidence for s in (first, second)) - float(np.log(partners))

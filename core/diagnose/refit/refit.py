@@ -28,8 +28,8 @@ class Refit:
     residual. others : variants that were refitted too.
     """
 
-    trial: Hypothesis
-    point: JointLinearisation
+    hypothesis: Hypothesis
+    linearisation: JointLinearisation
     in_phi: FloatArray
     covariance: FloatArray
     own_evidence: float
@@ -40,61 +40,61 @@ class Refit:
     @property
     def phi(self) -> FloatArray:
         """(k,) the effect's parameters."""
-        return self.point.phi
+        return self.linearisation.phi
 
     @property
     def sd_phi(self) -> FloatArray:
         """(k,) their standard deviations."""
-        return np.sqrt(np.diag(self.covariance))[len(self.point.theta) :]
+        return np.sqrt(np.diag(self.covariance))[len(self.linearisation.theta) :]
 
 
 def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
     """Gauss-Newton on (ln G, phi) from the plain fit, of one variant; None when the model with the effect cannot be solved."""
-    return _fitted(fit, screened, which, fit.point, _start(screened, which))
+    return _fitted(fit, screened, which, fit.linearisation, _start(screened, which))
 
 
-def refit_again(fit: PlainFit, screened: Screened, found: Refit, correction: FloatArray) -> Refit | None:
+def refit_corrected(fit: PlainFit, screened: Screened, found: Refit, correction: FloatArray) -> Refit | None:
     """One variant refitted from where it was `found`, with another correction (n,) mm of the quick element.
 
     None when the model with the effect cannot be solved.
     """
-    assert found.trial.variant is not None
-    corrected = replace(fit, bench=fit.bench.corrected(correction))
-    which, scales = screened.variants.index(found.trial.variant), screened.effect.scales
-    return _fitted(corrected, screened, which, found.point, found.phi / scales)
+    assert found.hypothesis.variant is not None
+    corrected = replace(fit, model=fit.model.corrected(correction))
+    which, scales = screened.variants.index(found.hypothesis.variant), screened.effect.scales
+    return _fitted(corrected, screened, which, found.linearisation, found.phi / scales)
 
 
 def _fitted(fit: PlainFit, screened: Screened, which: int, near: JointLinearisation, start: FloatArray) -> Refit | None:
     """Gauss-Newton from the point `near` and phi / scale = start (k,)."""
     effect = screened.effect
-    trial = Hypothesis(effect, screened.variants[which])
-    t, scales = len(fit.point.theta), effect.scales
+    hypothesis = Hypothesis(effect, screened.variants[which])
+    t, scales = len(fit.linearisation.theta), effect.scales
     best: tuple[float, JointLinearisation, FloatArray] | None = None
     here = near
 
     def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         nonlocal best, here
-        point = fit.bench.solve(trial, x[:t], x[t:] * scales, here)
-        if point is None:
+        linearisation = fit.model.solve(hypothesis, x[:t], x[t:] * scales, here)
+        if linearisation is None:
             return None
-        S = fit.bench.directions(trial, point)
-        here = point
-        r = np.concatenate([fit.weighting.whiten(point.residual), x[t:]])
+        S = fit.model.directions(hypothesis, linearisation)
+        here = linearisation
+        r = np.concatenate([fit.weighting.whiten(linearisation.residual), x[t:]])
         J = np.block(
             [
-                [fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S) * scales],
+                [fit.weighting.whiten(linearisation.in_theta), fit.weighting.whiten(S) * scales],
                 [np.zeros((len(scales), t)), np.eye(len(scales))],
             ]
         )
         if best is None or r @ r < best[0]:
-            best = float(r @ r), point, S
+            best = float(r @ r), linearisation, S
         return r, J
 
-    bounds = np.vstack([fit.point.first.scene.parameters.bounds, effect.bounds / scales[:, None]])
+    bounds = np.vstack([fit.linearisation.first.scene.parameters.bounds, effect.bounds / scales[:, None]])
     gauss_newton(linearise, np.concatenate([near.theta, start]), bounds, _TOLERANCE, _EVALUATIONS)
     if best is None:
         return None
-    return _weighed(fit, screened, which, trial, best[1], best[2])
+    return _weighed(fit, screened, which, hypothesis, best[1], best[2])
 
 
 def _start(screened: Screened, which: int) -> FloatArray:
@@ -107,21 +107,26 @@ def _start(screened: Screened, which: int) -> FloatArray:
 
 
 def _weighed(
-    fit: PlainFit, screened: Screened, which: int, trial: Hypothesis, point: JointLinearisation, S: FloatArray
+    fit: PlainFit,
+    screened: Screened,
+    which: int,
+    hypothesis: Hypothesis,
+    linearisation: JointLinearisation,
+    S: FloatArray,
 ) -> Refit:
     scales = screened.effect.scales
-    J = np.hstack([fit.weighting.whiten(point.in_theta), fit.weighting.whiten(S)])
-    t = len(point.theta)
+    J = np.hstack([fit.weighting.whiten(linearisation.in_theta), fit.weighting.whiten(S)])
+    t = len(linearisation.theta)
     prior = np.diag(np.concatenate([np.full(t, FLAT), 1.0 / scales**2]))
     covariance = np.asarray(np.linalg.inv(J.T @ J + prior), dtype=np.float64)
-    evidence = _whatever_noise(fit, point, S, scales)
-    evidence += allowed(point.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
-    return Refit(trial, point, S, covariance, evidence, evidence, fit.bench.correction)
+    evidence = _whatever_noise(fit, linearisation, S, scales)
+    evidence += allowed(linearisation.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
+    return Refit(hypothesis, linearisation, S, covariance, evidence, evidence, fit.model.correction)
 
 
-def _whatever_noise(fit: PlainFit, point: JointLinearisation, S: FloatArray, scales: FloatArray) -> float:
+def _whatever_noise(fit: PlainFit, linearisation: JointLinearisation, S: FloatArray, scales: FloatArray) -> float:
     """Log evidence against the plain model, the noise of neither given."""
-    J = np.hstack([point.in_theta, S])
-    precision = np.concatenate([np.full(len(point.theta), FLAT), 1.0 / scales**2])
-    prior = -0.5 * float(((point.phi / scales) ** 2).sum()) - float(np.log(scales).sum())
-    return fit.noise.log_evidence(point.residual, J, precision) + prior - fit.log_evidence
+    J = np.hstack([linearisation.in_theta, S])
+    precision = np.concatenate([np.full(len(linearisation.theta), FLAT), 1.0 / scales**2])
+    prior = -0.5 * float(((linearisation.phi / scales) ** 2).sum()) - float(np.log(scales).sum())
+    return fit.noise.log_evidence(linearisation.residual, J, precision) + prior - fit.log_evidence

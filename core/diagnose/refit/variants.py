@@ -44,7 +44,7 @@ def capped(found: Refit, screened: Screened) -> Refit:
     Another mesh has another error of the quick element, which the correction, made for the plain model, does not follow: on effect-free
     cases such refits gained up to 5 over the first look, which has the plain model's mesh.
     """
-    if found.point.first.scene.composition.geometry is None:
+    if found.linearisation.first.scene.composition.geometry is None:
         return found
     return replace(found, log_evidence=min(found.log_evidence, screened.log_evidence))
 
@@ -60,5 +60,5 @@ def corrected(again: Refit, found: Refit, screened: Screened) -> Refit:
 
 
 def _which(found: Refit, screened: Screened) -> int:
-    assert found.trial.variant is not None
-    return screened.variants.index(found.trial.variant)
+    assert found.hypothesis.variant is not None
+    return screened.variants.index(found.hypothesis.variant)

@@ -154,7 +154,7 @@ RULES: tuple[Rule[Findings], ...] = (
     ),
     Rule(
         "not_predicted",
-        lambda f: not f.best.confirmed(f.rules),
+        lambda f: not f.best.predicts(f.rules),
         AMBIGUOUS,
         "the effect fits best, but does not predict what was left out clearly better",
         lambda f: f.names,

@@ -37,7 +37,7 @@ class Diagnosis:
     screened: Sequence[Screened]
     refits: Sequence[Refit]
     verdict: Verdict
-    where: DiscrepancyMaps
+    discrepancy: DiscrepancyMaps
     split: Split
     left_out: Mapping[str, FloatArray]
     gains: Mapping[str, Gain]
@@ -60,7 +60,7 @@ def judge(
     test: GapTest,
     screened: Sequence[Screened],
     refits: Sequence[Refit],
-    where: DiscrepancyMaps,
+    discrepancy: DiscrepancyMaps,
     forces: UnknownDiscrepancy,
     unknown: float,
     rules: DecisionRules,
@@ -78,11 +78,11 @@ def judge(
     }
     gains |= {name: gains[name] + more for name, more in _gains_on_bone(fit, plain, effects, rules).items()}
     by_id = {s.effect.id: s for s in screened}
-    bench = _Placebos(split, plain, before, forces, rules, seed)
+    model = _Placebos(split, plain, before, forces, rules, seed)
     all_judged, shares = [], [0.0]
     for rank, f in enumerate(refits):
         name = _name(f)
-        p, share = bench.against(fit, f, by_id[name], gains[name]) if rank < rules.placebo_tested else (1.0, 0.0)
+        p, share = model.against(fit, f, by_id[name], gains[name]) if rank < rules.placebo_tested else (1.0, 0.0)
         shares += [share]
         all_judged.append(_judged(fit, f, refits[0], gains[name], ceiling, p, forces, rules, seed))
     much_left = bool(all_judged) and all_judged[0].remainder_p < rules.remainder_level
@@ -98,7 +98,19 @@ def judge(
         none = tempered(unknown, fit.options.short_by)
         verdict = replace(verdict, probability=probabilities(evidence, none, rules.prior_unknown))
     return Diagnosis(
-        fit, test, screened, refits, verdict, where, split, left_out, gains, ceiling, shares[:2][-1], forces, rules
+        fit,
+        test,
+        screened,
+        refits,
+        verdict,
+        discrepancy,
+        split,
+        left_out,
+        gains,
+        ceiling,
+        shares[:2][-1],
+        forces,
+        rules,
     )
 
 
@@ -119,7 +131,7 @@ def _gains_on_bone(
 ) -> dict[str, Gain]:
     """Of effects that move bone: what each gains on patches of it that were left out."""
     out: dict[str, Gain] = {}
-    for state, at in enumerate(fit.bench.bones):
+    for state, at in enumerate(fit.model.bones):
         moving = {} if at is None else {name: m for name, m in effects.items() if m.J[at].any()}
         split = bone_split(fit, state, rules) if moving else None
         if split is None:
@@ -147,7 +159,7 @@ class _Placebos:
         size, count = _size(fit, found), self.rules.placebos
         loads = placebo_gains(self.split, self.plain, self.before, self.forces, size, count, self.seed)
         p = _share_as_good(loads, g)
-        variant = found.trial.variant
+        variant = found.hypothesis.variant
         if variant is not None and variant.where is not None:
             apart = self.rules.placebo_apart_mm
             moved = moved_gains(self.split, self.plain, self.before, screened, variant.where, apart)
@@ -167,21 +179,21 @@ def _judged(
     seed: int,
 ) -> Judged:
     share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
-    J = np.hstack([f.point.in_theta, f.in_phi])
-    p_left = gap_test(fit.noise, f.point.residual, J, forces.free, seed=seed, rules=rules).p_value
+    J = np.hstack([f.linearisation.in_theta, f.in_phi])
+    p_left = gap_test(fit.noise, f.linearisation.residual, J, forces.free, seed=seed, rules=rules).p_value
     evidence = tempered(f.log_evidence, fit.options.short_by)
     return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
 
 
 def _name(found: Refit) -> str:
-    assert found.trial.effect is not None
-    return found.trial.effect.id
+    assert found.hypothesis.effect is not None
+    return found.hypothesis.effect.id
 
 
 def _unlike(found: Refit) -> str:
-    assert found.trial.effect is not None
-    names = [p.name for p in found.trial.effect.parameters]
-    return found.trial.effect.unlike(dict(zip(names, found.phi.tolist(), strict=True)))
+    assert found.hypothesis.effect is not None
+    names = [p.name for p in found.hypothesis.effect.parameters]
+    return found.hypothesis.effect.unlike(dict(zip(names, found.phi.tolist(), strict=True)))
 
 
 def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
@@ -190,7 +202,7 @@ def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
 
 def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
     """Cosine between the change that the best effect makes, the stiffness projected out, and its image in the other's directions."""
-    J = fit.weighting.whiten(best.point.in_theta)
+    J = fit.weighting.whiten(best.linearisation.in_theta)
     done = projected(J, fit.weighting.whiten(best.in_phi @ best.phi))
     could = projected(J, fit.weighting.whiten(other.in_phi))
     left = projected(could, done)
@@ -200,14 +212,14 @@ def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
 
 def _size(fit: PlainFit, found: Refit) -> float:
     """rms change of the data vector, mm, that the effect makes where it fits best."""
-    change = (found.point.residual - fit.point.residual)[fit.bench.surface]
-    return float(np.sqrt((change**2).sum() / len(found.point.residual)))
+    change = (found.linearisation.residual - fit.linearisation.residual)[fit.model.surface]
+    return float(np.sqrt((change**2).sum() / len(found.linearisation.residual)))
 
 
 def plain_model(fit: PlainFit) -> Linear:
     """The plain model around its fit."""
-    t = fit.point.in_theta.shape[1]
-    return Linear(fit.point.residual, fit.point.in_theta, np.zeros(t), np.full(t, FLAT))
+    t = fit.linearisation.in_theta.shape[1]
+    return Linear(fit.linearisation.residual, fit.linearisation.in_theta, np.zeros(t), np.full(t, FLAT))
 
 
 def saturated_model(fit: PlainFit, forces: UnknownDiscrepancy) -> Linear:
@@ -223,11 +235,11 @@ def saturated_model(fit: PlainFit, forces: UnknownDiscrepancy) -> Linear:
 
 def effect_model(found: Refit) -> Linear:
     """The model with an effect, or two, around its fit."""
-    assert found.trial.effect is not None
-    t, scales = len(found.point.theta), found.trial.effect.scales
+    assert found.hypothesis.effect is not None
+    t, scales = len(found.linearisation.theta), found.hypothesis.effect.scales
     return Linear(
-        found.point.residual,
-        np.hstack([found.point.in_theta, found.in_phi]),
+        found.linearisation.residual,
+        np.hstack([found.linearisation.in_theta, found.in_phi]),
         np.concatenate([np.zeros(t), found.phi]),
         np.concatenate([np.full(t, FLAT), 1.0 / scales**2]),
     )

@@ -13,25 +13,25 @@ from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.residual.noise_covariance import organ_contours
 
 
-def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
+def shrinkage(diagnosis: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
     """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
 
     Every draw of the bootstrap takes one of the refitted effects, by its probability, and one of the sizes that the contours' noise may
     have: the interval is for what adding the true effect would do, and which one that is may not be sure. The ceiling is what a saturated
     smooth field of forces gains on the same points, the placebo what random fields gain.
     """
-    assert best.trial.effect is not None
-    n = len(found.split.points)
-    before, after, top = (found.left_out[key][:n] ** 2 for key in ("", best.trial.effect.id, "ceiling"))
-    rivals, weight = _rivals(found)
-    floors, likely = contours_mm2(found, best)
+    assert best.hypothesis.effect is not None
+    n = len(diagnosis.split.points)
+    before, after, top = (diagnosis.left_out[key][:n] ** 2 for key in ("", best.hypothesis.effect.id, "ceiling"))
+    rivals, weight = _rivals(diagnosis)
+    floors, likely = contours_mm2(diagnosis, best)
     floor = float(floors @ likely)
     rng = np.random.default_rng(seed)
-    patch = found.split.patch[:n]
-    members = [np.flatnonzero(patch == p) for p in range(found.split.n_surface)]
+    patch = diagnosis.split.patch[:n]
+    members = [np.flatnonzero(patch == p) for p in range(diagnosis.split.n_surface)]
     tail = tail_of_few(len(members))
     draws = []
-    for _ in range(found.rules.shrinkage_draws):
+    for _ in range(diagnosis.rules.shrinkage_draws):
         chosen = np.concatenate([members[i] for i in rng.integers(len(members), size=len(members))])
         rival = rivals[rng.choice(len(rivals), p=weight)]
         draws.append(_corrected(before[chosen].mean(), rival[chosen].mean(), rng.choice(floors, p=likely)))
@@ -43,9 +43,9 @@ def shrinkage(found: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
         noise_corrected_fraction=_corrected(before.mean(), after.mean(), floor),
         ci95=(low, high),
         ceiling_fraction=_corrected(before.mean(), top.mean(), floor),
-        placebo_fraction=found.placebo,
+        placebo_fraction=diagnosis.placebo,
         noise_floor_mm=float(np.sqrt(floor)),
-        effect=best.trial.effect.id,
+        effect=best.hypothesis.effect.id,
     )
 
 
@@ -57,33 +57,36 @@ def tail_of_few(n: int) -> float:
     return float(stats.norm.sf(np.sqrt(n / (n - 1.0)) * stats.t.isf(0.025, n - 1))) if n > 1 else 0.0
 
 
-def _rivals(found: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
+def _rivals(diagnosis: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
     """Squares (n,) mm2 that each refitted effect leaves on points left out, and the effects' probabilities among each other."""
-    n = len(found.split.points)
-    named = [(f.trial.effect.id, f.log_evidence) for f in found.refits if f.trial.effect is not None]
+    n = len(diagnosis.split.points)
+    named = [(f.hypothesis.effect.id, f.log_evidence) for f in diagnosis.refits if f.hypothesis.effect is not None]
     # From evidence: where no effect comes near a free field, all their probabilities may have become 0.
-    return [found.left_out[name][:n] ** 2 for name, _ in named], softmax([evidence for _, evidence in named])
+    return [diagnosis.left_out[name][:n] ** 2 for name, _ in named], softmax([evidence for _, evidence in named])
 
 
-def contours_mm2(found: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]:
+def contours_mm2(diagnosis: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]:
     """What the organ's two contours alone add to the mean square of the points left out, for every size that noise may have, and how
     probable each is where the best effect fits, (g,) each.
 
     Walls read wrongly and the model's own errors stay with the model: no better scan of the organ would take them away.
     """
-    fit = found.fit
-    sight, scene = fit.bench.first.sight, fit.point.first.scene
-    n, sd = len(found.split.points) // len(fit.bench.each), scene.problem.facts.noise_sd_mm  # as much in every state
-    reader = found.split.reader[:n, : sight.n_modes]
+    fit = diagnosis.fit
+    data, scene = fit.model.first.data, fit.linearisation.first.scene
+    n, sd = (
+        len(diagnosis.split.points) // len(fit.model.each),
+        scene.problem.facts.noise_sd_mm,
+    )  # as much in every state
+    reader = diagnosis.split.reader[:n, : data.n_modes]
     of_length = {
-        length: np.einsum("ij,jk,ik->", reader, organ_contours(sight, scene.observation.points, sd, length), reader) / n
+        length: np.einsum("ij,jk,ik->", reader, organ_contours(data, scene.observation.points, sd, length), reader) / n
         for length in fit.options.lengths_mm
     }
     own = float((reader**2).sum()) / n
     floors = np.array([s.contour**2 * of_length[s.length] + s.own**2 * own for s in fit.noise.sizes])
-    J = np.hstack([best.point.in_theta, best.in_phi])
-    none = np.zeros((fit.bench.n, fit.bench.n))
-    return floors, softmax(fit.noise.log_likelihood(best.point.residual, J, none) + fit.noise.log_prior)
+    J = np.hstack([best.linearisation.in_theta, best.in_phi])
+    none = np.zeros((fit.model.n, fit.model.n))
+    return floors, softmax(fit.noise.log_likelihood(best.linearisation.residual, J, none) + fit.noise.log_prior)
 
 
 def _fraction(before: float, after: float) -> float:

@@ -37,7 +37,7 @@ class Judged:
         """How many times likelier the best effect must be to be told from this one."""
         return rules.tied_twins if self.cosine > rules.twins else rules.tied
 
-    def confirmed(self, rules: DecisionRules) -> bool:
+    def predicts(self, rules: DecisionRules) -> bool:
         """Whether it predicts what it has not seen, better than placebo effects of its size."""
         return rules.accepts(self.gain) and self.placebo_p <= rules.placebo_level
 

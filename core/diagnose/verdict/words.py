@@ -12,27 +12,27 @@ from palpate.core.statistics import rms
 _GENERAL = "another deformed scan with another bladder and rectum filling, and matched points inside the organ"
 
 
-def sentence(found: Diagnosis) -> str:
-    """What was found, for somebody who reads stiffness and not statistics."""
-    missed = rms(np.concatenate(residuals(found.fit)))
-    verdict = found.verdict.verdict
+def sentence(diagnosis: Diagnosis) -> str:
+    """What was diagnosis, for somebody who reads stiffness and not statistics."""
+    missed = rms(np.concatenate(residuals(diagnosis.fit)))
+    verdict = diagnosis.verdict.verdict
     if verdict == NONE:
         return (
             f"The model predicts the deformed organ as well as the contours allow ({missed:.1f} mm): nothing in these scans "
             "says that it leaves anything out."
         )
-    said = {s.effect.id: s.effect.words for s in found.screened}
+    said = {s.effect.id: s.effect.words for s in diagnosis.screened}
     if verdict == UNKNOWN:
         return (
             f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, and nothing in the "
             "library explains it: the stiffness given here may be wrong."
         )
-    words = [said[name] for name in found.verdict.candidates]
+    words = [said[name] for name in diagnosis.verdict.candidates]
     if verdict == AMBIGUOUS:
         return (
             f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows. "
             + (f"It could be that {' or that '.join(words)}: these scans cannot tell." if len(words) > 1 else
-               f"It may be that {words[0]}, but these scans do not settle it: {found.verdict.why}.")
+               f"It may be that {words[0]}, but these scans do not settle it: {diagnosis.verdict.why}.")
         )  # fmt: skip
     return (
         f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, because {words[0]}; "
@@ -40,14 +40,14 @@ def sentence(found: Diagnosis) -> str:
     )
 
 
-def next_measurement(found: Diagnosis) -> str | None:
+def next_measurement(diagnosis: Diagnosis) -> str | None:
     """What to scan or mark next; None when nothing is open."""
-    if found.verdict.verdict == NONE:
+    if diagnosis.verdict.verdict == NONE:
         return None
-    settles = {s.effect.id: s.effect.settled_by for s in found.screened}
-    if found.verdict.verdict == AMBIGUOUS and found.verdict.candidates:
-        parts = [f"{settles[name]} (for {name.replace('_', ' ')})" for name in found.verdict.candidates]
+    settles = {s.effect.id: s.effect.settled_by for s in diagnosis.screened}
+    if diagnosis.verdict.verdict == AMBIGUOUS and diagnosis.verdict.candidates:
+        parts = [f"{settles[name]} (for {name.replace('_', ' ')})" for name in diagnosis.verdict.candidates]
         return "; or ".join(parts)
-    if found.verdict.verdict == UNKNOWN:
+    if diagnosis.verdict.verdict == UNKNOWN:
         return _GENERAL
     return None

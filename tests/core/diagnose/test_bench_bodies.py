@@ -10,7 +10,7 @@ from schemas import check_form
 
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
-from palpate.core.diagnose.bench_bodies.scene import BodyStage
+from palpate.core.diagnose.bench_bodies.scene import BodySolver
 from palpate.core.diagnose.effects import library
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
@@ -39,12 +39,12 @@ def bar(*loads_n: float, model_gravity: bool) -> BodyProblem:
 
 def seen(problem: BodyProblem, G: float, seed: int = 2) -> BodyProblem:
     """What the markers would show of the bar with gravity, with noise."""
-    stage = BodyStage.of(replace(problem, model_gravity=True))
+    solver = BodySolver.of(replace(problem, model_gravity=True))
     rng = np.random.default_rng(seed)
     states = []
     for s in problem.states:
-        found = stage.solve(Composition(problem.shell), np.log([G]), s)
-        moved = stage.markers(found.u, s).ravel() + np.linalg.cholesky(s.covariance(0.7)) @ rng.standard_normal(9)
+        found = solver.solve(Composition(problem.shell), np.log([G]), s)
+        moved = solver.markers(found.u, s).ravel() + np.linalg.cholesky(s.covariance(0.7)) @ rng.standard_normal(9)
         x = np.add(s.rest, moved.reshape(-1, 3))
         states.append(replace(s, deformed=tuple(tuple(row) for row in x.tolist())))
     return replace(problem, states=tuple(states))
@@ -53,22 +53,22 @@ def seen(problem: BodyProblem, G: float, seed: int = 2) -> BodyProblem:
 def test_a_bar_bends_under_its_weight_as_beam_theory_says() -> None:
     """w L^4 / 8 E I + w L^2 / 2 k G A (Timoshenko); a clamp that holds the root's width makes so short a bar a tenth stiffer."""
     problem, G = bar(0.0, model_gravity=True), 300.0
-    stage = BodyStage.of(problem)
-    found = stage.solve(Composition(problem.shell), np.log([G]), problem.states[0])
+    solver = BodySolver.of(problem)
+    found = solver.solve(Composition(problem.shell), np.log([G]), problem.states[0])
     w = DENSITY * 9.81e-6 * WIDTH * HEIGHT  # mN/mm
     bending = w * LENGTH**4 / (8.0 * 2.99 * G * WIDTH * HEIGHT**3 / 12.0)
     shear = w * LENGTH**2 / (2.0 * 5.0 / 6.0 * G * WIDTH * HEIGHT)
-    tip = stage.space.nodes[:, 0] > LENGTH - 1e-9
+    tip = solver.space.nodes[:, 0] > LENGTH - 1e-9
     assert 0.8 < -found.u[tip, 2].mean() / (bending + shear) < 1.0
 
 
 def test_a_marker_off_the_body_turns_with_it() -> None:
     problem = bar(0.0, model_gravity=False)
-    stage = BodyStage.of(problem)
+    solver = BodySolver.of(problem)
     angle = np.deg2rad(20.0)
     R = np.array([[np.cos(angle), 0.0, -np.sin(angle)], [0.0, 1.0, 0.0], [np.sin(angle), 0.0, np.cos(angle)]])
-    X = stage.space.nodes
-    moved = stage.markers(X @ R.T - X + [1.0, -2.0, 0.5], problem.states[0])
+    X = solver.space.nodes
+    moved = solver.markers(X @ R.T - X + [1.0, -2.0, 0.5], problem.states[0])
     np.testing.assert_allclose(moved, np.array(MARKERS) @ R.T - MARKERS + [1.0, -2.0, 0.5], atol=1e-9)
 
 

@@ -21,14 +21,14 @@ from palpate.core.diagnose.effects import Surroundings, library
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.pairs import refit_pairs
 from palpate.core.diagnose.refit.variants import capped
-from palpate.core.diagnose.verdict.averaged_stiffness import (
-    averaged_stiffness,
+from palpate.core.diagnose.verdict.decide import RULES
+from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretells_more, tempered
+from palpate.core.diagnose.verdict.model_average import (
+    model_average,
     over_variants,
     plain_stiffness,
     too_stiff_by,
 )
-from palpate.core.diagnose.verdict.decide import RULES
-from palpate.core.diagnose.verdict.judge import Diagnosis, effect_model, foretells_more, tempered
 from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.diagnose.verdict.shrinkage import contours_mm2
 from palpate.core.errors import InputError
@@ -39,7 +39,7 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import SurfacePair
 from palpate.core.residual import element_error
-from palpate.core.residual.element_error import GOOD, better_bench, better_residual
+from palpate.core.residual.element_error import GOOD, fine_element_model, fine_element_residual
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.noise_covariance import NoiseParts
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -94,7 +94,7 @@ def test_a_perfect_prediction_has_no_gap(none: Diagnosis) -> None:
     assert none.verdict.verdict == "none"
     assert none.test.p_value > 0.05
     assert none.verdict.candidates == ()
-    G = np.exp(none.fit.point.theta)
+    G = np.exp(none.fit.linearisation.theta)
     np.testing.assert_allclose(G, [30.0, 70.0], rtol=0.3)
 
 
@@ -117,12 +117,12 @@ def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-unt
 def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(
     posed, none: Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.setattr(element_error, "better_residual", lambda *_: None)
+    monkeypatch.setattr(element_error, "fine_element_residual", lambda *_: None)
     found = diagnosed(posed, 0.0)
     assert found.fit.meshes == 0
     assert not found.fit.mesh.any()
     assert any("no better element" in flag for flag in plain(record(found, "hard"))["flags"])
-    k = found.fit.bench.first.sight.n_modes
+    k = found.fit.model.first.data.n_modes
     assert np.trace(found.fit.weighting.covariance[:k, :k]) > np.trace(none.fit.weighting.covariance[:k, :k])
 
 
@@ -140,7 +140,7 @@ def test_a_pair_of_scans_moved_rigidly_has_no_gap_and_the_same_stiffness(posed, 
     organ = SurfacePair(turned(posed.organ.rest), turned(posed.organ.deformed))
     found = diagnose(CaseData(replace(posed, mesh=mesh, walls=pairs, organ=organ)), EFFECTS)
     assert found.verdict.verdict == "none"
-    np.testing.assert_allclose(found.fit.point.theta, none.fit.point.theta, atol=0.15)
+    np.testing.assert_allclose(found.fit.linearisation.theta, none.fit.linearisation.theta, atol=0.15)
 
 
 def test_a_deformed_scan_that_is_not_aligned_on_bone_is_said_to_be_so(posed) -> None:  # type: ignore[no-untyped-def]
@@ -168,7 +168,7 @@ def test_a_contour_drawn_too_wide_is_found_with_its_width(wide: Diagnosis) -> No
     assert wide.test.detected
     assert "contour_bias" in wide.verdict.candidates
     assert len(wide.verdict.candidates) <= 3
-    best = next(r for r in wide.refits if r.trial.effect is not None and r.trial.effect.id == "contour_bias")
+    best = next(r for r in wide.refits if r.hypothesis.effect is not None and r.hypothesis.effect.id == "contour_bias")
     assert best.phi[0] == pytest.approx(0.5, abs=0.1)
     # A flat wall says nothing of its motion along itself, so patches of this case are predicted badly by any model.
     assert wide.gains["contour_bias"].after_mm < 0.8 * wide.gains["contour_bias"].before_mm
@@ -196,21 +196,21 @@ def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.F
 
 def test_a_small_offset_of_the_whole_contour_is_noise(none: Diagnosis) -> None:
     fit = none.fit
-    parts = NoiseParts.of(fit.point.each, fit.bench.sights, fit.options)
-    left = np.zeros((fit.bench.first.sight.n, 1))
+    parts = NoiseParts.of(fit.linearisation.each, fit.model.data_vectors, fit.options)
+    left = np.zeros((fit.model.first.data.n, 1))
     with_it, without = (parts.covariance(replace(fit.sizes, offset=size), left) for size in (0.1, 0.0))
-    k = fit.bench.first.sight.n_modes
+    k = fit.model.first.data.n_modes
     seen = (
-        fit.bench.first.sight.modes @ (with_it - without)[:k, :k] @ fit.bench.first.sight.modes.T
+        fit.model.first.data.modes @ (with_it - without)[:k, :k] @ fit.model.first.data.modes.T
     )  # what the modes show of 0.01 mm2
-    wide = fit.bench.first.sight.modes @ fit.bench.first.sight.modes.sum(axis=0)
+    wide = fit.model.first.data.modes @ fit.model.first.data.modes.sum(axis=0)
     np.testing.assert_allclose(seen, 0.01 * np.outer(wide, wide), atol=1e-9)
     assert wide.mean() > 0.8
 
 
 def test_the_stiffness_with_an_effect_is_over_all_that_may_be_it(wide: Diagnosis) -> None:
-    mean, covariance = averaged_stiffness(wide)
-    each = np.stack([f.point.theta for f in wide.refits])
+    mean, covariance = model_average(wide)
+    each = np.stack([f.linearisation.theta for f in wide.refits])
     assert (mean > each.min(axis=0) - 1.0).all() and (mean < each.max(axis=0) + 1.0).all()
     written = plain(record(wide, "a case"))["stiffness"]["with_effect"]
     assert written["prostate_left"]["sd_ln_G"] == pytest.approx(float(np.sqrt(covariance[0, 0])))
@@ -222,23 +222,23 @@ def test_what_walls_read_wrongly_pull_the_stiffness_by_is_taken_off(none: Diagno
     fit = none.fit
     assert (fit.noise_slope < 0.0).all()
     written = plain(record(none, "a case"))["stiffness"]["without_effect"]
-    for s, theta in zip(written.values(), fit.point.theta, strict=True):
+    for s, theta in zip(written.values(), fit.linearisation.theta, strict=True):
         assert 0.02 < (theta - DecisionRules().too_stiff - np.log(s["G_kpa"])) / s["sd_ln_G"] < 1.0
 
 
 def test_the_stiffness_is_told_as_effect_free_cases_calibrate_it(wide: Diagnosis) -> None:
     """With and without an effect: too high by the same factor, but for what the prior holds; standard deviations widened."""
-    J = wide.fit.weighting.whiten(wide.fit.point.in_theta)
+    J = wide.fit.weighting.whiten(wide.fit.linearisation.in_theta)
     covariance = np.linalg.inv(J.T @ J + 0.2 * np.eye(2))
     told, sd2 = plain_stiffness(wide.fit, wide.rules)
     np.testing.assert_allclose(sd2, DecisionRules().wider ** 2 * covariance)
-    biased = wide.fit.point.theta - wall_bias(wide.fit.noise_slope, covariance, 1.0)
+    biased = wide.fit.linearisation.theta - wall_bias(wide.fit.noise_slope, covariance, 1.0)
     # A data vector off by J b moves the maximum of likelihood and prior by so much.
     np.testing.assert_allclose(biased - told, covariance @ (J.T @ J) @ np.full(2, DecisionRules().too_stiff))
     sure = replace(wide.verdict, probability={"contour_bias": 1.0})
-    best = next(f for f in wide.refits if f.trial.effect.id == "contour_bias")
+    best = next(f for f in wide.refits if f.hypothesis.effect.id == "contour_bias")
     mean, alone = over_variants(best, wide.fit.noise_slope, wide.fit.options.short_by, wide.rules)
-    told, sd2 = averaged_stiffness(replace(wide, verdict=sure))
+    told, sd2 = model_average(replace(wide, verdict=sure))
     np.testing.assert_allclose(sd2, DecisionRules().wider ** 2 * alone)
     np.testing.assert_allclose(mean - told, DecisionRules().too_stiff * (1.0 - 0.2 * alone.sum(axis=1)))
 
@@ -273,7 +273,7 @@ def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Dia
     of = {(s.contour, s.own, s.length): floor for s, floor in zip(wide.fit.noise.sizes, floors, strict=True)}
     stated, wider = of[1.0, 0.2, 7.0], of[1.2, 0.2, 7.0]
     assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
-    k, n = wide.fit.bench.first.sight.n_modes, len(wide.split.points)
+    k, n = wide.fit.model.first.data.n_modes, len(wide.split.points)
     everything = (
         np.trace(wide.split.reader[:n, :k] @ wide.fit.weighting.covariance[:k, :k] @ wide.split.reader[:n, :k].T) / n
     )
@@ -283,12 +283,12 @@ def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Dia
 def test_a_stress_free_mesh_is_weighed_by_no_more_than_its_first_look(wide: Diagnosis) -> None:
     """Another mesh has another error of the quick element, which would pass for evidence."""
     best = wide.refits[0]
-    screened = next(s for s in wide.screened if s.effect is best.trial.effect)
+    screened = next(s for s in wide.screened if s.effect is best.hypothesis.effect)
     poor = replace(screened, log_evidence=best.log_evidence - 50.0)
-    shift = np.zeros_like(best.point.first.scene.space.mesh.points)
-    moved = copy(best.point.first.scene)
+    shift = np.zeros_like(best.linearisation.first.scene.space.mesh.points)
+    moved = copy(best.linearisation.first.scene)
     moved.composition = moved.composition.with_geometry(shift)
-    elsewhere = replace(best, point=JointLinearisation((replace(best.point.first, scene=moved),)))
+    elsewhere = replace(best, linearisation=JointLinearisation((replace(best.linearisation.first, scene=moved),)))
     assert capped(best, poor).log_evidence == best.log_evidence
     assert capped(elsewhere, poor).log_evidence == poor.log_evidence
 
@@ -304,13 +304,15 @@ def test_leading_effects_have_the_quick_element_s_error_of_their_own(posed) -> N
     rest = posed.organ.rest
     moved = rest.points + scene.space.interpolation(rest.points, posed.regions) @ settled.u
     found = diagnose(CaseData(replace(posed, organ=SurfacePair(rest, replace(rest, points=moved)))), EFFECTS)
-    fitted = next(f for f in found.refits if f.trial.effect is not None and f.trial.effect.id == "compressible_organ")
-    at = fitted.point.first
-    better_one = better_residual(better_bench(found.fit.bench.first), fitted.trial, at)
+    fitted = next(
+        f for f in found.refits if f.hypothesis.effect is not None and f.hypothesis.effect.id == "compressible_organ"
+    )
+    at = fitted.linearisation.first
+    better_one = fine_element_residual(fine_element_model(found.fit.model.first), fitted.hypothesis, at)
     assert better_one is not None
     off = [
         np.linalg.norm(at.residual - fitted.correction + c - better_one)
-        for c in (fitted.correction, found.fit.bench.correction)
+        for c in (fitted.correction, found.fit.model.correction)
     ]
     assert off[0] < 0.2 * off[1]
     written = maps(found)
@@ -319,8 +321,8 @@ def test_leading_effects_have_the_quick_element_s_error_of_their_own(posed) -> N
 
 def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> None:
     assert not any("too coarse" in flag for flag in plain(record(none, "a case"))["flags"])
-    much = np.zeros(none.fit.bench.first.sight.n)
-    much[0] = 0.5 * np.sqrt(len(none.where.points))
+    much = np.zeros(none.fit.model.first.data.n)
+    much[0] = 0.5 * np.sqrt(len(none.discrepancy.points))
     coarse = replace(none, fit=replace(none.fit, mesh=much))
     assert any("by 0.50 mm" in flag and "too coarse" in flag for flag in plain(record(coarse, "a case"))["flags"])
 
@@ -341,7 +343,7 @@ def test_probabilities_are_of_evidence_with_wider_noise(wide: Diagnosis) -> None
     wider = [stats.norm.logpdf(v, scale=1.25).sum() for v in (r, other)]
     assert tempered(0.5 * (other @ other - r @ r), 1.25) == pytest.approx(wider[0] - wider[1])
     first, second = wide.refits[:2]
-    names = [f.trial.effect.id for f in (first, second) if f.trial.effect is not None]
+    names = [f.hypothesis.effect.id for f in (first, second) if f.hypothesis.effect is not None]
     odds = wide.verdict.probability[names[0]] / wide.verdict.probability[names[1]]
     assert np.log(odds) == pytest.approx((first.log_evidence - second.log_evidence) / NoiseModelOptions().short_by ** 2)
     rows = {row["effect"]: row["log_evidence"] for row in plain(record(wide, "a case"))["ranking"]}
@@ -350,12 +352,12 @@ def test_probabilities_are_of_evidence_with_wider_noise(wide: Diagnosis) -> None
 
 def test_two_effects_together_must_predict_more_than_the_better_one(wide: Diagnosis) -> None:
     """The cause with another beside it predicts no more than the cause; the other with the cause beside it does."""
-    by_id = {f.trial.effect.id: f for f in wide.refits if f.trial.effect is not None}
+    by_id = {f.hypothesis.effect.id: f for f in wide.refits if f.hypothesis.effect is not None}
     cause, other = by_id["contour_bias"], by_id["tissue_stiffening"]
     for first, second, more in ((cause, other, False), (other, cause, True)):
         (both,) = refit_pairs(wide.fit, wide.screened, [first, second], wide.rules)
-        assert first.trial.effect is not None
-        alone = wide.left_out[first.trial.effect.id]
+        assert first.hypothesis.effect is not None
+        alone = wide.left_out[first.hypothesis.effect.id]
         assert foretells_more(wide.fit, wide.split, alone, effect_model(first), effect_model(both), wide.rules) is more
 
 
@@ -378,7 +380,7 @@ def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Di
     fit = fit_plain([(posed, None)], options=noise, walls=WallMotionOptions(slide_share=0.8))
     assert len(fit.noise.sizes) == len(noise.lengths_mm) < len(none.fit.noise.sizes)
     assert fit.sizes.own == pytest.approx(0.45)
-    k = none.fit.bench.first.sight.n_modes
+    k = none.fit.model.first.data.n_modes
     wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))
     assert wider > 1.1 * usual
     written = plain(record(replace(none, fit=fit), "a case"))["options"]

@@ -18,7 +18,7 @@ from palpate.core.diagnose.refit.pairs import joined, together
 from palpate.core.errors import InputError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
-from palpate.core.forward.cut_interface import open_problem
+from palpate.core.forward.cut_interface import cut_problem
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN
@@ -48,56 +48,57 @@ EFFECT = Effect(
 
 
 @pytest.fixture(scope="module")
-def bench() -> StateModel:
+def model() -> StateModel:
     posed = problem(depth=3.0)
     rectum = posed.walls["rectum"]
     # A second hollow organ, so that prestress has what it needs: half of the same wall by another name.
     faces = posed.boundary["rectum"]
     boundary = {**posed.boundary, "rectum": faces[::2], "bladder": faces[1::2]}
     posed = replace(posed, boundary=boundary, walls={"rectum": rectum, "bladder": rectum})
-    stage = SharedGeometry.of(posed, "p1p1")
-    sight = DataVector.of(stage.observation, None, NoiseModelOptions())
-    return StateModel(stage, sight, Composition(posed), np.zeros(sight.n))
+    geometry = SharedGeometry.of(posed, "p1p1")
+    data = DataVector.of(geometry.observation, None, NoiseModelOptions())
+    return StateModel(geometry, data, Composition(posed), np.zeros(data.n))
 
 
 @pytest.fixture(scope="module")
-def plain(bench: StateModel) -> Linearisation:
-    point = bench.solve(PLAIN, THETA, np.zeros(0), None)
+def plain(model: StateModel) -> Linearisation:
+    point = model.solve(PLAIN, THETA, np.zeros(0), None)
     assert point is not None
     return point
 
 
-def surroundings(bench: StateModel, plain: Linearisation) -> Surroundings:
+def surroundings(model: StateModel, plain: Linearisation) -> Surroundings:
     return Surroundings(
-        bench.stage.problem, (None, None), lambda: pressure_fields(bench.stage, plain.scene, THETA)
+        model.geometry.problem, (None, None), lambda: pressure_fields(model.geometry, plain.scene, THETA)
     )  # fmt: skip
 
 
-def test_the_library_holds_the_twelve_effects_and_each_can_be_there(bench: StateModel, plain: Linearisation) -> None:
+def test_the_library_holds_the_twelve_effects_and_each_can_be_there(model: StateModel, plain: Linearisation) -> None:
     effects = library()
     assert set(effects) == IDS
-    assert all(effects[name].variants(surroundings(bench, plain)) for name in IDS)
+    assert all(effects[name].variants(surroundings(model, plain)) for name in IDS)
 
 
-def test_at_zero_every_variant_is_the_very_plain_composition(bench: StateModel, plain: Linearisation) -> None:
+def test_at_zero_every_variant_is_the_very_plain_composition(model: StateModel, plain: Linearisation) -> None:
     for effect in library().values():
-        for variant in effect.variants(surroundings(bench, plain)):
-            assert variant.applied(bench.plain, np.zeros(len(effect.parameters))) is bench.plain
+        for variant in effect.variants(surroundings(model, plain)):
+            assert variant.applied(model.plain, np.zeros(len(effect.parameters))) is model.plain
 
 
 @pytest.mark.parametrize("name", sorted(IDS - {"interface_sliding"}))
-def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: StateModel, plain: Linearisation) -> None:
+def test_a_direction_is_the_slope_of_the_solved_model(name: str, model: StateModel, plain: Linearisation) -> None:
     """One back-substitution against two full solves at small phi of either sign (one sign where the other is not allowed)."""
     effect = library()[name]
-    trial = Hypothesis(effect, effect.variants(surroundings(bench, plain))[0])
-    again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
+    hypothesis = Hypothesis(effect, effect.variants(surroundings(model, plain))[0])
+    again = model.solve(PLAIN, THETA, np.zeros(0), plain)
     assert again is not None
-    at = replace(again, phi=np.zeros(trial.n))
-    S = bench.directions(trial, at)[:, 0]
-    h = np.zeros(trial.n)
+    at = replace(again, phi=np.zeros(hypothesis.n))
+    S = model.directions(hypothesis, at)[:, 0]
+    h = np.zeros(hypothesis.n)
     h[0] = 0.02 * effect.parameters[0].scale
     high, low = (
-        bench.solve(trial, THETA, sign * h, plain) for sign in (1.0, 0.0 if effect.parameters[0].low == 0 else -1.0)
+        model.solve(hypothesis, THETA, sign * h, plain)
+        for sign in (1.0, 0.0 if effect.parameters[0].low == 0 else -1.0)
     )
     assert high is not None and low is not None
     slope = (high.residual - low.residual) / (high.phi[0] - low.phi[0])
@@ -105,26 +106,26 @@ def test_a_direction_is_the_slope_of_the_solved_model(name: str, bench: StateMod
     assert np.linalg.norm(S - slope) < 0.05 * np.linalg.norm(slope) + 2e-3
 
 
-def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(bench: StateModel, plain: Linearisation) -> None:
-    held = CompositionScene(bench.stage, bench.plain.with_interface(1e-9))
+def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(model: StateModel, plain: Linearisation) -> None:
+    held = CompositionScene(model.geometry, model.plain.with_interface(1e-9))
     found = held.settle(THETA).equilibrium
     assert found.converged
-    n = len(bench.stage.problem.mesh.points)
+    n = len(model.geometry.problem.mesh.points)
     assert np.abs(found.u[:n] - plain.equilibrium.u).max() < 0.05
-    opened = open_problem(bench.stage.problem)
-    np.testing.assert_array_equal(opened.original[:n], np.arange(n))
-    np.testing.assert_allclose(opened.problem.mesh.points, bench.stage.problem.mesh.points[opened.original])
+    cut = cut_problem(model.geometry.problem)
+    np.testing.assert_array_equal(cut.original[:n], np.arange(n))
+    np.testing.assert_allclose(cut.problem.mesh.points, model.geometry.problem.mesh.points[cut.original])
 
 
-def test_sliding_moves_the_organ_along_its_surroundings(bench: StateModel, plain: Linearisation) -> None:
+def test_sliding_moves_the_organ_along_its_surroundings(model: StateModel, plain: Linearisation) -> None:
     effect = library()["interface_sliding"]
-    trial = Hypothesis(effect, effect.variants(surroundings(bench, plain))[0])
-    slid = bench.solve(trial, THETA, np.array([3.0]), plain)
+    hypothesis = Hypothesis(effect, effect.variants(surroundings(model, plain))[0])
+    slid = model.solve(hypothesis, THETA, np.array([3.0]), plain)
     assert slid is not None
-    opened = bench.stage.opened
-    inner = np.unique(opened.split.inner)
-    jump = slid.equilibrium.u[inner] - slid.equilibrium.u[opened.original[inner]]
-    radial = opened.problem.mesh.points[inner] / np.linalg.norm(opened.problem.mesh.points[inner], axis=1)[:, None]
+    cut = model.geometry.cut
+    inner = np.unique(cut.split.inner)
+    jump = slid.equilibrium.u[inner] - slid.equilibrium.u[cut.original[inner]]
+    radial = cut.problem.mesh.points[inner] / np.linalg.norm(cut.problem.mesh.points[inner], axis=1)[:, None]
     across = np.abs((jump * radial).sum(axis=1))
     assert np.linalg.norm(jump, axis=1).max() > 0.3
     assert across.mean() < 0.15 * np.linalg.norm(jump, axis=1).mean()
@@ -147,25 +148,25 @@ def test_a_grown_body_is_free_of_stress_at_its_new_size() -> None:
 
 
 def test_a_thirteenth_effect_is_one_file_of_a_users_own(
-    tmp_path: Path, bench: StateModel, plain: Linearisation
+    tmp_path: Path, model: StateModel, plain: Linearisation
 ) -> None:
     (tmp_path / "mine.py").write_text(THIRTEENTH)
     effect = library(tmp_path)["stiffer_right_half"]
-    trial = Hypothesis(effect, effect.variants(surroundings(bench, plain))[0])
-    again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
+    hypothesis = Hypothesis(effect, effect.variants(surroundings(model, plain))[0])
+    again = model.solve(PLAIN, THETA, np.zeros(0), plain)
     assert again is not None
-    S = bench.directions(trial, replace(again, phi=np.zeros(1)))
+    S = model.directions(hypothesis, replace(again, phi=np.zeros(1)))
     # It is what the right half's own stiffness does.
     np.testing.assert_allclose(S[:, 0], again.in_theta[:, 1], atol=1e-3 * np.abs(S).max())
 
 
-def test_the_example_of_the_docs_is_an_effect(tmp_path: Path, bench: StateModel, plain: Linearisation) -> None:
+def test_the_example_of_the_docs_is_an_effect(tmp_path: Path, model: StateModel, plain: Linearisation) -> None:
     text = (Path(__file__).parents[3] / "docs" / "effects.md").read_text(encoding="utf-8")
     (tmp_path / "scar.py").write_text(text.split("```python\n")[1].split("```")[0])
     effect = library(tmp_path)["scar"]
-    variants = effect.variants(surroundings(bench, plain))
+    variants = effect.variants(surroundings(model, plain))
     assert len({v.where for v in variants}) == len(variants) > 1
-    moved = bench.solve(Hypothesis(effect, variants[0]), THETA, np.array([1.0]), plain)
+    moved = model.solve(Hypothesis(effect, variants[0]), THETA, np.array([1.0]), plain)
     assert moved is not None and np.abs(moved.residual - plain.residual).max() > 1e-3
 
 
@@ -181,35 +182,35 @@ def test_a_users_file_that_is_no_effect_is_refused(tmp_path: Path) -> None:
         library(tmp_path)
 
 
-def test_two_effects_at_once_are_each_as_they_are_alone(bench: StateModel, plain: Linearisation) -> None:
+def test_two_effects_at_once_are_each_as_they_are_alone(model: StateModel, plain: Linearisation) -> None:
     effects = library()
-    one, two = (effects[name].variants(surroundings(bench, plain))[0] for name in ("bone_motion", "contour_bias"))
+    one, two = (effects[name].variants(surroundings(model, plain))[0] for name in ("bone_motion", "contour_bias"))
     pair = together(effects["bone_motion"], effects["contour_bias"])
     assert pair.id == "bone_motion+contour_bias"
     assert len(pair.parameters) == 7
     both = joined(one, two, 6)
     phi = np.array([1.0, -2.0, 0.5, 1.0, 0.0, 3.0, 0.7])
-    X = bench.stage.problem.mesh.points[:5]
-    made = both.applied(bench.plain, phi)
-    np.testing.assert_allclose(made.bone_motion(X), one.applied(bench.plain, phi[:6]).bone_motion(X))
+    X = model.geometry.problem.mesh.points[:5]
+    made = both.applied(model.plain, phi)
+    np.testing.assert_allclose(made.bone_motion(X), one.applied(model.plain, phi[:6]).bone_motion(X))
     assert made.observation == 0.7
-    assert both.applied(bench.plain, np.zeros(7)) is bench.plain
+    assert both.applied(model.plain, np.zeros(7)) is model.plain
     assert (
-        two.applied(bench.plain, phi[6:]).observation
-        == both.applied(bench.plain, phi * (np.arange(7) == 6)).observation
+        two.applied(model.plain, phi[6:]).observation
+        == both.applied(model.plain, phi * (np.arange(7) == 6)).observation
     )
 
 
-def test_a_push_dents_the_organ_where_it_presses_and_may_be_moved(bench: StateModel, plain: Linearisation) -> None:
+def test_a_push_dents_the_organ_where_it_presses_and_may_be_moved(model: StateModel, plain: Linearisation) -> None:
     effect = library()["unmodelled_load"]
-    again = bench.solve(PLAIN, THETA, np.zeros(0), plain)
+    again = model.solve(PLAIN, THETA, np.zeros(0), plain)
     assert again is not None
-    points = bench.stage.observation.points
-    for variant in effect.variants(surroundings(bench, plain))[:3]:
-        trial = Hypothesis(effect, variant)
-        S = bench.directions(trial, replace(again, phi=np.zeros(trial.n)))
+    points = model.geometry.observation.points
+    for variant in effect.variants(surroundings(model, plain))[:3]:
+        hypothesis = Hypothesis(effect, variant)
+        S = model.directions(hypothesis, replace(again, phi=np.zeros(hypothesis.n)))
         assert not S[:, 3:].any()  # where and how wide say nothing while nothing presses
-        moved = bench.sight.modes @ S[: bench.sight.n_modes, 0]
+        moved = model.data.modes @ S[: model.data.n_modes, 0]
         deepest = points[np.argmin(moved)]
         assert moved.min() < 0.0
         assert np.linalg.norm(deepest - variant.where) < 8.0
@@ -238,7 +239,7 @@ def test_bones_take_the_held_edge_along_near_them_or_all_of_it_or_not_at_all() -
     faces, _ = posed.mesh.boundary
     side = (posed.mesh.points[faces][:, :, 0] > 15.0 - 1e-6).all(axis=1)
     posed = replace(posed, boundary=posed.boundary | {"outer": faces[side]})
-    stage = SharedGeometry.of(posed, "p1p1")
+    geometry = SharedGeometry.of(posed, "p1p1")
     variants = library()["bone_motion"].variants(Surroundings(posed))
     assert len(variants) == 3
     bone, outer = (np.unique(posed.boundary[name]) for name in ("bone", "outer"))
@@ -248,7 +249,7 @@ def test_bones_take_the_held_edge_along_near_them_or_all_of_it_or_not_at_all() -
         variants, (np.zeros(len(edge)), np.exp(-0.5 * (away / 20.0) ** 2), np.ones(len(edge))), strict=True
     ):
         composition = variant.applied(Composition(posed), np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
-        moved = CompositionScene(stage, composition).prescribed.reshape(-1, 3)
+        moved = CompositionScene(geometry, composition).prescribed.reshape(-1, 3)
         np.testing.assert_allclose(moved[bone], [[0.0, 0.0, 2.0]] * len(bone))
         np.testing.assert_allclose(moved[edge], share[:, None] * [0.0, 0.0, 2.0], atol=1e-12)
     free = replace(posed, facts=replace(posed.facts, outer_fixed=False))

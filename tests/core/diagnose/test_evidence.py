@@ -11,7 +11,7 @@ from scipy import integrate, stats
 
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection import gap_test as tests
-from palpate.core.diagnose.detection.gap_test import Named
+from palpate.core.diagnose.detection.gap_test import EffectDirections
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.verdict import decide as decisions
 from palpate.core.diagnose.verdict.verdict import Judged, probabilities
@@ -33,7 +33,7 @@ RULES = DecisionRules()
 gap_test, decide = partial(tests.gap_test, rules=RULES), partial(decisions.decide, rules=RULES)
 SIZES = NoiseSizes.of(NUMBERS)
 WHITE = NoiseGrid([SIZES], np.eye(N)[None], np.zeros(1), NUMBERS)
-LOOK = {"a": Named([S], SCALES, ANYWHERE)}
+LOOK = {"a": EffectDirections([S], SCALES, ANYWHERE)}
 
 
 def log_density(r: np.ndarray, columns: np.ndarray) -> float:
@@ -62,7 +62,7 @@ def test_evidence_of_an_effect_with_bounds_is_an_integral_between_them(phi: floa
     value = integrate.quad(lambda x: np.exp(-0.5 * (2.0 * x * a @ b + x**2 * a @ a)) * prior.pdf(x), *bounds)[0]
     found = score(r, J, one, scale, np.array([bounds]))
     assert found.log_evidence == pytest.approx(np.log(value), abs=1e-6)
-    look = {"a": Named([one], scale, np.array([bounds]))}
+    look = {"a": EffectDirections([one], scale, np.array([bounds]))}
     seen = gap_test(WHITE, r, J, FIELDS, look)
     again = gap_test(WHITE, r, J, FIELDS, look, refitted={"a": found.log_evidence - 1e-9})
     # its own look says the same, but now one draw in ten may have gained 0.5 or more
@@ -96,8 +96,8 @@ def test_the_score_statistic_is_chi_squared_without_an_effect() -> None:
 
 def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
     """200 cases: of the three looks together, and of each by itself."""
-    one_way = Named([S[:, :1], FIELDS[:, :1]], SCALES[:1], np.array([[0.0, 3.0]]))
-    named = {"one way": one_way, "both ways": Named([S[:, 1:]], SCALES[1:], ANYWHERE[1:])}
+    one_way = EffectDirections([S[:, :1], FIELDS[:, :1]], SCALES[:1], np.array([[0.0, 3.0]]))
+    named = {"one way": one_way, "both ways": EffectDirections([S[:, 1:]], SCALES[1:], ANYWHERE[1:])}
     found = [
         gap_test(WHITE, np.random.default_rng([7, k]).standard_normal(N), J, FIELDS, named, seed=1000 + k)
         for k in range(200)

@@ -70,7 +70,7 @@ def test_two_states_that_the_plain_model_predicts_have_no_gap_and_tell_the_stiff
     one: Diagnosis, two: Diagnosis
 ) -> None:
     assert two.verdict.verdict == "none"
-    np.testing.assert_allclose(np.exp(two.fit.point.theta), [30.0, 70.0], rtol=0.3)
+    np.testing.assert_allclose(np.exp(two.fit.linearisation.theta), [30.0, 70.0], rtol=0.3)
     sd = [[s["sd_ln_G"] for s in plain(record(d, ""))["stiffness"]["without_effect"].values()] for d in (one, two)]
     assert (np.array(sd[1]) < sd[0]).all()
 
@@ -78,7 +78,7 @@ def test_two_states_that_the_plain_model_predicts_have_no_gap_and_tell_the_stiff
 def test_what_is_wrong_in_one_state_alone_is_found_in_that_one(wide: Diagnosis) -> None:
     assert wide.test.detected
     assert "contour_bias" in wide.verdict.candidates
-    best = next(f for f in wide.refits if f.trial.effect is not None and f.trial.effect.id == "contour_bias")
+    best = next(f for f in wide.refits if f.hypothesis.effect is not None and f.hypothesis.effect.id == "contour_bias")
     np.testing.assert_allclose(best.phi, [0.0, WIDER_MM], atol=0.15)
     row = next(r for r in plain(record(wide, ""))["ranking"] if r["effect"] == "contour_bias")
     assert set(row["parameters"]) == {"offset", "offset_2"}
@@ -91,7 +91,7 @@ def test_a_cause_in_the_body_has_one_size_in_all_states(wide: Diagnosis) -> None
     assert len(named["compressible_organ"].effect.parameters) == 1
     assert len(named["contour_bias"].effect.parameters) == 2
     # A state's own parameter moves that state's data alone.
-    first, second = wide.fit.bench.rows
+    first, second = wide.fit.model.rows
     S = named["contour_bias"].directions[0]
     assert S[first, 0].any() and S[second, 1].any()
     assert not S[second, 0].any() and not S[first, 1].any()
@@ -100,10 +100,10 @@ def test_a_cause_in_the_body_has_one_size_in_all_states(wide: Diagnosis) -> None
 def test_the_scan_at_rest_was_read_once(two: Diagnosis) -> None:
     """Half of two readings' variance is common to the states, and their walls' motions are not."""
     fit = two.fit
-    first, second = fit.bench.rows
-    k = fit.bench.first.sight.n_modes
+    first, second = fit.model.rows
+    k = fit.model.first.data.n_modes
     a, b = slice(first.start, first.start + k), slice(second.start, second.start + k)
-    parts = NoiseParts.of(fit.point.each, fit.bench.sights, fit.options)
+    parts = NoiseParts.of(fit.linearisation.each, fit.model.data_vectors, fit.options)
     for same in (parts.own, parts.offset):
         np.testing.assert_allclose(same[a, b], 0.5 * same[a, a], atol=1e-12)
     alike = np.trace(parts.contour[2][a, b]) / np.trace(parts.contour[2][a, a])
@@ -120,11 +120,11 @@ def test_landmarks_share_what_was_read_at_rest(
     first = replace(pair[0], landmarks=np.hstack([p, p])[None])
     second = replace(pair[1], landmarks=np.stack([np.hstack([q, q]), np.hstack([p, p])]))
     found = diagnose(CaseData(first, more=((second, None),)), {})
-    marks = NoiseParts.of(found.fit.point.each, found.fit.bench.sights, found.fit.options).marks
-    rows = found.fit.bench.rows
+    marks = NoiseParts.of(found.fit.linearisation.each, found.fit.model.data_vectors, found.fit.options).marks
+    rows = found.fit.model.rows
     at = [
         slice(r.start + s.marks.start, r.start + s.marks.stop)
-        for r, s in zip(rows, found.fit.bench.sights, strict=True)
+        for r, s in zip(rows, found.fit.model.data_vectors, strict=True)
     ]
     np.testing.assert_array_equal(marks[at[0], at[0]], np.eye(3))
     np.testing.assert_array_equal(marks[at[0], at[1]], np.hstack([np.zeros((3, 3)), 0.5 * np.eye(3)]))

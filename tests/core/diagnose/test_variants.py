@@ -22,21 +22,21 @@ def looked_at(*first: float) -> Screened:
 
 
 def refitted(which: int, own: float) -> Refit:
-    trial, nothing = SimpleNamespace(variant=which), np.zeros(0)
-    return Refit(trial, None, nothing, nothing, own, own, nothing)  # type: ignore[arg-type]
+    hypothesis, nothing = SimpleNamespace(variant=which), np.zeros(0)
+    return Refit(hypothesis, None, nothing, nothing, own, own, nothing)  # type: ignore[arg-type]
 
 
 def test_all_variants_refitted_count_with_their_own_evidence() -> None:
     together = of_all([refitted(0, 4.0), refitted(1, 6.0), refitted(2, 1.0)], looked_at(3.0, 2.0, 1.5))
     assert together.log_evidence == pytest.approx(np.log(np.mean(np.exp([4.0, 6.0, 1.0]))))
-    assert together.trial.variant == 1
+    assert together.hypothesis.variant == 1
     assert [f.own_evidence for f in together.others] == [4.0, 1.0]
 
 
 def test_the_best_variant_is_the_one_with_the_most_evidence_not_with_the_largest_gain() -> None:
     """The second gained 3 and has 4; the first gained nothing and has 5."""
     together = of_all([refitted(0, 5.0), refitted(1, 4.0)], looked_at(5.0, 1.0))
-    assert together.trial.variant == 0
+    assert together.hypothesis.variant == 0
 
 
 def test_variants_that_were_not_refitted_gain_the_least_of_those_that_were() -> None:

@@ -27,23 +27,23 @@ from palpate.core.residual.wall_error_bias import wall_bias
 
 def plain_stiffness(fit: PlainFit, rules: DecisionRules) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t) without an effect."""
-    J = fit.weighting.whiten(fit.point.in_theta)
+    J = fit.weighting.whiten(fit.linearisation.in_theta)
     covariance = np.asarray(np.linalg.inv(J.T @ J + rules.stiffness_prior * np.eye(J.shape[1])))
     bias = wall_bias(fit.noise_slope, covariance, rules.bias_least)
-    theta = fit.point.theta - bias - too_stiff_by(covariance, rules)
+    theta = fit.linearisation.theta - bias - too_stiff_by(covariance, rules)
     return _allowed(fit, theta), rules.wider**2 * covariance
 
 
-def averaged_stiffness(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
+def model_average(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of "unknown"."""
-    fit, rules = found.fit, found.rules
+    fit, rules = diagnosis.fit, diagnosis.rules
     models = {
-        f.trial.effect.id: over_variants(f, fit.noise_slope, fit.options.short_by, rules)
-        for f in found.refits
-        if f.trial.effect is not None
+        f.hypothesis.effect.id: over_variants(f, fit.noise_slope, fit.options.short_by, rules)
+        for f in diagnosis.refits
+        if f.hypothesis.effect is not None
     }
-    models[UNKNOWN] = _unnamed(found)
-    mean, covariance = mixture(models, found.verdict.probability)
+    models[UNKNOWN] = _unnamed(diagnosis)
+    mean, covariance = mixture(models, diagnosis.verdict.probability)
     return _allowed(fit, mean - too_stiff_by(covariance, rules)), rules.wider**2 * covariance
 
 
@@ -73,26 +73,26 @@ def over_variants(
 
     slope (t,) : see `noise_slope`. short_by : see `tempered`.
     """
-    t = len(best.point.theta)
+    t = len(best.linearisation.theta)
     variants = (best, *best.others)
-    each = [(f.point.theta, f.covariance[:t, :t]) for f in variants]
+    each = [(f.linearisation.theta, f.covariance[:t, :t]) for f in variants]
     models = {str(k): (theta - wall_bias(slope, C, rules.bias_least), C) for k, (theta, C) in enumerate(each)}
     weight = softmax([tempered(f.own_evidence, short_by) for f in variants])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
 
-def _unnamed(found: Diagnosis) -> tuple[FloatArray, FloatArray]:
+def _unnamed(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """ln G where a free smooth field takes what it can, to first order, held between its bounds."""
-    fit, t = found.fit, len(found.fit.point.theta)
-    model = saturated_model(fit, found.forces)
+    fit, t = diagnosis.fit, len(diagnosis.fit.linearisation.theta)
+    model = saturated_model(fit, diagnosis.forces)
     J = fit.weighting.whiten(model.J)
     covariance = np.asarray(np.linalg.inv(J.T @ J + np.diag(model.precision)), dtype=np.float64)
     step = -covariance[:t] @ (J.T @ fit.weighting.whiten(model.r))
-    theta = _allowed(fit, fit.point.theta + step)
-    return theta - wall_bias(fit.noise_slope, covariance[:t, :t], found.rules.bias_least), covariance[:t, :t]
+    theta = _allowed(fit, fit.linearisation.theta + step)
+    return theta - wall_bias(fit.noise_slope, covariance[:t, :t], diagnosis.rules.bias_least), covariance[:t, :t]
 
 
 def _allowed(fit: PlainFit, theta: FloatArray) -> FloatArray:
     """Held between ln G's bounds."""
-    low, high = fit.point.first.scene.parameters.bounds.T
+    low, high = fit.linearisation.first.scene.parameters.bounds.T
     return np.clip(theta, low, high)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.verdict.averaged_stiffness import mixture, over_variants
 from palpate.core.diagnose.verdict.judge import tempered
+from palpate.core.diagnose.verdict.model_average import mixture, over_variants
 
 MODELS = {
     "volume_change": (np.array([3.0, 4.0]), np.diag([0.04, 0.09])),
@@ -45,7 +45,9 @@ def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval
 
     def variant(G: float, evidence: float, *others: SimpleNamespace) -> SimpleNamespace:
         point = SimpleNamespace(theta=np.log([G, 2.0 * G]))
-        return SimpleNamespace(point=point, covariance=np.diag([0.04, 0.04, 1.0]), own_evidence=evidence, others=others)
+        return SimpleNamespace(
+            linearisation=point, covariance=np.diag([0.04, 0.04, 1.0]), own_evidence=evidence, others=others
+        )
 
     still = np.zeros(2)
     mean, covariance = over_variants(variant(5.0, 9.0, variant(60.0, 9.0)), still, 1.25, RULES)  # type: ignore[arg-type]
