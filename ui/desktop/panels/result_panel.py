@@ -63,11 +63,7 @@ def _simulated(case: OpenCase | None) -> str:
 
 def _doubts(case: OpenCase | None) -> str:
     """What the segmentation is not sure of, above everything that stands on it."""
-    notes = (
-        []
-        if case is None
-        else [str(n) for n in case.segmentation.get("notes", ()) if "doubtful" in str(n) or "no prostate" in str(n)]
-    )
+    notes = [] if case is None else [n for n in case.notes_on_labels if "doubtful" in n or "no prostate" in n]
     # The window has its own way to point at an organ.
     said = [escape(note.split("; ")[0]) + ": look at its outline, correct it or point at it" for note in notes]
     return "".join(f"<span style='color:{style.WARN}'>{text}</span><br>" for text in said)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from palpate.case.case_folder import STATES
 from palpate.imaging.volume import Volume
@@ -122,7 +121,7 @@ class Controller:
         """The label volume of a state, with all corrections; None where there is none yet."""
         return None if self.case is None else self.case.volumes.get(state)
 
-    def show(self, **changes: Any) -> None:
+    def show(self, **changes: object) -> None:
         """Changes how the case is shown: fields of `Display`."""
         for name, value in changes.items():
             setattr(self.display, name, value)

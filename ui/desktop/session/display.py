@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import msgspec
 
 from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel
 
@@ -40,16 +42,17 @@ class Display:
         """Grey window."""
         return WindowLevel(self.centre, self.width)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """JSON-able form."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        return asdict(self)
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Display:
-        """A display as it was; what is missing or of another version is as by default."""
-        known = {field.name for field in fields(cls)}
-        out = cls(**{name: value for name, value in data.items() if name in known})
-        out.crosshair = (float(out.crosshair[0]), float(out.crosshair[1]), float(out.crosshair[2]))
+    def from_dict(cls, data: Mapping[str, object]) -> Display:
+        """A display as it was; what is missing or of another version is as by default, and all of it where one is of another type."""
+        try:
+            out = msgspec.convert(data, cls)
+        except msgspec.ValidationError:
+            out = cls()
         out.tool = "look"
         if out.mode not in MODES or out.overlay not in OVERLAYS:
             out.mode, out.overlay = MODES[0], OVERLAYS[0]

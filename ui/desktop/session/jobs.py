@@ -7,12 +7,12 @@ import queue
 import threading
 import time
 from dataclasses import dataclass, field
-from typing import Any
 
 from palpate.core.errors import PalpateError
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
+from palpate.ui.desktop.session.read_scans import Found
 
 # Before this there is nothing to tell the time left from.
 _LEAST_SECONDS, _LEAST_FRACTION = 4.0, 0.04
@@ -50,8 +50,8 @@ class JobState:
     step_began: float = 0.0
     outcome: str = ""
     error: str = ""
-    result: dict[str, Any] = field(default_factory=dict)
-    found: list[dict[str, Any]] = field(default_factory=list)
+    result: dict[str, object] = field(default_factory=dict)
+    found: list[Found] = field(default_factory=list)
     swarm: Swarm = field(default_factory=Swarm)
     cancel_seconds: float | None = None
 

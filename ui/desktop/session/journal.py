@@ -14,12 +14,21 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.strokes import Corrections, Stroke
+from palpate.ui.desktop.session.strokes import Corrections, Stroke, StrokeData
+
+
+class Line(TypedDict, total=False):
+    """One line: a stroke; an undo or redo; or hashes of the labels by state, and how many acts they hold."""
+
+    stroke: StrokeData
+    act: str
+    labels: dict[str, str]
+    acts: int
 
 
 class Journal:
@@ -61,7 +70,7 @@ class Journal:
         """Leaves the file as it is."""
         os.close(self._descriptor)
 
-    def _write(self, line: Any) -> None:
+    def _write(self, line: Line) -> None:
         os.write(self._descriptor, json.dumps(line, separators=(",", ":")).encode() + b"\n")
         self._flusher.submit(_flush, self._path)
 
@@ -87,17 +96,17 @@ def replay(path: Path, corrections: Corrections, hashes: Mapping[str, str]) -> b
     return True
 
 
-def _lines(path: Path) -> list[Mapping[str, Any]]:
+def _lines(path: Path) -> list[Line]:
     if not path.is_file():
         return []
     return [line for line in map(_parsed, path.read_text(encoding="utf-8").splitlines()) if line]
 
 
-def _is_act(line: Mapping[str, Any]) -> bool:
+def _is_act(line: Line) -> bool:
     return "stroke" in line or line.get("act") in ("undo", "redo")
 
 
-def _again(line: Mapping[str, Any], corrections: Corrections, touch: bool) -> bool:
+def _again(line: Line, corrections: Corrections, touch: bool) -> bool:
     if line.get("act") == "undo":
         return corrections.undo(touch) is not None
     if line.get("act") == "redo":
@@ -111,9 +120,9 @@ def _again(line: Mapping[str, Any], corrections: Corrections, touch: bool) -> bo
     return False
 
 
-def _parsed(line: str) -> Mapping[str, Any]:
+def _parsed(line: str) -> Line:
     with contextlib.suppress(ValueError):
-        data = json.loads(line)
+        data: Line = json.loads(line)
         return data if isinstance(data, dict) else {}
     return {}
 

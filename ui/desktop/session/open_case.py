@@ -7,8 +7,9 @@ import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import ParamSpec, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,16 @@ from palpate.ui.report.record import read_record, simulated
 from palpate.ui.report.regions import RegionStiffness, region_of
 from palpate.ui.report.summary import summary
 
+Arguments = ParamSpec("Arguments")
 SESSION, EDITS, LOCK = "desktop/session.json", "desktop/edits.jsonl", "desktop/lock"
 MAP_FILE = "identify/stiffness_map.npz"
+
+
+class SessionData(TypedDict, total=False):
+    """desktop/session.json: how the case was shown, and seeds by state and name, mm."""
+
+    display: dict[str, object]
+    seeds: dict[str, dict[str, list[float]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +96,7 @@ class OpenCase:
         self.diagnosis = read_diagnosis(self.folder) if self.folder.has(DIAGNOSIS) else None
         self.regions: tuple[RegionStiffness, ...] = tuple(sorted(found, key=lambda region: region.label))
         told = [region.G for region in self.regions if region.told]
-        self.segmentation = self._json("segmentation.json")
+        self.notes_on_labels = self._notes_on_labels()
         self.first_words = summary(read_record(self.folder, {}))[0] if found else ""
         self.simulated = ""
         with contextlib.suppress(InputError):  # reading the scans tells what is wrong with them
@@ -132,9 +141,9 @@ class OpenCase:
         data = {"display": self.display.to_dict(), "seeds": {state: dict(s) for state, s in self.seeds.items()}}
         self.later(self.folder.write_json, SESSION, data)
 
-    def later(self, act: Callable[..., Any], *arguments: Any) -> None:
+    def later(self, act: Callable[Arguments, object], *arguments: Arguments.args, **more: Arguments.kwargs) -> None:
         """Does something in the writing thread, one after the other; `failures` tells what went wrong there."""
-        self._writer.submit(self._tried, act, *arguments)
+        self._writer.submit(self._tried, partial(act, *arguments, **more))
 
     def flush(self) -> None:
         """Waits till all is written."""
@@ -149,9 +158,9 @@ class OpenCase:
             os.close(self._lock)
             self._lock = None
 
-    def _tried(self, act: Callable[..., Any], *arguments: Any) -> None:
+    def _tried(self, act: Callable[[], object]) -> None:
         try:
-            act(*arguments)
+            act()
         except (InputError, OSError) as error:
             self.failures.append(" ".join(str(error).split()))
 
@@ -161,7 +170,7 @@ class OpenCase:
             if not np.array_equal(self.folder.labels(state).array, volume.array):  # an unchanged file keeps its date
                 self.folder.write_labels(state, volume)
 
-    def _map(self) -> Mapping[str, NDArray[Any]] | None:
+    def _map(self) -> Mapping[str, NDArray[np.generic]] | None:
         there = self.result is not None and self.result.stiffness_map and self.folder.has(MAP_FILE)
         return self.folder.read_npz(MAP_FILE) if there else None
 
@@ -177,14 +186,16 @@ class OpenCase:
                 return GapMap(points, residual.astype(np.float64), diagnosed)
         return None
 
-    def _session(self) -> dict[str, Any]:
+    def _session(self) -> SessionData:
         with contextlib.suppress(InputError):  # how it looked is not worth a refusal
-            return self._json(SESSION)
+            found: SessionData = self.folder.read_json(SESSION) if self.folder.has(SESSION) else {}
+            return found if isinstance(found, dict) else {}
         return {}
 
-    def _json(self, name: str) -> dict[str, Any]:
-        found = self.folder.read_json(name) if self.folder.has(name) else {}
-        return found if isinstance(found, dict) else {}
+    def _notes_on_labels(self) -> list[str]:
+        """What `segment` noted."""
+        found = self.folder.read_json("segmentation.json") if self.folder.has("segmentation.json") else {}
+        return [str(note) for note in found.get("notes", ())] if isinstance(found, dict) else []
 
 
 def _locked(path: Path) -> int | None:

@@ -6,13 +6,12 @@ import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from palpate.core.errors import InputError
 from palpate.ui.desktop.session import read_scans, step_job, steps
 from palpate.ui.desktop.session.crosshair import first_place
 from palpate.ui.desktop.session.jobs import JobControl
-from palpate.ui.desktop.session.read_scans import Scan, mapped_labels, mapped_scan
+from palpate.ui.desktop.session.read_scans import Found, Scan, mapped_labels, mapped_scan
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.step_requests import import_request
 
@@ -95,7 +94,7 @@ class Opening:
         self._session.jobs.start(job, steps.BY_COMMAND["import"].title)
         self._session.notify("job")
 
-    def _found(self, found: dict[str, Any]) -> None:
+    def _found(self, found: Found) -> None:
         """Takes in a scan, or the labels, that have been read."""
         session, case = self._session, self._session.case
         had_labels = session.labels("rest") is not None

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.core.arrays import FloatArray
 from palpate.core.worker.executors import cores, make_executor
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
@@ -20,6 +21,32 @@ from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.journal import content_hash
 
 KIND = "palpate.ui.desktop.session.read_scans:run"
+
+
+class MappedFile(TypedDict):
+    """Voxels in a file of NumPy, and their affine (4, 4)."""
+
+    file: str
+    affine: FloatArray
+
+
+class ReadScan(MappedFile):
+    """A scan, HU."""
+
+    state: str
+
+
+class ReadLabels(MappedFile):
+    """Labels, and the hash of their voxels."""
+
+    hash: str
+
+
+class Found(TypedDict, total=False):
+    """What one progress message brings: a scan, or the labels of all states."""
+
+    scan: ReadScan
+    labels: dict[str, ReadLabels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +63,7 @@ def scans_job(sources: Mapping[str, Path], case: Path | None, folder: Path) -> J
     return Job(KIND, str(folder), options=options, workers=cores())
 
 
-def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+def run(job: Job, reporter: Reporter) -> dict[str, object]:
     """Options: sources {state: folder} of scans, case: folder whose labels are read, or null. Everything is told when it is read,
     by a progress message with `found`: labels {state: ...} or scan {...}; the result is empty. Raises InputError as `read_series`."""
     sources = dict(job.options["sources"])
@@ -52,7 +79,7 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     return {}
 
 
-def read_scan(folder: Path, state: str, source: str) -> dict[str, Any]:
+def read_scan(folder: Path, state: str, source: str) -> ReadScan:
     """One scan into STATE.npy of a folder, in Fortran order, so that axial slices lie together."""
     volume, _ = read_series(source)
     volume = in_lps_order(volume)
@@ -62,9 +89,9 @@ def read_scan(folder: Path, state: str, source: str) -> dict[str, Any]:
     return {"state": state, "file": str(path), "affine": volume.affine}
 
 
-def read_labels(folder: Path, case: CaseFolder) -> dict[str, Any]:
+def read_labels(folder: Path, case: CaseFolder) -> dict[str, ReadLabels]:
     """The label volumes of a case into files of a folder: state -> file, affine and hash of the voxels."""
-    found = {}
+    found: dict[str, ReadLabels] = {}
     for state in STATES:
         if case.has_labels(state):
             labels = case.labels(state)
@@ -74,12 +101,12 @@ def read_labels(folder: Path, case: CaseFolder) -> dict[str, Any]:
     return found
 
 
-def mapped_scan(found: Mapping[str, Any]) -> Scan:
+def mapped_scan(found: MappedFile) -> Scan:
     """A scan that the job has told of."""
     path = Path(found["file"])
     return Scan(Volume(np.load(path, mmap_mode="r"), np.array(found["affine"], dtype=np.float64)), path)
 
 
-def mapped_labels(found: Mapping[str, Any]) -> Volume:
+def mapped_labels(found: MappedFile) -> Volume:
     """Labels that the job has told of; what is changed in them stays in this process."""
     return Volume(np.load(found["file"], mmap_mode="c"), np.array(found["affine"], dtype=np.float64))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from palpate.case import history
 from palpate.case.case_folder import CaseFolder
@@ -25,14 +24,14 @@ class _Teller:
 
     def __init__(self, reporter: Reporter, number: int, count: int, step: str) -> None:
         self._reporter, self._number, self._count, self._step = reporter, number, count, step
-        self._details: dict[str, Any] = {}
+        self._details: dict[str, object] = {}
 
     def __call__(self, fraction: float, message: str) -> None:
         """One progress message."""
         whole = (self._number + min(max(fraction, 0.0), 1.0)) / self._count
         self._reporter.progress(whole, message, step=self._step, step_fraction=fraction, **self._details)
 
-    def do_job(self, job: Job, on_message: Callable[[Message], None]) -> dict[str, Any]:
+    def do_job(self, job: Job, on_message: Callable[[Message], None]) -> dict[str, object]:
         """Does a step's job in this process; particles and objective go along with the step's own progress."""
 
         def hear(message: Message) -> None:
@@ -48,7 +47,7 @@ def steps_job(requests: Sequence[StepRequest], folder: Path) -> Job:
     return Job(KIND, str(folder), options={"steps": [request.to_dict() for request in requests]}, workers=cores())
 
 
-def run(job: Job, reporter: Reporter) -> dict[str, Any]:
+def run(job: Job, reporter: Reporter) -> dict[str, object]:
     """Options: steps, a list of `StepRequest.to_dict`. Returns what each step returned, by its name."""
     give_way()
     requests = [StepRequest.from_dict(given) for given in job.options["steps"]]
@@ -60,14 +59,14 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
     return results
 
 
-def _import(request: StepRequest, teller: _Teller) -> dict[str, Any]:
+def _import(request: StepRequest, teller: _Teller) -> object:
     assert request.scans is not None
     found = request.step.function()(*request.scans, request.case, request.options, teller)
     with history.recorded(CaseFolder(request.case), request.step.name, request.typed):
         return found
 
 
-def _on_case(request: StepRequest, teller: _Teller) -> dict[str, Any]:
+def _on_case(request: StepRequest, teller: _Teller) -> object:
     case = CaseFolder(request.case)
     more = {"do_job": teller.do_job} if request.step.has_job else {}
     with history.recorded(case, request.step.name, request.typed):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import msgspec
 import numpy as np
@@ -24,6 +24,16 @@ from palpate.ui.desktop.session.steps import BY_COMMAND
 _DECIMALS = 3
 
 
+class RequestData(TypedDict):
+    """A `StepRequest` as JSON."""
+
+    step: str
+    case: str
+    options: object
+    typed: str
+    scans: list[str] | None
+
+
 @dataclass(frozen=True, eq=False)
 class StepRequest:
     """step : the declared one. options : of its type; None for the usual ones. typed : the options as a person would type them, without
@@ -31,11 +41,11 @@ class StepRequest:
 
     step: Step
     case: Path
-    options: Any = None
+    options: object = None
     typed: str = "CASE"
     scans: tuple[Path, Path] | None = None
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> RequestData:
         """JSON-able form."""
         return {
             "step": self.step.name,
@@ -46,7 +56,7 @@ class StepRequest:
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> StepRequest:
+    def from_dict(cls, data: RequestData) -> StepRequest:
         """The inverse of `to_dict`. Raises msgspec.ValidationError where the options are not of the step's type."""
         step = BY_COMMAND[data["step"]].declared
         options = data["options"]
@@ -95,7 +105,7 @@ def _typed(option: str, points: Mapping[str, FloatArray]) -> list[str]:
     return [f"{option} {name}={','.join(f'{x:.{_DECIMALS}f}' for x in point)}" for name, point in points.items()]
 
 
-def _encoded(value: Any) -> Any:
+def _encoded(value: object) -> object:
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, np.ndarray):
@@ -103,9 +113,9 @@ def _encoded(value: Any) -> Any:
     raise NotImplementedError(f"{type(value).__name__} is no option")
 
 
-def _decoded(wanted: Any, value: Any) -> Any:
+def _decoded(wanted: type, value: object) -> object:
     if wanted is Path:
-        return Path(value)
+        return Path(str(value))
     if getattr(wanted, "__origin__", wanted) is np.ndarray:
         return np.array(value, dtype=np.float64)
     raise NotImplementedError(f"{wanted} is no option's type")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -12,6 +12,15 @@ from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS, OUTSIDE, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures.planes import Plane
+
+
+class StrokeData(TypedDict):
+    """A stroke as JSON; see `Stroke`."""
+
+    state: str
+    after: int
+    index: list[int]
+    before: list[int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +32,7 @@ class Stroke:
     before: LabelArray
     after: int
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> StrokeData:
         """JSON-able form."""
         return {
             "state": self.state,
@@ -33,7 +42,7 @@ class Stroke:
         }
 
     @classmethod
-    def from_dict(cls, data: Any) -> Stroke:
+    def from_dict(cls, data: StrokeData) -> Stroke:
         """Raises KeyError, TypeError or ValueError when the data is no stroke."""
         index, before = np.array(data["index"], dtype=np.int64), np.array(data["before"], dtype=np.uint8)
         if index.shape != before.shape or data["after"] not in LABELS or data["state"] not in ("rest", "deformed"):
