@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnoses import diagnosis
 from phantoms import labels, result, write_case
 
 from palpate.case.case_folder import CaseFolder
@@ -50,7 +51,8 @@ def diagnosed(monkeypatch: pytest.MonkeyPatch) -> Diagnose:
     monkeypatch.setattr(diagnose, "remeshed", lambda *_: None)
     monkeypatch.setattr(diagnose, "replace", lambda data, **_: data)
     monkeypatch.setattr(diagnose, "arrays", lambda data: {})
-    return partial(diagnose.run, do_job=lambda *_: {"verdict": "none", "flags": [], "where": {"map": "gap_maps.npz"}})
+    where = {"map": "gap_maps.npz", "regions": [], "peak_lps_mm": None}
+    return partial(diagnose.run, do_job=lambda *_: diagnosis("none", where=where))
 
 
 def out_of_date(case: CaseFolder) -> dict[str, str]:
@@ -134,7 +136,7 @@ def test_the_report_is_out_of_date_by_what_it_shows_and_by_the_program_that_drew
     case.write_text("report/report.html", "x")
     REPORT.mark_done(case, REPORT.made_from(case, {"pdf": False}), ())
     assert out_of_date(case) == {}
-    case.write_json("diagnosis.json", {"verdict": "none"})
+    case.write_json("diagnosis.json", diagnosis("none"))
     DIAGNOSE.mark_done(case, DIAGNOSE.made_from(case, {}), ())
     assert out_of_date(case) == {"report": "diagnosis.json has been changed since"}
     case.file("diagnosis.json").unlink()
