@@ -28,7 +28,7 @@ IMPORT_NAMES = {
     "slicer-core": ("slicer",),
     "vtk": ("vtk", "vtkmodules"),
 }
-# What a user installs on top (docs/segmentation.md, docs/bench.md), and the folder that may import it.
+# What a user installs on top (learned segmenters, programs to compare with, a cluster), and the folder that may import it.
 OPTIONAL = {
     "totalsegmentator": "segmentation/models",
     "monai": "segmentation/models",
