@@ -10,6 +10,7 @@ from bone_scans import moving
 from bone_scans import scan as bone_scan
 from contour_files import SIZES, change, counts, label_names, nifti, outlines, rtstruct, scan
 from dicom_samples import save, series, straight
+from drawn_contours import user_labels
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.import_scans.options import ImportOptions
@@ -26,7 +27,7 @@ FIRST, CORRECTED = {1: "Blase", 2: "Prostata", 3: "Rektum"}, {1: "Prostata", 2: 
 
 
 def held(case: Path) -> dict[int, int]:
-    labels = CaseFolder(case).user_labels("rest") or CaseFolder(case).labels("rest")
+    labels = user_labels(CaseFolder(case), "rest") or CaseFolder(case).labels("rest")
     return counts(labels)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_contours import user_labels
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.import_scans.options import ImportOptions
@@ -124,7 +125,7 @@ def test_label_files(wild: Path, tmp_path: Path) -> None:
         shutil.copy(wild / "desc_corrected" / names, tmp_path / "labels.txt")
         import_alone(wild / "base" / "ct", tmp_path / "case", options)
         case = CaseFolder(tmp_path / "case")
-        labels = case.user_labels("rest")
+        labels = user_labels(case, "rest")
         assert labels is not None
         assert {int(v): int((labels.array == v).sum()) for v in np.unique(labels.array) if v} == ALL
         said.append(case.read_json("user_labels.json")["rest"]["structures"])
