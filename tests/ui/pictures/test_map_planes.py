@@ -6,6 +6,8 @@ import numpy as np
 from map_arrays import map_arrays
 from phantoms import CENTRE, affine, labels, result, write_case
 
+from palpate.core.files.json_types import typed
+from palpate.core.identify.result_record import ResultRecord
 from palpate.ui.pictures import map_planes as module
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.convergence import convergence
@@ -44,7 +46,7 @@ def test_a_report_with_a_map_has_one_scale_for_all_its_pictures(tmp_path: Path) 
     """The map reaches 90 kPa where the halves have 20 and 60: without a common scale their pictures would differ."""
     case, found = write_case(tmp_path / "case"), result(20.0, 60.0)
     data = map_arrays(told_left=True) | {"ln_G": np.log([20.0, 90.0])}
-    record = CaseRecord(case.facts, found, {}, {}, {}, {})
+    record = CaseRecord(case.facts, typed(found, ResultRecord, "result.json"), {}, {}, {}, {})
     images = figures._images(case, record, {"rest": case.labels("rest")}, data)
     high = [stiffness_planes(images).axes[6].get_ylim()[1], module.map_planes(images, data).axes[6].get_ylim()[1]]
     assert high[0] == high[1] >= 90.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_a_report_of_another_program_and_one_with_a_gap_are_made_again(
     case: CaseFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = case.file("report/report.html")
-    monkeypatch.setattr(report_step, "drawn_by", lambda: "another")
+    monkeypatch.setattr(report_step, "REPORT", replace(report_step.REPORT, program=lambda: "another"))
     times = [page.stat().st_mtime_ns]
     report_step.run(case)
     times.append(page.stat().st_mtime_ns)
