@@ -31,7 +31,7 @@ def _no_record(case: CaseFolder) -> Mapping[str, str] | None:
 
 @dataclass(frozen=True)
 class MadeFrom:
-    """What a step runs on. sha256 : of files, options and program together. files : SHA-256 by name, of those that are there."""
+    """Inputs of a run. sha256 : of files, options and program together. files : SHA-256 by name, of those that are there."""
 
     sha256: str
     files: Mapping[str, str]
@@ -39,13 +39,11 @@ class MadeFrom:
 
 @dataclass(frozen=True)
 class Step:
-    """name : of the command. title : what it does, in a few words. writes : its main result first.
-
-    reads : files and folders of the case; none where the step reads what lies outside, as an import does. reads_also : the same in words,
-    for what only some cases have. inputs_of : the names for one case, from `reads`. options, run : "palpate.module:name", loaded when asked
-    for, because VTK takes seconds. has_job : whether its sums are a job that `run` has done by its
-    argument `do_job`. program : what of the program itself has a say in the result. record : hashes that the result itself
-    holds; they go before those of state.json.
+    """name : of the command. title : what it does, in a few words. reads : files and folders of the case; empty for a step that reads
+    from outside it, as an import does. writes : its main result first. options, run : "palpate.module:name", loaded when asked for,
+    because VTK takes seconds. reads_also : what only some cases have, in words. has_job : `run` takes `do_job`, which does its sums.
+    inputs_of : `reads` and what is read of one case beside. program : identifies what of the program shows in the result. record :
+    hashes of inputs that the result itself holds; they take precedence over those of state.json.
     """
 
     name: str
@@ -110,7 +108,7 @@ class Step:
     def out_of_date(self, case: CaseFolder, hash_of: Hash = file_sha256) -> str | None:
         """Why the step's result was not made from what lies in the case now; "" where it was; None where the case does not say.
 
-        Options do not count: a result made with others is a result. hash_of : for who keeps hashes of files. Raises InputError for
+        Options do not count: a result made with other options is a result. hash_of : the hash of one file. Raises InputError for
         damaged files.
         """
         recorded = self._recorded(case)
