@@ -120,7 +120,7 @@ class CaseFolder(CaseFiles):
     # Steps
 
     def inputs_sha256(
-        self, names: Iterable[str], options: Any = None, hash_of: Callable[[Path], str] | None = None
+        self, names: Iterable[str], options: object = None, hash_of: Callable[[Path], str] | None = None
     ) -> str:
         """One hash of the named files and folders (absent ones count as absent) and of JSON-able options.
 

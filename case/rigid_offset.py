@@ -47,7 +47,7 @@ class RigidOffset:
         """Points (n, 3) mm of the deformed scan in the frame of the one at rest."""
         return transformed(self.deformed_to_rest, points)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """The JSON object in mesh.json."""
         return {
             "deformed_to_rest": self.deformed_to_rest.tolist(),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 
 class PalpateError(Exception):
@@ -13,7 +12,7 @@ class PalpateError(Exception):
     """
 
     exit_code = 1
-    facts: Mapping[str, Any] = {}
+    facts: Mapping[str, object] = {}
 
 
 class InputError(PalpateError):

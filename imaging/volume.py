@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import SimpleITK as sitk
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, NumberArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +19,7 @@ class Volume:
     affine : (4, 4), maps index (i, j, k, 1) to DICOM patient coordinates LPS in mm, voxel centres.
     """
 
-    array: NDArray[Any]
+    array: NumberArray
     affine: FloatArray
 
     @property
@@ -44,7 +42,7 @@ class Volume:
         values = ndimage.map_coordinates(self.array, self.to_index(lps).T, output, order=1, mode="nearest")
         return np.asarray(values, dtype=np.float64)
 
-    def with_array(self, array: NDArray[Any]) -> Volume:
+    def with_array(self, array: NumberArray) -> Volume:
         """The same grid with other values."""
         return Volume(array, self.affine)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from palpate.segmentation.prompts import Prompts
 
@@ -22,7 +21,7 @@ class SegmentOptions:
     margin_mm: tuple[float, float, float] = (36.0, 52.0, 62.0)
     model: str | None = None
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """JSON-able form, for the hash of the step's inputs."""
         return {
             "prompts": self.prompts.to_dict(),

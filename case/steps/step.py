@@ -78,7 +78,7 @@ class Step:
         found: Callable[..., Any] = _loaded(self.run)
         return found
 
-    def made_from(self, case: CaseFolder, options: Any, hash_of: Hash = file_sha256) -> MadeFrom:
+    def made_from(self, case: CaseFolder, options: object, hash_of: Hash = file_sha256) -> MadeFrom:
         """What the step would run on now. options : JSON-able form of all options that change the result."""
         known: dict[Path, str] = {}
 
@@ -127,6 +127,6 @@ class Step:
         return self.record(case) or (noted if isinstance(noted, Mapping) else None)
 
 
-def _loaded(name: str) -> Any:
+def _loaded(name: str) -> Callable[..., object]:
     module, _, attribute = name.partition(":")
     return getattr(importlib.import_module(module), attribute)

@@ -8,7 +8,7 @@ from palpate.core.diagnose.case_data import load
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.effects import library
-from palpate.core.diagnose.options import DiagnosisOptions
+from palpate.core.diagnose.options import DiagnosisJob
 from palpate.core.diagnose.verdict.record import MAP_FILE, maps, record
 from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread
@@ -19,16 +19,13 @@ from palpate.core.worker.messages import Reporter
 def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
     """Job kind "palpate.core.diagnose.job:run".
 
-    paths: data (npz of `case_data.arrays`). options: case (its name), effects (folder or null), numbers (of
-    `DiagnosisOptions.to_json`).
+    paths: data (npz of `case_data.arrays`). options: `DiagnosisJob`.
 
     Writes the maps into the job's folder and returns diagnosis.json.
     """
     one_thread()  # the order of sums, and with it the last bits, must not depend on the machine's cores
     data = load(Path(job.paths["data"]))
-    folder = job.options.get("effects")
-    effects = library(None if folder is None else Path(folder))
-    options = DiagnosisOptions.from_json(job.options.get("numbers", {}))
-    found = diagnose(data, effects, reporter.progress, job.seed, options)
+    options = job.options_as(DiagnosisJob)
+    found = diagnose(data, library(options.folder), reporter.progress, job.seed, options.numbers)
     save_checkpoint(Path(job.folder) / MAP_FILE, maps(found), job.fingerprint())
-    return record(found, str(job.options["case"]))
+    return record(found, options.case)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any
+from pathlib import Path
 
 import msgspec
 
@@ -22,9 +22,9 @@ class DiagnosisOptions:
     wall_motion: WallMotionOptions = field(default_factory=WallMotionOptions)
     decision_rules: DecisionRules = field(default_factory=DecisionRules)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         """As JSON holds it; `from_json` is the inverse."""
-        out: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(self))
+        out: dict[str, object] = msgspec.json.decode(msgspec.json.encode(self))
         return out
 
     @classmethod
@@ -39,3 +39,16 @@ class DiagnosisOptions:
         """Of each option type its numbers."""
         parts = [getattr(self, f.name) for f in fields(self)]
         return {type(part): rows(part) for part in parts}
+
+
+class DiagnosisJob(msgspec.Struct, frozen=True):
+    """Options of a diagnosis as a job. case : its name. effects : folder of a user's own effects."""
+
+    case: str
+    effects: str | None = None
+    numbers: DiagnosisOptions = msgspec.field(default_factory=DiagnosisOptions)
+
+    @property
+    def folder(self) -> Path | None:
+        """That of the effects."""
+        return None if self.effects is None else Path(self.effects)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -47,7 +48,7 @@ def run(job: Job, reporter: Reporter) -> IdentificationRecord:
     Returns result.json without versions and inputs, which the case knows.
     """
     one_thread()  # the order of sums, and with it the last bits, must not depend on the machine's cores
-    options = IdentifyOptions(**{**job.options, "seed": job.seed, "workers": job.workers})
+    options = replace(job.options_as(IdentifyOptions), seed=job.seed, workers=job.workers)
     fingerprint = job.fingerprint()
     began = time.perf_counter()
     files = problem_files(job)

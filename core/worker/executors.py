@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def make_executor(
-    workers: int, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()
+    workers: int, initializer: Callable[..., None] | None = None, initargs: tuple[object, ...] = ()
 ) -> Executor:
     """An executor of so many workers, each prepared by `initializer(*initargs)`; `map` gives results in order.
 
@@ -49,7 +49,7 @@ def make_executor(
 class SerialExecutor(Executor):
     """Does each call at once in this process, on one thread. An exception is raised by `submit`, not kept for `result`."""
 
-    def __init__(self, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()) -> None:
+    def __init__(self, initializer: Callable[..., None] | None = None, initargs: tuple[object, ...] = ()) -> None:
         self._limits = one_thread()
         if initializer is not None:
             initializer(*initargs)
@@ -80,7 +80,7 @@ def one_thread() -> threadpool_limits:
     return threadpool_limits(1)
 
 
-def _prepare_worker(initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
+def _prepare_worker(initializer: Callable[..., None] | None, initargs: tuple[object, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that owns the pool decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     one_thread()

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Any
 
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message, Reporter, encode
 
 # How a job is done: `process.run_job` in a process of its own, `run_inline` in this one. The second argument hears every message.
-DoJob = Callable[[Job, Callable[[Message], None]], dict[str, Any]]
+DoJob = Callable[[Job, Callable[[Message], None]], dict[str, object]]
 
 
-def run_inline(job: Job, on_message: Callable[[Message], None]) -> dict[str, Any]:
+def run_inline(job: Job, on_message: Callable[[Message], None]) -> dict[str, object]:
     """Do a job here and return its result, as it would have come from a worker process: arrays as lists, no NaN.
 
     Raises what the job raises.

@@ -9,13 +9,15 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
+from palpate.core.files.json_types import typed
 from palpate.core.worker.messages import Reporter
 
 FORMAT = 1
+T = TypeVar("T")
 
 # Any dotted name would let a job file run whatever Python finds on its path.
 _KIND = re.compile(r"palpate(\.[A-Za-z_]\w*)+:[A-Za-z_]\w*")
@@ -34,7 +36,7 @@ class Job:
     kind: str
     folder: str
     paths: Mapping[str, str] = field(default_factory=dict)
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     seed: int = 0
     workers: int = 1
 
@@ -53,6 +55,10 @@ class Job:
             if isinstance(error, ModuleNotFoundError) and not module.startswith(error.name or " "):
                 raise  # a package that the module needs is missing, which is another trouble
             raise InputError(f"no job kind {self.kind!r} in this version of Palpate") from error
+
+    def options_as(self, kind: type[T]) -> T:
+        """The options as the type that this kind of job declares. Raises InputError naming what is wrong with them."""
+        return typed(dict(self.options), kind, "the job's options", "; start the command again")
 
     def fingerprint(self) -> str:
         """SHA-256 of all that the answer depends on: kind, options, seed and the files' contents; not the workers.
@@ -75,7 +81,7 @@ class Job:
             data = json.loads(path.read_text(encoding="utf-8"))
             if data.pop("format") != FORMAT:
                 raise InputError("made by another version of Palpate")
-            return cls(**data)
+            return typed(data, cls, "the job", "")
         except InputError as error:
             raise InputError(f"{path}: {error}; start the command again") from error
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

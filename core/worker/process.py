@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from palpate.core.errors import Cancelled, ConvergenceError, InputError, PalpateError
 from palpate.core.worker.executors import ONE_THREAD
@@ -32,7 +31,7 @@ def run_job(
     on_message: Callable[[Message], None] | None = None,
     cancel: threading.Event | None = None,
     python: str = sys.executable,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Do a job in a process of its own and return its result.
 
     on_message : called in this thread with every message, the last one included. cancel : set it from any thread to stop.

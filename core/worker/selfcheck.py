@@ -6,8 +6,8 @@ from __future__ import annotations
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from palpate.core.arrays import FloatArray
@@ -20,14 +20,23 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 
 
-def run(job: Job, reporter: Reporter) -> dict[str, Any]:
-    """Options: iterations (30), pause_s (0): how long an evaluation sleeps, accept (1): value that counts as found.
+class SelfCheck(msgspec.Struct, frozen=True):
+    """Options. pause_s : how long an evaluation sleeps. accept : value that counts as found."""
+
+    iterations: int = 30
+    pause_s: float = 0.0
+    accept: float = 1.0
+
+
+def run(job: Job, reporter: Reporter) -> dict[str, object]:
+    """Options as `SelfCheck`.
 
     Raises ConvergenceError when the value found is above `accept`.
     """
     path, fingerprint = Path(job.folder) / "checkpoint.npz", job.fingerprint()
     stored = load_checkpoint(path, fingerprint)
-    options = SwarmOptions(max_iterations=int(job.options.get("iterations", 30)))
+    asked = job.options_as(SelfCheck)
+    options = SwarmOptions(max_iterations=asked.iterations)
     swarm = Swarm([-5.12, -5.12], [5.12, 5.12], job.seed, options) if stored is None else Swarm.from_state(stored)
 
     def after(swarm: Swarm) -> None:
@@ -39,8 +48,8 @@ def run(job: Job, reporter: Reporter) -> dict[str, Any]:
         )
 
     with make_executor(job.workers) as executor:
-        search(swarm, executor, partial(rastrigin, pause_s=float(job.options.get("pause_s", 0.0))), after)
-    if swarm.best_value > float(job.options.get("accept", 1.0)):
+        search(swarm, executor, partial(rastrigin, pause_s=asked.pause_s), after)
+    if swarm.best_value > asked.accept:
         raise ConvergenceError(f"the swarm stopped at {swarm.best_value:.3g}; give it more iterations")
     return {"best": swarm.best_value, "position": swarm.best_position.tolist(), "iterations": swarm.iteration}
 

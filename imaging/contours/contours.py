@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.draw import polygon2mask
 
-from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.arrays import BoolArray, FloatArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 
@@ -102,7 +100,7 @@ def _alike(one: BoolArray, other: BoolArray) -> bool:
     return bool((one ^ other).sum() <= TWICE_WITHIN * other.sum()) and bool(one.any())
 
 
-def _check_interruptions(heights: NDArray[Any], usual: float, slice_mm: float, name: str, notes: list[str]) -> None:
+def _check_interruptions(heights: NumberArray, usual: float, slice_mm: float, name: str, notes: list[str]) -> None:
     gaps = np.diff(heights)
     wide = gaps[gaps > 1.5 * usual]
     if len(wide) == 0:

@@ -16,9 +16,8 @@ import numpy as np
 from nibabel import imageglobals
 from nibabel.filebasedimages import ImageFileError
 from nibabel.spatialimages import HeaderDataError
-from numpy.typing import NDArray
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.checksums import check_gzip_file
 from palpate.imaging.labels import LABELS
@@ -139,7 +138,7 @@ def _check_whole(path: Path) -> None:
         raise InputError(f"{path} is not a readable NIfTI file; save it again as .nii.gz") from error
 
 
-def _pixels(image: Any, path: Path) -> NDArray[Any]:
+def _pixels(image: Any, path: Path) -> NumberArray:
     shape = image.shape
     while len(shape) > 3 and shape[-1] == 1:
         shape = shape[:-1]
@@ -186,7 +185,7 @@ def _placement(image: Any, path: Path) -> FloatArray:
     return RAS_TO_LPS @ affine
 
 
-def _check_agreement(sform: NDArray[Any], qform: NDArray[Any], corner: NDArray[Any], voxel: float, path: Path) -> None:
+def _check_agreement(sform: NumberArray, qform: NumberArray, corner: NumberArray, voxel: float, path: Path) -> None:
     origin = np.array([0.0, 0.0, 0.0, 1.0])
     apart = max(float(np.linalg.norm((sform - qform) @ point)) for point in (origin, corner))
     if apart > 0.5 * voxel:

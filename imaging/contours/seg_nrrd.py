@@ -7,13 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import SimpleITK as sitk
-from numpy.typing import NDArray
 
-from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.arrays import BoolArray, FloatArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.checksums import check_gzip
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
@@ -37,7 +35,7 @@ class NrrdSegments:
     path: Path
     values: dict[str, tuple[int, int]]
     numbers: dict[str, int]
-    layers: NDArray[Any]
+    layers: NumberArray
     affine: FloatArray
     notes: tuple[str, ...] = ()
 

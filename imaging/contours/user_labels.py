@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -44,7 +43,7 @@ class UserLabels:
     structures: Mapping[str, Sequence[str]]
     notes: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """What user_labels.json says of one state."""
         present = [LABELS[int(value)] for value in np.unique(self.volume.array) if value]
         return {

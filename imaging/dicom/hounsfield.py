@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 
@@ -45,7 +42,7 @@ def check_hounsfield(volume: Volume, source: object, each_slice: bool = False) -
             )
 
 
-def _shifted(array: NDArray[Any]) -> float | None:
+def _shifted(array: NumberArray) -> float | None:
     """The lowest values (first percentile), HU, where they show a shift; None where all may be as it is."""
     values = array.reshape(-1)
     values = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64)

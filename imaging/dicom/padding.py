@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.core.arrays import BoolArray
+from palpate.core.arrays import BoolArray, NumberArray
 from palpate.imaging.dicom.slices import Slice
 
 AIR_HU = -1000
@@ -20,7 +17,7 @@ _METAL_HU = 2000.0
 HIGHEST_HU = 31_000.0
 
 
-def padded(stored: NDArray[Any], of: Slice) -> BoolArray | None:
+def padded(stored: NumberArray, of: Slice) -> BoolArray | None:
     """The pixels (rows, columns) outside the field of view that would be taken for something else than air; None without any.
 
     Those are pixels of the stated padding value, and of any value that no tissue or metal has. Where the value might be tissue as
@@ -35,7 +32,7 @@ def padded(stored: NDArray[Any], of: Slice) -> BoolArray | None:
     return mask
 
 
-def _unstated(stored: NDArray[Any], of: Slice) -> BoolArray | None:
+def _unstated(stored: NumberArray, of: Slice) -> BoolArray | None:
     """Pixels at the edge of the value that all four corners have, where that is one of metal: nobody's corners are."""
     if not of.is_hu or stored.size == 0:
         return None
@@ -45,7 +42,7 @@ def _unstated(stored: NDArray[Any], of: Slice) -> BoolArray | None:
     return _at_the_edge(stored == stored[0, 0])
 
 
-def _stated(stored: NDArray[Any], of: Slice) -> BoolArray | None:
+def _stated(stored: NumberArray, of: Slice) -> BoolArray | None:
     if of.padding is None or stored.dtype.kind not in "iu":
         return None
     low, high = of.padding

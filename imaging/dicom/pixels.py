@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pydicom
-from numpy.typing import NDArray
 from pydicom.uid import UID
 
+from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DAMAGE, quiet, read_file
 from palpate.imaging.dicom.padding import AIR_HU, padded
@@ -19,14 +18,14 @@ from palpate.imaging.dicom.slices import Slice
 _INT16 = np.iinfo(np.int16)
 
 
-def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> NDArray[Any]:
+def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> NumberArray:
     """The slices' values, (n, rows, columns), HU; int16 where they are whole and fit, else float32. Padding is air.
 
     Raises InputError naming the file whose pixels are missing, damaged or compressed in a way no decoder here knows.
     """
     whole = all(float(s.slope).is_integer() and float(s.intercept).is_integer() for s in slices)
     values = np.empty((len(slices), *slices[0].shape), dtype=np.int32 if whole else np.float32)
-    frames: dict[Path, NDArray[Any]] = {}
+    frames: dict[Path, NumberArray] = {}
     filled = 0
     for index, each in enumerate(slices):
         if each.path not in frames:
@@ -59,7 +58,7 @@ def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> NDAr
     return values.astype(np.float32)
 
 
-def _decode(path: Path) -> NDArray[Any]:
+def _decode(path: Path) -> NumberArray:
     dataset = read_file(path)
     if dataset is None:
         raise InputError(f"{path} is not DICOM any more; did it change while being read? Start again")

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import SimpleITK as sitk
-from numpy.typing import NDArray
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, NumberArray
 from palpate.imaging.dicom.stack import Stack
 from palpate.imaging.volume import Volume
 
 
-def as_volume(pixels: NDArray[Any], stack: Stack, notes: list[str]) -> Volume:
+def as_volume(pixels: NumberArray, stack: Stack, notes: list[str]) -> Volume:
     """The volume of a stack's pixels (n, rows, columns), resampled only where it must be, which is noted."""
     if not stack.even:
         gaps = np.diff(stack.positions)
@@ -48,7 +47,7 @@ def _affine(stack: Stack) -> FloatArray:
     return affine
 
 
-def _evenly(pixels: NDArray[Any], stack: Stack) -> NDArray[Any]:
+def _evenly(pixels: NumberArray, stack: Stack) -> NumberArray:
     along = stack.positions - stack.positions[0]
     wanted = np.linspace(0.0, along[-1], round(along[-1] / stack.gap) + 1)
     after = np.clip(np.searchsorted(along, wanted), 1, len(along) - 1)
@@ -90,5 +89,5 @@ def _straightened(sheared: Volume, stack: Stack) -> Volume:
     return straight.with_array(_as_type(straight.array, sheared.array.dtype))
 
 
-def _as_type(values: NDArray[Any], dtype: Any) -> NDArray[Any]:
+def _as_type(values: NumberArray, dtype: Any) -> NumberArray:
     return np.ascontiguousarray(np.rint(values).astype(np.int16) if dtype == np.int16 else values.astype(np.float32))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import SimpleITK as sitk
@@ -57,7 +56,7 @@ class Alignment:
     overlap: float
     notes: tuple[str, ...] = field(default=())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """The JSON object of alignment.json."""
         return {
             "deformed_to_rest": self.deformed_to_rest.tolist(),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -32,7 +31,7 @@ class BoneMotion:
     turn_deg: float
     residual_mm: float
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """JSON-able form."""
         return {key: round(value, 3) for key, value in vars(self).items()}
 

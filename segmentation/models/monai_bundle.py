@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 import SimpleITK as sitk
-from numpy.typing import NDArray
 
-from palpate.core.arrays import BoolArray
+from palpate.core.arrays import BoolArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.roi_names import organ_of
 from palpate.imaging.volume import Volume
@@ -192,7 +191,7 @@ def _prepared(ct: Volume, plan: BundlePlan) -> Volume:
     return Volume(np.asarray(values, dtype=np.float32), affine)
 
 
-def _turned(array: NDArray[Any], plan: BundlePlan) -> NDArray[Any]:
+def _turned(array: NumberArray, plan: BundlePlan) -> NumberArray:
     return np.flip(array, _FLIPS[plan.axes])
 
 

@@ -16,7 +16,7 @@ from palpate.core.diagnose.bench_bodies.rivals import Rival, rivals
 from palpate.core.diagnose.bench_bodies.scene import BodySolver
 from palpate.core.diagnose.diagnosis_record import DecidedByRecord, DiagnosisRecord, StiffnessRecord, WhereRecord
 from palpate.core.diagnose.effects import Effect, library
-from palpate.core.diagnose.options import DiagnosisOptions
+from palpate.core.diagnose.options import DiagnosisJob, DiagnosisOptions
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.errors import InputError
 from palpate.core.worker.executors import one_thread
@@ -36,10 +36,9 @@ def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
             problem = BodyProblem.from_arrays({key: archive[key] for key in archive.files})
     except OSError as error:
         raise InputError(f"{path}: not readable ({error}); run diagnose again") from error
-    options = DiagnosisOptions.from_json(job.options.get("numbers", {}))
-    folder = job.options.get("effects")
-    effects = library(None if folder is None else Path(folder))
-    found, residuals = diagnose_body(problem, effects, str(job.options["case"]), reporter.progress, options)
+    options = job.options_as(DiagnosisJob)
+    effects = library(options.folder)
+    found, residuals = diagnose_body(problem, effects, options.case, reporter.progress, options.numbers)
     np.savez(Path(job.folder) / MAP_FILE, **residuals)  # type: ignore[arg-type]
     return found
 

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypedDict
 
+import msgspec
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
@@ -63,13 +64,22 @@ def scans_job(sources: Mapping[str, Path], case: Path | None, folder: Path) -> J
     return Job(KIND, str(folder), options=options, workers=cores())
 
 
+class ReadScans(msgspec.Struct, frozen=True):
+    """Options. sources : folder of each state's scan. case : folder whose labels are read."""
+
+    sources: dict[str, str]
+    case: str | None = None
+
+
 def run(job: Job, reporter: Reporter) -> dict[str, object]:
-    """Options: sources {state: folder} of scans, case: folder whose labels are read, or null. Everything is told when it is read,
-    by a progress message with `found`: labels {state: ...} or scan {...}; the result is empty. Raises InputError as `read_series`."""
-    sources = dict(job.options["sources"])
-    folder = Path(job.folder)
-    if job.options["case"] is not None:
-        reporter.progress(0.05, "labels", found={"labels": read_labels(folder, CaseFolder(job.options["case"]))})
+    """Options as `ReadScans`. Raises InputError as `read_series`.
+
+    Everything is told when it is read, by a progress message with `found`: labels {state: ...} or scan {...}; the result is empty.
+    """
+    asked = job.options_as(ReadScans)
+    sources, folder = asked.sources, Path(job.folder)
+    if asked.case is not None:
+        reporter.progress(0.05, "labels", found={"labels": read_labels(folder, CaseFolder(asked.case))})
     if sources:
         reporter.progress(0.1, "reading the scans")
         with make_executor(min(job.workers, len(sources))) as executor:

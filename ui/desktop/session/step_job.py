@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
+
 from palpate.case import history
 from palpate.case.case_folder import CaseFolder
 from palpate.core.worker.executors import cores
@@ -12,7 +14,7 @@ from palpate.core.worker.inline import run_inline
 from palpate.core.worker.job import Job
 from palpate.core.worker.lifeline import give_way
 from palpate.core.worker.messages import Message, Reporter
-from palpate.ui.desktop.session.step_requests import StepRequest
+from palpate.ui.desktop.session.step_requests import RequestData, StepRequest
 
 KIND = "palpate.ui.desktop.session.step_job:run"
 # What a step's own sums tell beside how far they are.
@@ -47,10 +49,14 @@ def steps_job(requests: Sequence[StepRequest], folder: Path) -> Job:
     return Job(KIND, str(folder), options={"steps": [request.to_dict() for request in requests]}, workers=cores())
 
 
+class _StepsJob(msgspec.Struct, frozen=True):
+    steps: list[RequestData]
+
+
 def run(job: Job, reporter: Reporter) -> dict[str, object]:
     """Options: steps, a list of `StepRequest.to_dict`. Returns what each step returned, by its name."""
     give_way()
-    requests = [StepRequest.from_dict(given) for given in job.options["steps"]]
+    requests = [StepRequest.from_dict(given) for given in job.options_as(_StepsJob).steps]
     results = {}
     for number, request in enumerate(requests):
         teller = _Teller(reporter, number, len(requests), request.step.name)
