@@ -1,1 +1,1 @@
-"""The sim-to-real gap: is there one, where, which effect that the model leaves out causes it, and how far it shrinks with it."""
+"""Diagnosis of the sim-to-real gap: whether there is one, where, which effect causes it, and how far it shrinks."""

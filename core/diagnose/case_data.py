@@ -1,4 +1,4 @@
-"""What a diagnosis sees of a case, and its file."""
+"""Data of a case that a diagnosis reads, and their file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ _KEYS = ("points", "faces", "region")
 
 @dataclass(frozen=True, eq=False)
 class CaseData:
-    """bones : their surfaces at rest and deformed. gravity : m/s2 as stated, None when unknown. remeshed : other meshes.
+    """bones : their surfaces at rest and deformed. gravity : m/s2 as stated, None when unknown. remeshed : other
+    meshes.
 
     more : of further deformed states, on the same mesh and with the same organ at rest, each its problem and its bones.
     """
@@ -52,7 +53,7 @@ def arrays(data: CaseData) -> dict[str, NDArray[np.generic]]:
 
 
 def load(path: Path) -> CaseData:
-    """Raises InputError when the file is missing or not such data."""
+    """Case data from their file. Raises InputError when it is missing or holds something else."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             found = {key: archive[key] for key in archive.files}

@@ -1,4 +1,4 @@
-"""The diagnosis of one case: is there a gap, which effect, where, how far it shrinks. Numbers in, numbers out."""
+"""Diagnosis of one case: arrays in, judgement out."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def diagnose(
 
 
 def _unnamed(fit: PlainFit, forces: UnknownDiscrepancy) -> float:
-    """Log evidence, against the plain model, of a free smooth field of any size, whatever the noise."""
+    """Log evidence, against the plain model, of a free smooth field of any size, averaged over the noise."""
     r, J, R = fit.linearisation.residual, fit.linearisation.in_theta, forces.free
     none = np.zeros((len(r), len(r)))
     plain = fit.noise.log_likelihood(r, J, none)

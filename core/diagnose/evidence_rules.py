@@ -1,4 +1,5 @@
-"""How evidence is weighed before a verdict: the numbers of gap test, refits, and prediction of what was left out, each with its source."""
+"""How evidence is weighed before a verdict: the numbers of gap test, refits, and prediction of what was left out, each
+with its source."""
 
 from __future__ import annotations
 

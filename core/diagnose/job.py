@@ -1,4 +1,4 @@
-"""Diagnosis as a job of the worker process: case data in one file, diagnosis.json's content and the maps out."""
+"""Diagnosis as a job of the worker process: case data in one file, content of diagnosis.json and maps out."""
 
 from __future__ import annotations
 

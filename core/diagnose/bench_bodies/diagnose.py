@@ -1,4 +1,4 @@
-"""The diagnosis of a body on a bench, in the form of diagnosis.json."""
+"""Diagnosis of a body on a bench, in the form of diagnosis.json."""
 
 from __future__ import annotations
 

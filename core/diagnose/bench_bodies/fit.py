@@ -1,4 +1,4 @@
-"""Fitting a body's stiffness, and effects with it, to the markers of all states at once."""
+"""Fit of a body's stiffness, and of effects, to the markers of all states at once."""
 
 from __future__ import annotations
 
@@ -61,7 +61,8 @@ class BodyModel:
         return out
 
     def linearised(self, x: FloatArray, which: Sequence[int]) -> tuple[FloatArray, FloatArray] | None:
-        """Residual (m,) mm, predicted minus seen, of the markers of the states `which`, and its derivative in x; None: no answer."""
+        """Residual (m,) mm, predicted minus seen, of the markers of the states `which`, and its derivative in x; None:
+        no answer."""
         r, J = [], []
         for k in which:
             state = self.solver.problem.states[k]

@@ -1,4 +1,4 @@
-"""The plain model of a body, whether its states show a gap, and the answer."""
+"""Judgement of a body: plain model, test for a gap, verdict."""
 
 from __future__ import annotations
 
@@ -63,7 +63,8 @@ def unnamed(base: BodyFit) -> float:
 
 @dataclass(frozen=True, eq=False)
 class BodyFindings:
-    """What the rules of a body's verdict look at. gravity_unmodelled : gravity is known to act, and the plain model has none.
+    """What the rules of a body's verdict look at. gravity_unmodelled : gravity is known to act, and the plain model has
+    none.
 
     rules : the numbers that the conditions hang on.
     """
@@ -147,7 +148,8 @@ BODY_RULES: tuple[Rule[BodyFindings], ...] = (
 
 
 def decide_body(base: BodyFit, rivals: Sequence[Rival], detected: bool) -> Verdict:
-    """The first of `BODY_RULES` that holds decides. rivals : effects refitted, best first. detected : whether there is a gap."""
+    """The first of `BODY_RULES` that holds decides. rivals : effects refitted, best first. detected : whether there is
+    a gap."""
     problem = base.model.solver.problem
     known = not problem.model_gravity and any(np.linalg.norm(s.gravity) > 0.1 for s in problem.states)
     findings = BodyFindings(detected, rivals, unnamed(base), known, rules=base.model.solver.options.decision_rules)

@@ -1,4 +1,4 @@
-"""What a bench test shows: a body, what holds it, and states with their loads and the markers seen in them."""
+"""Problem of a bench test: a body, its supports, and states with loads and markers."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ class BodyState:
 
 @dataclass(frozen=True, eq=False)
 class BodyProblem:
-    """mesh : region BODY. held : (f, 3) boundary faces that supports hold. model_gravity : whether the plain model has gravity."""
+    """mesh : region BODY. held : (f, 3) boundary faces that supports hold. model_gravity : whether the plain model has
+    gravity."""
 
     mesh: TetMesh
     held: IntArray

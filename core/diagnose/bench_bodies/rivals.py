@@ -1,4 +1,4 @@
-"""Effects that a body's states might ask for: screening, refits, and the prediction of every state from the others."""
+"""Effects that a body's states may ask for: score test, refits, and prediction of every state from the others."""
 
 from __future__ import annotations
 
@@ -32,9 +32,11 @@ class BodySurroundings(Surroundings):
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """An effect refitted to all states. log_evidence : against the base, averaged over its places. tried : how many there were.
+    """An effect refitted to all states. log_evidence : against the base, averaged over its places. tried : how many
+    there were.
 
-    left_out : (states, 2) rms mm of every state's markers predicted from the others, base and effect; NaN where there are no others.
+    left_out : (states, 2) rms mm of every state's markers predicted from the others, base and effect; NaN where there
+    are no others.
     """
 
     effect: Effect
@@ -45,7 +47,8 @@ class Rival:
 
     @property
     def predicts(self) -> bool:
-        """Whether every state is predicted better from the others, and all together by the share of the mean square that counts."""
+        """Whether every state is predicted better from the others, and all together by the share of the mean square
+        that counts."""
         before, after = np.square(self.left_out).T
         left = 1.0 - self.fit.model.solver.options.decision_rules.gain_share
         return bool(np.isfinite(before).all() and (after < before).all() and after.sum() < left * before.sum())

@@ -1,4 +1,4 @@
-"""A composition of a body in one of its states, ready to be solved, and where it puts the markers."""
+"""Composition of a body in one of its states, ready to be solved, and the markers' predicted motion."""
 
 from __future__ import annotations
 
@@ -96,7 +96,8 @@ class BodySolver:
 
 
 def _carried(nodes: FloatArray, u: FloatArray, x: FloatArray) -> FloatArray:
-    """Motion (3,) of a point x (3,) that is fixed to the material around the node nearest to it: a rigid fit (Kabsch 1976)."""
+    """Motion (3,) of a point x (3,) that is fixed to the material around the node nearest to it: a rigid fit (Kabsch
+    1976)."""
     tree = cKDTree(nodes)
     near = tree.query_ball_point(nodes[tree.query(x)[1]], HOLDER_MM)
     before, after = nodes[near], nodes[near] + u[near]

@@ -1,1 +1,1 @@
-"""Is there a gap, and where: score test, gap test, placebo effects, patches left out, maps."""
+"""Detection and location of a gap: score test, gap test, placebo effects, patches left out, maps."""

@@ -1,4 +1,4 @@
-"""Is there a gap at all? The plain model's residual against what noise alone would leave."""
+"""Test for a gap: the plain model's residual against what noise alone leaves."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _FAR = 3.0
 
 @dataclass(frozen=True, eq=False)
 class EffectDirections:
-    """A named effect's directions S (n, k), one for each of its variants; the standard deviations (k,) of its parameters' prior, and
-    their bounds (k, 2).
+    """A named effect's directions S (n, k), one for each of its variants; the standard deviations (k,) of its
+    parameters' prior, and their bounds (k, 2).
     """
 
     directions: Sequence[FloatArray]
@@ -32,11 +32,11 @@ class EffectDirections:
 
 @dataclass(frozen=True)
 class GapTest:
-    """statistic Q (the mean over the noise's sizes) and its degrees of freedom; p_value of the test; of single looks: whole, smooth (no
-    name), named.
+    """statistic Q (the mean over the noise's sizes) and its degrees of freedom; p_value of the test; of single looks:
+    whole, smooth (no name), named.
 
-    p_value : how often noise alone makes the smallest of the two looks as small (Westfall & Young 1993), see `gap_test`.
-    detected : whether that is below `level`.
+    p_value : how often noise alone makes the smallest of the two looks as small (Westfall & Young 1993), see
+    `gap_test`. detected : whether that is below `level`.
     """
 
     statistic: float
@@ -61,16 +61,17 @@ def gap_test(
 ) -> GapTest:
     """Two looks at the residual r (n,), the stiffness J (n, t) projected out, both against draws under the plain model.
 
-    The first is the Bayes factor of a gap: the evidence of every named effect, the mean over its variants, and of a free smooth field
-    (n, k) of any size, the mean of all by their prior probabilities. No other test finds more of such gaps on the average (Neyman &
-    Pearson), and an effect with many variants does not drown one with a single one. The second, Q = r'Mr, sees any excess,
-    also one that nobody has thought of; it takes a tenth of the false alarms.
-    How large the noise is, is not known: with a gap or without, evidence is the mean over all that it may be, and every draw has a size
-    of its own that the plain model allows, and pays for not knowing it as the data do. With one size for all, fitted while a gap was
-    allowed for, noise that happened to come out small made alarms.
-    refitted : log evidences by effect after refits in full, which a first look from the plain fit underrates: the stiffness has run far
-    to absorb an effect, a push lies between the places that were tried. For cases with a first look of at most `clear`. Draws are not
-    refitted; those that would be, gain what refits gain where there is no gap, else every gain of the data's would pass for evidence.
+    The first is the Bayes factor of a gap: the evidence of every named effect, the mean over its variants, and of a
+    free smooth field (n, k) of any size, the mean of all by their prior probabilities. No other test finds more of such
+    gaps on the average (Neyman & Pearson), and an effect with many variants does not drown one with a single one. The
+    second, Q = r'Mr, sees any excess, also one that nobody has thought of; it takes a tenth of the false alarms. How
+    large the noise is, is not known: with a gap or without, evidence is the mean over all that it may be, and every
+    draw has a size of its own that the plain model allows, and pays for not knowing it as the data do. With one size
+    for all, fitted while a gap was allowed for, noise that happened to come out small made alarms. refitted : log
+    evidences by effect after refits in full, which a first look from the plain fit underrates: the stiffness has run
+    far to absorb an effect, a push lies between the places that were tried. For cases with a first look of at most
+    `clear`. Draws are not refitted; those that would be, gain what refits gain where there is no gap, else every gain
+    of the data's would pass for evidence.
     """
     freedom = len(r) - J.shape[1]
     noise = noise.probable(r, J, fields, rules.noise_sizes)
@@ -102,14 +103,16 @@ def gap_test(
 
 
 def _p_values(factor: FloatArray, whole: FloatArray, whole_share: float) -> FloatArray:
-    """(draws,) p-values of both looks together, the data's first: how often the smaller of the two is as small."""
+    """p-values (draws,) of both statistics together, the data's first: the share of draws whose smaller p-value is as
+    small."""
     return _shares(-np.minimum(_shares(factor) / (1.0 - whole_share), _shares(-whole) / whole_share))
 
 
 def _refitted_p_values(
     p: FloatArray, factor: FloatArray, refitted: float, whole: FloatArray, rules: DecisionRules
 ) -> FloatArray:
-    """(draws * gains,) p-values with the data's factor after refits, and every draw that would be refitted with every gain."""
+    """(draws * gains,) p-values with the data's factor after refits, and every draw that would be refitted with every
+    gain."""
     adds = np.array(rules.refits_add)
     gain = np.where(p <= rules.clear, 1.0, 0.0)[:, None] * adds
     gain[0] = max(refitted - factor[0], 0.0)
@@ -117,7 +120,7 @@ def _refitted_p_values(
 
 
 def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray:
-    """(n, draws) of noise whose size is what the plain model makes of the data."""
+    """Draws (n, draws) of noise, with sizes from their posterior under the plain model."""
     weight = softmax(noise.log_likelihood(r, J, np.zeros((len(r), len(r)))) + noise.log_prior)
     size = rng.choice(len(weight), draws, p=weight)
     out = rng.standard_normal((len(r), draws))
@@ -128,9 +131,10 @@ def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Genera
 
 @dataclass(eq=False)
 class _Statistics:
-    """Log likelihoods of every draw, one row for each size of the noise: of the plain model, with a free field, with each effect.
+    """Log likelihoods of every draw, one row for each size of the noise: plain model, with a free field, with each
+    effect.
 
-    gap_sizes : of the free field, over its typical one; 0 is none. Q : r'Mr.
+    Q : r'Mr.
     """
 
     gap_sizes: Sequence[float]
@@ -148,7 +152,7 @@ class _Statistics:
         named: Mapping[str, EffectDirections],
         draws: FloatArray,
     ) -> None:
-        """Under noise of covariance C (n, n)."""
+        """Add the statistics under noise of covariance C (n, n)."""
         L = np.asarray(np.linalg.cholesky(C), dtype=np.float64)
         Jw = _whitened(L, J)
         x = projected(Jw, _whitened(L, draws))
@@ -162,7 +166,7 @@ class _Statistics:
             self.named.setdefault(name, []).append(plain + _of_effect(S, effect, x))
 
     def together(self) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """(draws,) log Bayes factors against the plain model, whatever the noise: of a free field, of each effect."""
+        """Log Bayes factors (draws,) against the plain model, averaged over the noise: free field, each effect."""
         plain = np.asarray(logsumexp(self.plain, axis=0))
         named = {name: np.asarray(logsumexp(rows, axis=0)) - plain for name, rows in self.named.items()}
         return np.asarray(logsumexp(self.smooth, axis=0)) - plain, named
@@ -173,7 +177,7 @@ def _whitened(L: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _any_named(library: Sequence[FloatArray], n: int) -> FloatArray:
-    """(n,) log evidence of any effect of a library, all as likely before."""
+    """Log evidence (n,) of any effect of a library, with equal prior probabilities."""
     return means_of_exponentials(library) if library else np.full(n, -np.inf)
 
 
@@ -183,7 +187,7 @@ def _of_a_gap(smooth: FloatArray, named: FloatArray, prior_unknown: float) -> Fl
 
 
 def _unnamed(fields: FloatArray, draws: FloatArray, gap_sizes: Sequence[float]) -> FloatArray:
-    """(draws,) log evidence of a free field (n, k) that may have any of these sizes."""
+    """Log evidence (draws,) of a free field (n, k), the mean over sizes `gap_sizes`."""
     values, vectors = np.linalg.eigh(fields.T @ fields)
     values = np.maximum(values, 0.0)
     seen = (vectors.T @ (fields.T @ draws)) ** 2
@@ -197,7 +201,8 @@ def _unnamed(fields: FloatArray, draws: FloatArray, gap_sizes: Sequence[float]) 
 
 
 def _of_effect(S: FloatArray, effect: EffectDirections, draws: FloatArray) -> FloatArray:
-    """(draws,) log evidence of an effect, the mean over its variants, whose directions S (n, variants * k) holds side by side."""
+    """Log evidence (draws,) of an effect, the mean over its variants; S (n, variants * k) holds their directions side
+    by side."""
     k = len(effect.scales)
     seen, alike = S.T @ draws, S.T @ S
     at = [slice(v * k, (v + 1) * k) for v in range(len(effect.directions))]
@@ -205,7 +210,8 @@ def _of_effect(S: FloatArray, effect: EffectDirections, draws: FloatArray) -> Fl
 
 
 def _gain(A: FloatArray, seen: FloatArray, scales: FloatArray, bounds: FloatArray) -> FloatArray:
-    """(draws,) log evidence of directions S (n, k) with normal priors, cut off at bounds (k, 2). A : S'S; seen (k, draws) : S'r."""
+    """Log evidence (draws,) of directions S (n, k) with normal priors truncated at bounds (k, 2). A : S'S; seen (k,
+    draws) : S'r."""
     values, vectors = np.linalg.eigh(A * np.outer(scales, scales))
     values = np.maximum(values, 0.0)
     b = vectors.T @ (scales[:, None] * seen)
@@ -221,6 +227,6 @@ def _gain(A: FloatArray, seen: FloatArray, scales: FloatArray, bounds: FloatArra
 
 
 def _shares(values: FloatArray) -> FloatArray:
-    """For each value the share of all values that are at least as large, itself among them."""
+    """For each value, the share of all values that are at least as large, itself included."""
     ascending = np.sort(values)
     return np.asarray((len(values) - np.searchsorted(ascending, values, side="left")) / len(values))

@@ -1,4 +1,5 @@
-"""How a case's data are left out in turn: the organ's surface in patches and the landmarks, and the bones' surfaces in patches."""
+"""Splits of a case's data: patches of the organ's surface and the landmarks, and patches of the bones, left out in
+turn."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from palpate.core.residual.plain_fit import PlainFit
 def organ_split(fit: PlainFit, rules: DecisionRules) -> Split:
     """Patches of the organ, then one of all landmarks; the bones' motion is never left out.
 
-    A patch is left out of all deformed states at once: the contour at rest, which they share, would give it away. Rows of the organ's
+    A patch is left out of all deformed states at once, because they share the contour at rest. Rows of the organ's
     surfaces come first, state by state.
     """
     data_vectors, at_rest = fit.model.data_vectors, fit.linearisation.first.scene.observation.points
@@ -36,17 +37,15 @@ def organ_split(fit: PlainFit, rules: DecisionRules) -> Split:
 
 
 def _rows_of_surface(data: DataVector, chosen: IntArray) -> FloatArray:
-    """(c, n) that takes a state's data to the organ's surface at the chosen points (c,)."""
+    """Matrix (c, n) that takes a state's data to the organ's surface at the chosen points (c,)."""
     out = np.zeros((len(chosen), data.n))
     out[:, : data.n_modes] = data.modes[chosen]
     return out
 
 
 def bone_split(fit: PlainFit, state: int, rules: DecisionRules) -> Split | None:
-    """Patches of a state's bones, whose rigid motion the others must tell, and all else, which is not left out.
-
-    None where the state shows no bones.
-    """
+    """Patches of a state's bones, left out in turn, and all other data, which are not; None where the state shows no
+    bones."""
     organ, bone, at = organ_split(fit, rules), fit.model.each[state].data.bone, fit.model.bones[state]
     if bone is None or at is None:
         return None
@@ -75,7 +74,7 @@ def _thinned(points: FloatArray, spacing: float) -> IntArray:
 
 
 def _patches(points: FloatArray, width: float) -> IntArray:
-    """Voronoi cells of points far apart: every next seed is the point farthest from those before."""
+    """Patch index of each point: Voronoi cells of seeds, each the point farthest from those before."""
     seeds = [int(np.argmin(points[:, 2]))]
     distance = np.linalg.norm(points - points[seeds[0]], axis=1)
     while distance.max() > width:

@@ -1,4 +1,4 @@
-"""Where the gap lies: the residual in its own standard deviations, and the least field of forces that would close it."""
+"""Location of a gap: standardised residual on the organ, and the smallest field of forces that would close it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ _SIDES = (("right", "left"), ("anterior", "posterior"), ("inferior", "superior")
 
 @dataclass(frozen=True, eq=False)
 class DiscrepancyMaps:
-    """points (q, 3) mm, normals, region (q,), residual (q,) mm, standardised (q,); nodes (k, 3) mm near the organ, force (k, 3) kPa/mm.
+    """points (q, 3) mm, normals, region (q,), residual (q,) mm, standardised (q,); nodes (k, 3) mm near the organ,
+    force (k, 3) kPa/mm.
 
-    peak : (3,) mm where the missing force is largest, None when there is none. blur_mm : how far a point force spreads in that map.
+    peak : (3,) mm where the missing force is largest, None when there is none. blur_mm : how far a point force spreads
+    in that map.
     """
 
     points: FloatArray
@@ -37,7 +39,7 @@ class DiscrepancyMaps:
 
 
 def discrepancy_maps(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRules, state: int = 0) -> DiscrepancyMaps:
-    """Maps of a deformed state at the plain fit, from that state's data."""
+    """Maps of one deformed state at the plain fit, from that state's data."""
     data, linearisation, forces, rows = (
         fit.model.each[state].data,
         fit.linearisation.each[state],
@@ -72,7 +74,8 @@ def discrepancy_maps(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRul
 
 
 def residuals(fit: PlainFit) -> list[FloatArray]:
-    """For each deformed state (q,) mm, what the plain model leaves on the organ's surface, as smooth as contour noise."""
+    """Residuals (q,) mm of the plain model on the organ's surface, for each deformed state, smoothed like contour
+    noise."""
     each = zip(fit.model.each, fit.linearisation.each, strict=True)
     return [model.data.modes @ linearisation.residual[: model.data.n_modes] for model, linearisation in each]
 
@@ -98,7 +101,7 @@ def _row(maps: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: fl
 
 
 def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray, rules: DecisionRules) -> FloatArray | None:
-    """Centre of the largest forces near the organ."""
+    """Centre (3,) mm of the largest forces near the organ; None where there are none."""
     if len(nodes) == 0 or size.max() <= 0.0:
         return None
     close = cKDTree(organ).query(nodes)[0] < rules.peak_near_mm
@@ -112,7 +115,7 @@ def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray, rules: Decisio
 def _blur(
     forces: ForceFields, resolution: FloatArray, nodes: FloatArray, near: IntArray, peak: FloatArray | None
 ) -> float:
-    """Point spread: radius (rms, mm) within which the map shows a force that acts at the peak alone."""
+    """Point spread: rms radius, mm, of the map of a force that acts at the peak alone."""
     if peak is None:
         return 0.0
     at = near[int(np.argmin(np.linalg.norm(nodes - peak, axis=1)))]

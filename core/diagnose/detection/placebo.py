@@ -1,4 +1,4 @@
-"""Effects that are none: random smooth loads as strong as the effect under test, and an effect with a place moved elsewhere."""
+"""Placebo effects: random smooth loads as strong as the effect under test, and the same effect at another place."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from palpate.core.statistics import rms
 def placebo_gains(
     split: Split, plain: Linear, before: FloatArray, forces: UnknownDiscrepancy, size: float, count: int, seed: int = 1
 ) -> list[Gain]:
-    """Gain on data left out of each of `count` placebos: a random smooth load whose amplitude is fitted, of the given prior size.
+    """Gains on data left out of `count` placebos: random smooth loads of a given prior size, their amplitudes fitted.
 
-    size : rms of the residual's change, mm per entry of the data vector, that the effect under test makes.
+    size : rms change of the residual, mm per entry of the data vector, that the effect under test makes.
     """
     rng = np.random.default_rng(seed)
     p = plain.J.shape[1]
@@ -37,7 +37,8 @@ def moved_gains(
     where: tuple[float, float, float],
     apart_mm: float,
 ) -> list[Gain]:
-    """Gain on data left out of the same effect at every other place (mirrored or moved by at least apart_mm), its size fitted."""
+    """Gain on data left out of the same effect at every other place (mirrored or moved by at least apart_mm), its size
+    fitted."""
     models = []
     for variant, S in zip(screened.variants, screened.directions, strict=True):
         if variant.where is None or np.linalg.norm(np.subtract(variant.where, where)) < apart_mm:

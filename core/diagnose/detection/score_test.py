@@ -1,4 +1,4 @@
-"""First look at all effects: score test and linear evidence of every variant, from one back-substitution a parameter."""
+"""Score test and linear evidence of every effect, from one back-substitution per parameter."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from palpate.core.residual.plain_fit import PlainFit
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """An effect after the first look: its variants, best first, each with its score and its directions S (n, k).
+    """An effect after the score test: its variants, best first, with their scores and directions S (n, k).
 
-    log_evidence : against the plain model, averaged over all variants. tried : how many there were.
+    log_evidence : against the plain model, the mean over all variants.
     """
 
     effect: Effect
@@ -58,5 +58,5 @@ def screen(fit: PlainFit, effects: Mapping[str, Effect], around: Surroundings) -
 
 
 def _at_zero(fit: PlainFit, effect: Effect) -> JointLinearisation:
-    """The plain point as a point of the effect's model."""
+    """The plain linearisation as one of the effect's model at phi = 0."""
     return fit.linearisation.with_phi(np.zeros(len(effect.parameters)))

@@ -9,8 +9,9 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.forward.material_changes import scaled
 
-# Of a focus, mm: its radius before the fit (chosen; the blind check hides radii of 6.5 to 9.5, validate/blind/simulator/draws.py), the
-# width of its edge (numerical: about a cell, so that it moves smoothly through the mesh), and how far apart places are tried.
+# Of a focus, mm: its radius before the fit (chosen; the blind check hides radii of 6.5 to 9.5,
+# validate/blind/simulator/draws.py), the width of its edge (numerical: about a cell, so that it moves smoothly through
+# the mesh), and how far apart places are tried.
 _RADIUS_MM, _EDGE_MM, _SPACING_MM = 7.5, 1.5, 11.0
 
 

@@ -14,8 +14,8 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 from palpate.core.surfaces.triangles import area_vectors
 
-# Standard deviation of the pressure's profile, mm: the load is a centimetre or two across (chosen). Distance between the
-# places that are tried, mm.
+# Standard deviation of the pressure's profile, mm: the load is a centimetre or two across (chosen). Distance between
+# the places that are tried, mm.
 _RADIUS_MM, _SPACING_MM = 6.0, 10.0
 
 

@@ -1,7 +1,7 @@
-"""The error of the quick element at the leading effects' own optima, in place of the plain model's.
+"""Error of the quick element at the optimum of each leading effect, in place of the plain model's.
 
-An organ that gives up volume, is cut free or starts from another shape is another body, and linear cells err on it by something else:
-of an organ hidden with Poisson's ratio 0 the correction changes by 0.05 to 0.08 mm rms of 0.24.
+An organ that loses volume, is cut free or starts from another shape is another body, on which linear cells err
+differently: for an organ with Poisson's ratio 0 the correction changes by 0.05 to 0.08 mm rms, of 0.24.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from palpate.core.residual.linearised_model import StateModel
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.progress import Progress, silent
 
-# From the quick element's equilibrium the better one is there after a factorisation or two, or fights in vain: 74 s of a sliding
-# organ's 180 went into forty.
+# From the quick element's equilibrium the better one is there after a factorisation or two, or fights in vain: 74 s of
+# a sliding organ's 180 went into forty.
 _FEW = replace(OPTIONS, max_factorisations=8)
 
 
@@ -33,9 +33,9 @@ def with_own_element_errors(
     rules: DecisionRules,
     progress: Progress = silent,
 ) -> list[Refit]:
-    """The refits (best first), the leading ones corrected by what the better element says at their own optimum, and fitted anew.
+    """The refits (best first), the leading ones corrected at their own optimum and fitted anew.
 
-    Those on which it finds no equilibrium stay as they are, all of them where it found none for the plain model.
+    Those without an equilibrium of the better element stay as they are; so do all where the plain model has none.
     """
     most, within = rules.own_error_most, rules.own_error_within
     leading = [f for f in refits[:most] if f.log_evidence > refits[0].log_evidence - within]

@@ -1,4 +1,4 @@
-"""Two effects at once, where one alone leaves more than noise."""
+"""Pairs of effects, for cases where one effect alone leaves more than noise."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ def joined(first: Variant, second: Variant, split: int) -> Variant:
 def refit_pairs(
     fit: PlainFit, screened: Sequence[Screened], refits: Sequence[Refit], rules: DecisionRules
 ) -> list[Refit]:
-    """The best effect with each of its likeliest partners, refitted; best first. Each at the place where it fitted best alone.
+    """The best effect with each of its likeliest partners, refitted; best first. Each at the place where it fitted best
+    alone.
 
     log_evidence : pays for the number of partners tried.
     """

@@ -1,4 +1,4 @@
-"""Refitting an effect in full: stiffness and the effect's parameters together, the model solved anew at every step."""
+"""Full refit of an effect: Gauss-Newton on stiffness and effect, with the model solved at every step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.plain_fit import FLAT, PlainFit
 
-# Numerical: a fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations), or after so many solves.
+# Numerical: a fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations), or after so
+# many solves.
 _TOLERANCE, _EVALUATIONS = 0.03, 9
 
 
@@ -22,10 +23,10 @@ _TOLERANCE, _EVALUATIONS = 0.03, 9
 class Refit:
     """An effect's variant where it fits best.
 
-    point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi).
-    own_evidence : log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
-    log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction (n,) : what a better element adds to its
-    residual. others : variants that were refitted too.
+    point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi). own_evidence :
+    log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
+    log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction (n,) : what a better
+    element adds to its residual. others : variants that were refitted too.
     """
 
     hypothesis: Hypothesis
@@ -39,17 +40,18 @@ class Refit:
 
     @property
     def phi(self) -> FloatArray:
-        """(k,) the effect's parameters."""
+        """Parameters (k,) of the effect."""
         return self.linearisation.phi
 
     @property
     def sd_phi(self) -> FloatArray:
-        """(k,) their standard deviations."""
+        """Standard deviations (k,) of phi."""
         return np.sqrt(np.diag(self.covariance))[len(self.linearisation.theta) :]
 
 
 def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
-    """Gauss-Newton on (ln G, phi) from the plain fit, of one variant; None when the model with the effect cannot be solved."""
+    """Gauss-Newton on (ln G, phi) from the plain fit, of one variant; None when the model with the effect cannot be
+    solved."""
     return _fitted(fit, screened, which, fit.linearisation, _start(screened, which))
 
 
@@ -65,7 +67,7 @@ def refit_corrected(fit: PlainFit, screened: Screened, found: Refit, correction:
 
 
 def _fitted(fit: PlainFit, screened: Screened, which: int, near: JointLinearisation, start: FloatArray) -> Refit | None:
-    """Gauss-Newton from the point `near` and phi / scale = start (k,)."""
+    """Gauss-Newton from the linearisation `near` and phi / scale = start (k,)."""
     effect = screened.effect
     hypothesis = Hypothesis(effect, screened.variants[which])
     t, scales = len(fit.linearisation.theta), effect.scales
@@ -98,7 +100,7 @@ def _fitted(fit: PlainFit, screened: Screened, which: int, near: JointLinearisat
 
 
 def _start(screened: Screened, which: int) -> FloatArray:
-    """phi / scale (k,): half of what the linear look says, at most one standard deviation, never exactly the plain model."""
+    """Start of phi / scale (k,): half the linear estimate, at most one standard deviation, never exactly 0."""
     guess = 0.5 * screened.scores[which].estimate / screened.effect.scales
     guess = np.clip(guess, -1.0, 1.0)
     low, high = (screened.effect.bounds / screened.effect.scales[:, None]).T
@@ -125,7 +127,7 @@ def _weighed(
 
 
 def _whatever_noise(fit: PlainFit, linearisation: JointLinearisation, S: FloatArray, scales: FloatArray) -> float:
-    """Log evidence against the plain model, the noise of neither given."""
+    """Log evidence against the plain model, both averaged over the noise."""
     J = np.hstack([linearisation.in_theta, S])
     precision = np.concatenate([np.full(len(linearisation.theta), FLAT), 1.0 / scales**2])
     prior = -0.5 * float(((linearisation.phi / scales) ** 2).sum()) - float(np.log(scales).sum())

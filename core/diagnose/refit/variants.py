@@ -1,4 +1,4 @@
-"""The variants of one effect refitted, and what they say of the effect together."""
+"""Refits of the variants of one effect, and their joint evidence."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ def refit_variants(fit: PlainFit, screened: Screened, rules: DecisionRules) -> R
 
 
 def of_all(found: Sequence[Refit], screened: Screened) -> Refit:
-    """The likeliest of the refitted variants, the rest as its others; log_evidence : the mean over all variants, refitted or not.
+    """The likeliest of the refitted variants, the rest as its others; log_evidence : the mean over all variants,
+    refitted or not.
 
-    A refitted variant counts with its own evidence, the others with their first look's and the least that a refit gained. As if all had
-    gained what the best one did, a load that may move and widen had evidence of 5 on effect-free cases, where its first look had none.
+    A refitted variant counts with its own evidence, the others with their first look's and the least that a refit
+    gained. As if all had gained what the best one did, a load that may move and widen had evidence of 5 on effect-free
+    cases, where its first look had none.
     """
     best = max(found, key=lambda f: f.own_evidence)
     first = np.array([s.log_evidence for s in screened.scores])
@@ -41,8 +43,8 @@ def of_all(found: Sequence[Refit], screened: Screened) -> Refit:
 def capped(found: Refit, screened: Screened) -> Refit:
     """With no more evidence than the first look has, where the stress-free mesh is another.
 
-    Another mesh has another error of the quick element, which the correction, made for the plain model, does not follow: on effect-free
-    cases such refits gained up to 5 over the first look, which has the plain model's mesh.
+    Another mesh has another error of the quick element, which the correction, made for the plain model, does not
+    follow: on effect-free cases such refits gained up to 5 over the first look, which has the plain model's mesh.
     """
     if found.linearisation.first.scene.composition.geometry is None:
         return found

@@ -1,1 +1,1 @@
-"""From refits to a verdict: judgement, shrinkage, averaged stiffness, record."""
+"""Verdict from refits: judgement, shrinkage, averaged stiffness, record."""

@@ -24,9 +24,9 @@ from palpate.core.diagnose.verdict.verdict import (
 class Findings:
     """What the rules of a verdict look at.
 
-    detected : outcome of the gap test. judged : effects after their refits. unknown : log evidence of a free smooth field of forces.
-    pair : two effects together, and the log evidence of both; None where no pair predicts more than the better one alone.
-    rules : the numbers that the conditions hang on.
+    detected : outcome of the gap test. judged : effects after their refits. unknown : log evidence of a free smooth
+    field of forces. pair : two effects together, and the log evidence of both; None where no pair predicts more than
+    the better one alone. rules : the numbers that the conditions hang on.
     """
 
     detected: bool

@@ -1,4 +1,4 @@
-"""From refits to an answer: prediction of what was left out, placebos, what remains, pairs; and all that was found, as one value."""
+"""Judgement of refits: prediction of data left out, placebos, remainder, pairs; and the diagnosis as one value."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from palpate.core.residual.unknown_field import UnknownDiscrepancy
 class Diagnosis:
     """All that was found; `palpate.core.diagnose.verdict.record` writes it down.
 
-    refits : best first. gains : of each refit, by effect id; placebo : median share gained by placebos of the best one's size.
-    forces : the free smooth field that stands for what has no name. rules : the numbers that decided.
+    refits : best first. gains : of each refit, by effect id; placebo : median share gained by placebos of the best
+    one's size. forces : the free smooth field that stands for what has no name. rules : the numbers that decided.
     """
 
     fit: PlainFit
@@ -48,9 +48,11 @@ class Diagnosis:
 
 
 def tempered(log_evidence: float, short_by: float) -> float:
-    """What log evidence is worth when standard deviations are short_by times those it was worked out with: it is quadratic in them.
+    """What log evidence is worth when standard deviations are short_by times those it was worked out with: it is
+    quadratic in them.
 
-    Without it the blind check's wrong names came with probabilities of 0.92 and 0.96. A power likelihood (Bissiri, Holmes & Walker 2016).
+    Without it the blind check's wrong names came with probabilities of 0.92 and 0.96. A power likelihood (Bissiri,
+    Holmes & Walker 2016).
     """
     return log_evidence / short_by**2
 
@@ -117,10 +119,12 @@ def judge(
 def foretells_more(
     fit: PlainFit, split: Split, alone: FloatArray, single: Linear, both: Linear, rules: DecisionRules
 ) -> bool:
-    """Whether two effects together predict what was left out better than the better of them by itself, as a single one must.
+    """Whether two effects together predict what was left out better than the better of them by itself, as a single one
+    must.
 
-    alone : (m,) what that one leaves there. By evidence alone strong motions of bone were answered with a second cause that was not there:
-    what a right model leaves of a large motion stands out of the noise too, and another effect takes some of it.
+    alone : (m,) what that one leaves there. By evidence alone strong motions of bone were answered with a second cause
+    that was not there: what a right model leaves of a large motion stands out of the noise too, and another effect
+    takes some of it.
     """
     found = gain(split, alone, split.left_out([both])[0], gain_error(split, single, both, rules.gain_draws))
     return rules.accepts(sum(_gains_on_bone(fit, single, {"both": both}, rules).values(), found))
@@ -155,7 +159,8 @@ class _Placebos:
     seed: int
 
     def against(self, fit: PlainFit, found: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
-        """Share of placebos that gain as much as g, of random loads or of other places, and the median share random loads gain."""
+        """Share of placebos that gain as much as g, of random loads or of other places, and the median share random
+        loads gain."""
         size, count = _size(fit, found), self.rules.placebos
         loads = placebo_gains(self.split, self.plain, self.before, self.forces, size, count, self.seed)
         p = _share_as_good(loads, g)
@@ -201,7 +206,7 @@ def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
 
 
 def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
-    """Cosine between the change that the best effect makes, the stiffness projected out, and its image in the other's directions."""
+    """Cosine between the best effect's change of the data, J projected out, and its image in the other's directions."""
     J = fit.weighting.whiten(best.linearisation.in_theta)
     done = projected(J, fit.weighting.whiten(best.in_phi @ best.phi))
     could = projected(J, fit.weighting.whiten(other.in_phi))
@@ -211,19 +216,19 @@ def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
 
 
 def _size(fit: PlainFit, found: Refit) -> float:
-    """rms change of the data vector, mm, that the effect makes where it fits best."""
+    """Rms change of the data vector, mm, by the effect where it fits best."""
     change = (found.linearisation.residual - fit.linearisation.residual)[fit.model.surface]
     return float(np.sqrt((change**2).sum() / len(found.linearisation.residual)))
 
 
 def plain_model(fit: PlainFit) -> Linear:
-    """The plain model around its fit."""
+    """The plain model, linear around its fit."""
     t = fit.linearisation.in_theta.shape[1]
     return Linear(fit.linearisation.residual, fit.linearisation.in_theta, np.zeros(t), np.full(t, FLAT))
 
 
 def saturated_model(fit: PlainFit, forces: UnknownDiscrepancy) -> Linear:
-    """The plain model around its fit with a free smooth field."""
+    """The plain model with a free smooth field, linear around its fit."""
     plain, k = plain_model(fit), forces.free.shape[1]
     return replace(
         plain,
@@ -234,7 +239,7 @@ def saturated_model(fit: PlainFit, forces: UnknownDiscrepancy) -> Linear:
 
 
 def effect_model(found: Refit) -> Linear:
-    """The model with an effect, or two, around its fit."""
+    """The model with an effect or two, linear around its fit."""
     assert found.hypothesis.effect is not None
     t, scales = len(found.linearisation.theta), found.hypothesis.effect.scales
     return Linear(

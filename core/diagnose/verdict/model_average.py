@@ -1,12 +1,13 @@
-"""The stiffness with whatever causes the gap, when it is not sure what does: the mean over all causes, by their probability.
+"""The stiffness with whatever causes the gap, when it is not sure what does: the mean over all causes, by their
+probability.
 
-The best effect's own interval takes the effect for granted. Where two explain the gap about as well and mean different stiffnesses,
-the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1 to 3). The same within one
-effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before it, looks the same, but the organ's
-stiffness, known relative to the tissue's alone, then differs by that factor.
+The best effect's own interval takes the effect for granted. Where two explain the gap about as well and mean different
+stiffnesses, the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1
+to 3). The same within one effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before
+it, looks the same, but the organ's stiffness, known relative to the tissue's alone, then differs by that factor.
 
-What walls read wrongly pull the fitted ln G by is taken off (`wall_bias`), and so is what effect-free cases of a known stiffness are too
-high by beyond that; standard deviations are widened by what they show beyond them.
+What walls read wrongly pull the fitted ln G by is taken off (`wall_bias`), and so is what effect-free cases of a known
+stiffness are too high by beyond that; standard deviations are widened by what they show beyond them.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def plain_stiffness(fit: PlainFit, rules: DecisionRules) -> tuple[FloatArray, Fl
 
 
 def model_average(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
-    """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of "unknown"."""
+    """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of
+    "unknown"."""
     fit, rules = diagnosis.fit, diagnosis.rules
     models = {
         f.hypothesis.effect.id: over_variants(f, fit.noise_slope, fit.options.short_by, rules)
@@ -48,7 +50,8 @@ def model_average(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
 
 
 def too_stiff_by(covariance: FloatArray, rules: DecisionRules) -> FloatArray:
-    """How far ln G (t,) is too high, for its covariance (t, t) under likelihood and prior: where the prior alone speaks, not at all."""
+    """How far ln G (t,) is too high, for its covariance (t, t) under likelihood and prior: where the prior alone
+    speaks, not at all."""
     told = np.clip(1.0 - rules.stiffness_prior * covariance.sum(axis=1), 0.0, 1.0)
     return np.asarray(rules.too_stiff * told)
 
@@ -56,7 +59,8 @@ def too_stiff_by(covariance: FloatArray, rules: DecisionRules) -> FloatArray:
 def mixture(
     models: Mapping[str, tuple[FloatArray, FloatArray]], probability: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean (t,) and covariance (t, t) of a mixture of normal distributions; probabilities are taken over those in `models` alone."""
+    """Mean (t,) and covariance (t, t) of a mixture of normal distributions; probabilities are taken over those in
+    `models` alone."""
     weight = np.array([probability.get(name, 0.0) for name in models])
     weight = weight / weight.sum()
     means = np.stack([mean for mean, _ in models.values()])
@@ -69,7 +73,8 @@ def mixture(
 def over_variants(
     best: Refit, slope: FloatArray, short_by: float, rules: DecisionRules
 ) -> tuple[FloatArray, FloatArray]:
-    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their tempered evidence.
+    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their tempered
+    evidence.
 
     slope (t,) : see `noise_slope`. short_by : see `tempered`.
     """

@@ -71,7 +71,8 @@ def _options(diagnosis: Diagnosis) -> DiagnosisOptions:
 
 
 def _peak(diagnosis: Diagnosis) -> tuple[float, float, float] | None:
-    """Where the gap comes from: the place of the likeliest effect if it has one, else where the missing force is largest."""
+    """Where the gap comes from: the place of the likeliest effect if it has one, else where the missing force is
+    largest."""
     for fitted in diagnosis.refits:
         effect, variant = fitted.hypothesis.effect, fitted.hypothesis.variant
         if effect is None or variant is None or effect.id not in diagnosis.verdict.candidates or variant.where is None:
@@ -89,9 +90,9 @@ def _point(x: FloatArray) -> tuple[float, float, float]:
 def maps(diagnosis: Diagnosis) -> dict[str, FloatArray]:
     """Arrays of MAP_FILE: points, normals, residual_mm, standardised (surface); nodes_mm, force_kpa_per_mm (around it).
 
-    predicted/ID (q, 3) mm : where the surface's points go by the plain model ("plain") and by each refitted effect; correction/ID (q,)
-    is what better element and other meshes add to that along the normal, offset/ID (1,) by how much the effect has the contour too wide.
-    Further deformed states have the same under state_2/ and so on.
+    predicted/ID (q, 3) mm : where the surface's points go by the plain model ("plain") and by each refitted effect;
+    correction/ID (q,) is what better element and other meshes add to that along the normal, offset/ID (1,) by how much
+    the effect has the contour too wide. Further deformed states have the same under state_2/ and so on.
     """
     out: dict[str, FloatArray] = {}
     for state in range(len(diagnosis.fit.model.each)):

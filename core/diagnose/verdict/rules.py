@@ -1,4 +1,5 @@
-"""Rules as a table: tried in order, the first one whose condition holds gives the verdict and the sentence that says why."""
+"""Rules as a table: tried in order, the first one whose condition holds gives the verdict and the sentence that says
+why."""
 
 from __future__ import annotations
 
@@ -14,9 +15,9 @@ Candidates = tuple[str, ...]
 class Rule(Generic[FindingsT]):
     """One row of a table.
 
-    name : identifies the row in diagnosis.json. condition : when it decides. verdict : "none", "ambiguous", "unknown" or an effect's id.
-    sentence : why, for the reader. candidates : ids of the effects named. reason : a sentence that depends on the findings, in place of
-    `sentence`; None for none.
+    name : identifies the row in diagnosis.json. condition : when it decides. verdict : "none", "ambiguous", "unknown"
+    or an effect's id. sentence : why, for the reader. candidates : ids of the effects named. reason : a sentence that
+    depends on the findings, in place of `sentence`; None for none.
     """
 
     name: str

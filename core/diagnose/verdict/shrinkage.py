@@ -1,4 +1,4 @@
-"""How far the gap shrinks on points that the fit has not seen."""
+"""Shrinkage of the gap on points that the fit has not seen."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from palpate.core.residual.noise_covariance import organ_contours
 
 
 def shrinkage(diagnosis: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
-    """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole patches.
+    """rms before and after, the share gone, that share above the noise floor, its interval by a bootstrap of whole
+    patches.
 
-    Every draw of the bootstrap takes one of the refitted effects, by its probability, and one of the sizes that the contours' noise may
-    have: the interval is for what adding the true effect would do, and which one that is may not be sure. The ceiling is what a saturated
-    smooth field of forces gains on the same points, the placebo what random fields gain.
+    Every draw of the bootstrap takes one of the refitted effects, by its probability, and one of the sizes that the
+    contours' noise may have: the interval is for what adding the true effect would do, and which one that is may not be
+    sure. The ceiling is what a saturated smooth field of forces gains on the same points, the placebo what random
+    fields gain.
     """
     assert best.hypothesis.effect is not None
     n = len(diagnosis.split.points)
@@ -50,7 +52,7 @@ def shrinkage(diagnosis: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageReco
 
 
 def tail_of_few(n: int) -> float:
-    """Tail of a 95 % bootstrap interval from n blocks: a few, drawn again, scatter less than they should.
+    """Tail of a 95 % bootstrap interval from n blocks, widened because a few blocks, resampled, scatter too little.
 
     Hesterberg (2015), The American Statistician 69, 371-386, "expanded percentile interval".
     """
@@ -58,7 +60,8 @@ def tail_of_few(n: int) -> float:
 
 
 def _rivals(diagnosis: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
-    """Squares (n,) mm2 that each refitted effect leaves on points left out, and the effects' probabilities among each other."""
+    """Squares (n,) mm2 that each refitted effect leaves on points left out, and the effects' probabilities among each
+    other."""
     n = len(diagnosis.split.points)
     named = [(f.hypothesis.effect.id, f.log_evidence) for f in diagnosis.refits if f.hypothesis.effect is not None]
     # From evidence: where no effect comes near a free field, all their probabilities may have become 0.
@@ -66,8 +69,8 @@ def _rivals(diagnosis: Diagnosis) -> tuple[list[FloatArray], FloatArray]:
 
 
 def contours_mm2(diagnosis: Diagnosis, best: Refit) -> tuple[FloatArray, FloatArray]:
-    """What the organ's two contours alone add to the mean square of the points left out, for every size that noise may have, and how
-    probable each is where the best effect fits, (g,) each.
+    """What the organ's two contours alone add to the mean square of the points left out, for every size that noise may
+    have, and how probable each is where the best effect fits, (g,) each.
 
     Walls read wrongly and the model's own errors stay with the model: no better scan of the organ would take them away.
     """

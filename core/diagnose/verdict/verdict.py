@@ -17,11 +17,11 @@ NONE, AMBIGUOUS, UNKNOWN = "none", "ambiguous", "unknown"
 class Judged:
     """One effect after its refit.
 
-    log_evidence : against the plain model, tempered (`judge.tempered`). gain : on data left out. placebo_p : share of placebo effects that
-    gain as much.
-    share_of_ceiling : of what a saturated field gains on data left out. remainder_p : of the residual it leaves, under the noise.
-    cosine : between what the best effect does to the data, the stiffness projected out, and the nearest thing this one could do.
-    unlike : why what fits is not what the effect's name means, "" where it is.
+    log_evidence : against the plain model, tempered (`judge.tempered`). gain : on data left out. placebo_p : share of
+    placebo effects that gain as much. share_of_ceiling : of what a saturated field gains on data left out. remainder_p
+    : of the residual it leaves, under the noise. cosine : between what the best effect does to the data, the stiffness
+    projected out, and the nearest thing this one could do. unlike : why what fits is not what the effect's name means,
+    "" where it is.
     """
 
     effect: str
@@ -42,10 +42,11 @@ class Judged:
         return rules.accepts(self.gain) and self.placebo_p <= rules.placebo_level
 
     def something_left(self, rules: DecisionRules) -> bool:
-        """Whether something like it may be the cause instead: it leaves more than noise, and a free field predicts better.
+        """Whether something like it may be the cause instead: it leaves more than noise, and a free field predicts
+        better.
 
-        A free field that predicts no better: what remains is nothing that any missing force would foretell, but walls and mesh, which
-        under good contours stand out of the noise where much moves.
+        A free field that predicts no better: what remains is nothing that any missing force would foretell, but walls
+        and mesh, which under good contours stand out of the noise where much moves.
         """
         return self.remainder_p < rules.left_over and self.share_of_ceiling < rules.nearly_all
 

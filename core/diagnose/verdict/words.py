@@ -1,4 +1,4 @@
-"""A diagnosis in words: one sentence for a clinician, and what to measure next."""
+"""Diagnosis in words: one sentence for a clinician, and the next measurement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _GENERAL = "another deformed scan with another bladder and rectum filling, and m
 
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """What was diagnosis, for somebody who reads stiffness and not statistics."""
+    """Outcome of the diagnosis for a reader who knows stiffness, not statistics."""
     missed = rms(np.concatenate(residuals(diagnosis.fit)))
     verdict = diagnosis.verdict.verdict
     if verdict == NONE:
@@ -41,7 +41,7 @@ def sentence(diagnosis: Diagnosis) -> str:
 
 
 def next_measurement(diagnosis: Diagnosis) -> str | None:
-    """What to scan or mark next; None when nothing is open."""
+    """Measurement to make next; None when nothing is open."""
     if diagnosis.verdict.verdict == NONE:
         return None
     settles = {s.effect.id: s.effect.settled_by for s in diagnosis.screened}
