@@ -43,6 +43,7 @@ def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
     kind = path.suffix.lower()[1:]
     try:
         with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numbers of a damaged file that are too large; looked at afterwards
             # numpy stops at a number that it cannot read, and only warns.
             warnings.simplefilter("error", DeprecationWarning)
             found = trimesh.load_scene(
@@ -78,7 +79,8 @@ def _content(path: Path) -> bytes:
 def _joined(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Equal corners as one point, faces of no area dropped."""
     # STL holds single precision; text is rounded to it, as binary files are.
-    single = points.astype(np.float32)
+    with np.errstate(all="ignore"):
+        single = points.astype(np.float32)
     _, first, of = np.unique(single, axis=0, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     order = np.argsort(first)
