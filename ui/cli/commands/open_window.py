@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
-    """Opens; see `application.show` and `application.play`."""
+    """Opens; see `application.show` and `scripting.play`."""
     from palpate.ui.desktop.window import application  # here, because Qt takes a second to load
 
     no_points(args)
@@ -42,12 +42,13 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         found = application.show(args.case)
         return found, ""
     from palpate.ui.desktop.scripting.commands_script import parse
+    from palpate.ui.desktop.scripting.play import play
     from palpate.ui.desktop.scripting.script_runner import Command, read_script
 
     commands = parse(read_script(args.script), str(args.script))
     if args.case is not None:
         commands.insert(0, Command(0, "open", (str(args.case),)))
-    played = application.play(commands, args.script.absolute().parent, str(args.script), args.headless)
+    played = play(commands, args.script.absolute().parent, str(args.script), args.headless)
     return played, "\n".join(_line(event) for event in played["events"])
 
 

@@ -1,4 +1,4 @@
-"""Starts the window: for a person, or for a script without a screen."""
+"""Starts the window."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
 
-from palpate.core.errors import Cancelled, InputError
-from palpate.ui.desktop.scripting import script_runner
-from palpate.ui.desktop.scripting.commands_script import Driver, WindowEvent
-from palpate.ui.desktop.scripting.script_runner import Command
+from palpate.core.errors import InputError
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.window import display_server
 
@@ -27,12 +24,6 @@ class Shown(TypedDict):
     """Of a window that a person used."""
 
     longest_stall_ms: float
-
-
-class Played(TypedDict):
-    """Of a window that a script used."""
-
-    events: list[WindowEvent]
 
 
 def show(case: Path | None, headless: bool = False) -> Shown:
@@ -56,21 +47,6 @@ def show(case: Path | None, headless: bool = False) -> Shown:
         if window.controller.listeners:  # ended by a signal rather than by the window's own button
             window.shut()
     return {"longest_stall_ms": longest}
-
-
-def play(commands: list[Command], folder: Path, source: str, headless: bool = True) -> Played:
-    """Drives the window by a script: the events of its commands. Raises InputError naming the line that cannot be done."""
-    window, application = new_window(headless)
-    window.show()
-    window.responsiveness.reset()
-
-    try:
-        return {"events": script_runner.play(commands, Driver(window, events_for(application), folder, source))}
-    except KeyboardInterrupt as error:
-        raise Cancelled("the script was stopped") from error
-    finally:
-        window.hide()
-        window.shut()
 
 
 def new_window(headless: bool) -> tuple[MainWindow, QApplication]:
