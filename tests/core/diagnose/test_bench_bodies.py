@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,17 +12,23 @@ from schemas import check_form
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
 from palpate.core.diagnose.bench_bodies.scene import BodySolver
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.effects import library
+from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
 from palpate.core.files.json_types import plain
 from palpate.core.forward.composition import Composition
 from palpate.core.mesh import TetMesh
+from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Reporter
 
 # Asymmetric on purpose: length along x, width y, height z, mm.
 LENGTH, WIDTH, HEIGHT = 60.0, 22.0, 16.0
 DENSITY, DOWN = 1200.0, (0.0, 0.0, -9.81)
 MARKERS = ((60.0, 4.0, 20.0), (60.0, 20.0, 3.0), (48.0, 11.0, 16.0))
+KIND = "palpate.core.diagnose.bench_bodies.diagnose:run"
 EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compressible_organ")}
 
 
@@ -99,3 +106,18 @@ def test_a_body_survives_its_file(tmp_path) -> None:  # type: ignore[no-untyped-
     assert (back.model_gravity, back.density_kg_m3, back.bounds_kpa) == (False, DENSITY, (5.0, 500.0))
     with pytest.raises(InputError, match="not the data of a body"):
         BodyProblem.from_arrays({"points": problem.mesh.points})
+
+
+def test_the_numbers_of_a_job_decide_and_are_recorded(tmp_path: Path) -> None:
+    """At a level of 1 whatever is left is a gap; markers that err each by itself have another p-value."""
+    np.savez(tmp_path / "data.npz", **seen(bar(0.0, 0.1, model_gravity=True), 60.0).arrays())
+    other = DiagnosisOptions(noise_model=NoiseModelOptions(markers_common=0.1), decision_rules=DecisionRules(level=1.0))
+    told = []
+    for numbers in (DiagnosisOptions(), other):
+        options = {"case": "bar", "effects": None, "numbers": numbers.to_json()}
+        job = Job(KIND, str(tmp_path), {"data": str(tmp_path / "data.npz")}, options)
+        told.append(plain(job.function()(job, Reporter(lambda _: None))))
+        assert DiagnosisOptions.from_json(told[-1]["options"]) == numbers
+    assert [t["gap"]["detected"] for t in told] == [False, True]
+    assert told[0]["verdict"] == "none" != told[1]["verdict"]
+    assert told[1]["gap"]["p_value"] != pytest.approx(told[0]["gap"]["p_value"], rel=0.01)
