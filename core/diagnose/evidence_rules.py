@@ -9,7 +9,10 @@ from typing import Annotated
 from palpate.core.inference.heldout import Gain
 from palpate.core.sourced_number import sourced
 
-_COST = "Chosen; saves time."
+_COST = (
+    "Chosen; saves time. Loosened with the others of its kind (twice as many and more), it changes neither verdict nor probability of "
+    "shared case 310, the one it was tried on (tests/benchmarks/chosen_numbers.py)."
+)
 _ASKED = "Asked for with the diagnosis: two paired standard errors, 10 %, and more than 95 % of placebo effects of equal size."
 
 

@@ -155,6 +155,6 @@ class WallMotionOptions:
         sourced(
             "mm",
             "A point of the scanned wall tells of the motion when the mesh has its wall this close.",
-            "Chosen: more than a mesh errs by, less than a wall's distance from another organ (3 to 6 mm in the blind check's pelves).",
+            "Chosen. Walls of the blind check's pelves are 3 to 6 mm from the prostate.",
         ),
     ] = 3.0
