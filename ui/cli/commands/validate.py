@@ -2,6 +2,7 @@
 
 forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
 gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
+matching: how far local matching of two CTs finds a known motion, and whether its stated errors hold.
 meshing: angles, volumes and surfaces of meshes of contoured scans.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
 table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
     from palpate.validate.blind.study import BlindTable
     from palpate.validate.forward.study import ForwardTable
+    from palpate.validate.matching.study import MatchTable
     from palpate.validate.meshing_study import MeshingTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
     from palpate.validate.segmentation.study import SegmentationTable
@@ -83,10 +85,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
                         help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
-                        help="meshing, segmentation: a DICOM folder and its contours, several times (default: phantom)")  # fmt: skip
+                        help="matching, meshing, segmentation: DICOM folder and contours, several times (default: phantom)")  # fmt: skip
     add_roi(parser, "meshing, segmentation: which structures of CONTOURS are an organ, e.g. rectum=RettoAno")
     parser.add_argument("--variants", type=whole_number(1, 10_000), default=0, metavar="N",
                         help="segmentation: N variants of the scans instead, with other noise, slices, HU, field, fat")  # fmt: skip
+    parser.add_argument("--pairs", type=whole_number(1, 1000), default=2, metavar="N",
+                        help="matching: how many simulated pairs of the scans (default %(default)s)")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -216,6 +220,18 @@ def _segmentation_text(found: SegmentationTable | VariantTable) -> str:
     return study_text(found)
 
 
+def _matching(args: argparse.Namespace, progress: Progress) -> MatchTable:
+    from palpate.validate.matching.study import matching_study
+
+    return matching_study(_scans(args), args.pairs, random_seed(args), progress)
+
+
+def _matching_text(found: MatchTable) -> str:
+    from palpate.validate.matching.study import matching_text
+
+    return matching_text(found)
+
+
 STUDIES: dict[str, Study[Any]] = {
     "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
     "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
@@ -232,4 +248,5 @@ STUDIES: dict[str, Study[Any]] = {
     "touch": Study(touch.touch, touch.touch_text),
     "robustness": Study(_robustness),
     "segmentation": Study(_segmentation, _segmentation_text),
+    "matching": Study(_matching, _matching_text),
 }

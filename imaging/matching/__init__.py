@@ -1,0 +1,1 @@
+"""Motion between two CTs from the images themselves, matched locally about a predicted motion."""

@@ -1,0 +1,74 @@
+"""Noise of CT as it is left in a difference of two matched scans: size from place to place, and correlation of neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from palpate.core.arrays import BoolArray, Float32Array, FloatArray
+
+# Lags, in voxels along each axis, at which the correlation of neighbours is measured; beyond them it is taken as none.
+LAGS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class CorrelatedNoise:
+    """Correlation of noise as the product of one function of the lag along each axis.
+
+    kernels : one array (2 LAGS + 1,) an axis, 1 in the middle, symmetric: the correlation at lags -LAGS to LAGS.
+    """
+
+    kernels: tuple[FloatArray, ...]
+
+    def applied(self, field: Float32Array) -> Float32Array:
+        """The field (ni, nj, nk) multiplied by the correlation matrix of its voxels."""
+        result = field
+        for axis, kernel in enumerate(self.kernels):
+            result = ndimage.correlate1d(result, kernel.astype(np.float32), axis=axis, mode="nearest")
+        return result
+
+    @property
+    def together(self) -> float:
+        """Voxels that one independent value of the noise stands for."""
+        return float(np.prod([kernel.sum() for kernel in self.kernels]))
+
+
+def measured_correlation(difference: Float32Array, usable: BoolArray, lags: int = LAGS) -> CorrelatedNoise:
+    """The correlation of neighbouring values of a difference of two scans (ni, nj, nk), where both voxels are usable.
+
+    Slow changes are taken off first: they are contrast and brightness, not noise.
+    """
+    weight = usable.astype(np.float32)
+    mean = _mean(difference, weight, (6.0,) * 3)
+    rough = np.where(usable, difference - mean, 0.0).astype(np.float64)
+    kernels = []
+    for axis in range(3):
+        values = [_at_lag(rough, usable, axis, lag) for lag in range(min(lags, difference.shape[axis] - 1) + 1)]
+        positive = _until_none(np.array(values) / max(values[0], 1e-12))
+        kernels.append(np.concatenate([positive[:0:-1], positive]))
+    return CorrelatedNoise(tuple(kernels))
+
+
+def _at_lag(rough: FloatArray, usable: BoolArray, axis: int, lag: int) -> float:
+    n = rough.shape[axis]
+    first = rough.take(range(n - lag), axis=axis)
+    second = rough.take(range(lag, n), axis=axis)
+    both = usable.take(range(n - lag), axis=axis) & usable.take(range(lag, n), axis=axis)
+    return float((first * second)[both].mean()) if both.any() else 0.0
+
+
+def _until_none(correlation: FloatArray) -> FloatArray:
+    """The correlation up to the first lag at which there is none: what comes after is chance."""
+    gone = np.flatnonzero(correlation < 0.05)
+    cut = correlation.copy()
+    if len(gone):
+        cut[gone[0] :] = 0.0
+    return cut
+
+
+def _mean(values: Float32Array, weight: Float32Array, sigma: Sequence[float]) -> Float32Array:
+    total = ndimage.gaussian_filter(values * weight, sigma, mode="nearest")
+    return np.asarray(total / np.maximum(ndimage.gaussian_filter(weight, sigma, mode="nearest"), 1e-6))

@@ -1,0 +1,1 @@
+"""How well local matching of two CTs finds a known motion, and whether its stated errors hold."""

@@ -1,0 +1,129 @@
+"""A pair of scans with a known motion between them, from one contoured CT.
+
+The CT is denoised, so that its own noise does not pass for texture that moves along; the second state is the first one
+warped by a smooth motion about bladder and rectum; both get fresh noise of the scan's own size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from skimage.restoration import denoise_nl_means
+
+from palpate.core.arrays import BoolArray, Float32Array, FloatArray
+from palpate.core.errors import InputError
+from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
+from palpate.validate.segmentation.contoured_scan import ContouredScan
+
+# Half the part of the scan that is matched, mm about the prostate; HU beyond which nothing is told apart.
+ROOM_MM, LOW_HU, HIGH_HU = np.array([62.0, 62.0, 64.0]), -300.0, 400.0
+# Motion of the neighbourhoods of rectum and bladder: mean, spread and reach, mm.
+RECTUM_PUSH, BLADDER_PUSH, PUSH_SD = np.array([0.0, -6.0, 0.0]), np.array([0.0, 2.0, -5.0]), 1.0
+RECTUM_REACH, BLADDER_REACH = 22.0, 28.0
+# By how much the motion that matching starts from is off, each axis, mm, and over which distance that error changes.
+START_SD_MM, START_LENGTH_MM = 1.5, 20.0
+# What has no counterpart: gas and bone by HU, contents of hollow organs, and this much about them.
+GAS_HU, BONE_HU, RIM_MM = -200.0, 250.0, 2.5
+# Correlation of a scanner's noise, standard deviation of its filter, mm; strength of the denoising in noise units.
+NOISE_BLUR_MM, DENOISING = np.array([0.7, 0.7, 0.3]), 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPair:
+    """first, second : HU. usable : masks of both. motion : (ni, nj, nk, 3) mm from the first to the second.
+
+    start : the motion that matching is given. distance : (ni, nj, nk) mm to the prostate's surface, negative inside.
+    noise_hu : standard deviation of the noise of each.
+    """
+
+    first: Volume
+    second: Volume
+    usable: tuple[BoolArray, BoolArray]
+    motion: FloatArray
+    start: FloatArray
+    distance: FloatArray
+    noise_hu: float
+
+
+def known_pair(scan: ContouredScan, seed: int) -> KnownPair:
+    """A pair from a scan with contours of prostate, bladder and rectum. Raises InputError where one of them is missing."""
+    random = np.random.default_rng(seed)
+    hu, labels, spacing = _cropped(scan)
+    noise_hu = _noise_of(hu, labels, spacing)
+    base = denoise_nl_means(
+        hu, patch_size=3, patch_distance=4, h=DENOISING * noise_hu, sigma=noise_hu, fast_mode=True
+    ).astype(np.float32)
+    places = np.moveaxis(np.indices(hu.shape), 0, -1) * spacing
+    motion = _motion(labels, places, spacing, random)
+    hollow = np.isin(labels, (BLADDER, RECTUM))
+    second = base + _noise(hu.shape, spacing, noise_hu, random)
+    first = _warped(base, places + motion, spacing, 3) + _noise(hu.shape, spacing, noise_hu, random)
+    hollow_first = _warped(hollow.astype(np.float32), places + motion, spacing, 1) > 0.05
+    inside = _warped(np.isin(labels, ORGAN_LABELS).astype(np.float32), places + motion, spacing, 1) > 0.5
+    grid = np.diag([*spacing, 1.0])
+    return KnownPair(
+        Volume(first, grid), Volume(second, grid),
+        (_usable(first, hollow_first, spacing), _usable(second, hollow, spacing)),
+        motion, motion + _start_error(hu.shape, spacing, random),
+        _signed(inside, spacing), noise_hu,
+    )  # fmt: skip
+
+
+def _cropped(scan: ContouredScan) -> tuple[Float32Array, BoolArray, FloatArray]:
+    labels = scan.labels.array
+    for name, values in (("prostate", ORGAN_LABELS), ("bladder", (BLADDER,)), ("rectum", (RECTUM,))):
+        if not np.isin(labels, values).any():
+            raise InputError(f"{scan.name} has no contour of the {name}; matching is judged about all three organs")
+    spacing = np.asarray(scan.ct.spacing)
+    centre = np.argwhere(np.isin(labels, ORGAN_LABELS)).mean(axis=0)
+    half = np.rint(ROOM_MM / spacing)
+    part = tuple(slice(max(int(c - h), 0), int(c + h) + 1) for c, h in zip(centre, half, strict=True))
+    return np.clip(scan.ct.array[part].astype(np.float32), LOW_HU, HIGH_HU), labels[part], spacing
+
+
+def _noise_of(hu: Float32Array, labels: BoolArray, spacing: FloatArray) -> float:
+    """Standard deviation, HU, of the urine 6 mm within the bladder's contour."""
+    inner = ndimage.distance_transform_edt(labels == BLADDER, sampling=spacing) > 6.0
+    return float(hu[inner].std()) if inner.any() else 12.0
+
+
+def _motion(labels: BoolArray, places: FloatArray, spacing: FloatArray, random: np.random.Generator) -> FloatArray:
+    prostate = (np.argwhere(np.isin(labels, ORGAN_LABELS)) * spacing).mean(axis=0)
+    rectum = np.argwhere(labels == RECTUM) * spacing
+    beside = rectum[np.abs(rectum[:, 2] - prostate[2]) < 25.0]
+    ends = (beside if len(beside) else rectum).mean(axis=0), (np.argwhere(labels == BLADDER) * spacing).mean(axis=0)
+    motion = np.zeros_like(places)
+    for centre, push, reach in zip(ends, (RECTUM_PUSH, BLADDER_PUSH), (RECTUM_REACH, BLADDER_REACH), strict=True):
+        near = np.exp(-((places - centre) ** 2).sum(axis=-1) / (2.0 * reach**2))
+        motion += near[..., None] * (push + random.normal(0.0, PUSH_SD, 3))
+    return motion
+
+
+def _start_error(shape: tuple[int, ...], spacing: FloatArray, random: np.random.Generator) -> FloatArray:
+    sigma = START_LENGTH_MM / spacing
+    error = np.stack([ndimage.gaussian_filter(random.standard_normal(shape), sigma) for _ in range(3)], axis=-1)
+    return np.asarray(error * (START_SD_MM / error.std()))
+
+
+def _noise(shape: tuple[int, ...], spacing: FloatArray, sd: float, random: np.random.Generator) -> Float32Array:
+    made = ndimage.gaussian_filter(random.standard_normal(shape), NOISE_BLUR_MM / spacing)
+    return np.asarray(made * (sd / made.std()), dtype=np.float32)
+
+
+def _warped(image: Float32Array, places: FloatArray, spacing: FloatArray, order: int) -> Float32Array:
+    at = (places / spacing).reshape(-1, 3).T
+    values = ndimage.map_coordinates(image, at, order=order, mode="nearest")
+    return np.asarray(values.reshape(image.shape), dtype=np.float32)
+
+
+def _usable(hu: Float32Array, hollow: BoolArray, spacing: FloatArray) -> BoolArray:
+    counts = ~(hollow | (hu < GAS_HU) | (hu > BONE_HU))
+    return np.asarray(ndimage.distance_transform_edt(counts, sampling=spacing) > RIM_MM)
+
+
+def _signed(inside: BoolArray, spacing: FloatArray) -> FloatArray:
+    within = ndimage.distance_transform_edt(inside, sampling=spacing)
+    return np.where(inside, -within, ndimage.distance_transform_edt(~inside, sampling=spacing))
