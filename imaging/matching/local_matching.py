@@ -176,7 +176,7 @@ def _normal_equations(
     mixed = np.linalg.solve(nuisance, np.swapaxes(full[..., :3, 3:], -1, -2))
     A = full[..., :3, :3] - full[..., :3, 3:] @ mixed
     score = r[..., :3] - (full[..., :3, 3:] @ np.linalg.solve(nuisance, r[..., 3:, None]))[..., 0]
-    return A, score, g
+    return A, np.asarray(score, dtype=np.float64), g
 
 
 def _at_points(

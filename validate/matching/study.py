@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import TypedDict
 
 import numpy as np
@@ -53,7 +54,7 @@ def matching_study(scans: Sequence[ContouredScan], count: int, seed: int, progre
         scan = scans[number % len(scans)]
         pair = known_pair(scan, seed + number)
         began = time.perf_counter()
-        motion = match(pair.first, pair.second, pair.usable, lambda points, of=pair: _sampled(of, of.start, points))
+        motion = match(pair.first, pair.second, pair.usable, partial(_sampled, pair, pair.start))
         slowest = max(slowest, time.perf_counter() - began)
         rows += _rows(scan.name, number, pair, motion)
     return {"rows": rows, "slowest_seconds": round(slowest, 2)}
