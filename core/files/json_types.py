@@ -32,6 +32,15 @@ def typed(data: object, kind: type[T], source: str, remedy: str = "; correct it 
         raise InputError(f"{source}{_in_words(str(error), data, kind)}{remedy}") from error
 
 
+def typed_strictly(data: Mapping[str, object], kind: type[T], source: str, remedy: str = "; correct it there") -> T:
+    """The same for a JSON object, and an InputError for a key that the type does not declare: msgspec passes over those of a dataclass."""
+    declared = _fields(inspect.type_info(kind))
+    for name in data:
+        if name not in declared:
+            raise InputError(f"{source}: {name} is unknown; allowed are {', '.join(declared)}{remedy}")
+    return typed(data, kind, source, remedy)
+
+
 def refusal(kind: type, name: str, value: object, source: str, remedy: str = "; correct it there") -> InputError:
     """The same line for a property whose value a check beyond its type refuses."""
     at = _fields(inspect.type_info(kind))[name]

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
-from palpate.core.files.json_types import typed
+from palpate.core.files.json_types import typed_strictly
 from palpate.core.worker.messages import Reporter
 
 FORMAT = 1
@@ -58,7 +58,7 @@ class Job:
 
     def options_as(self, kind: type[T]) -> T:
         """The options as the type that this kind of job declares. Raises InputError naming what is wrong with them."""
-        return typed(dict(self.options), kind, "the job's options", "; start the command again")
+        return typed_strictly(dict(self.options), kind, "the job's options", "; start the command again")
 
     def fingerprint(self) -> str:
         """SHA-256 of all that the answer depends on: kind, options, seed and the files' contents; not the workers.
@@ -81,7 +81,7 @@ class Job:
             data = json.loads(path.read_text(encoding="utf-8"))
             if data.pop("format") != FORMAT:
                 raise InputError("made by another version of Palpate")
-            return typed(data, cls, "the job", "")
+            return typed_strictly(data, cls, "the job", "")
         except InputError as error:
             raise InputError(f"{path}: {error}; start the command again") from error
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

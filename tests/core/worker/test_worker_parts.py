@@ -128,3 +128,14 @@ def test_pool_keeps_order_and_every_process_one_thread():
         assert executor.submit(os.getpid).result() != os.getpid()
     assert pools
     assert {p["num_threads"] for p in pools} == {1}
+
+
+def test_keys_that_nobody_declared_are_refused(tmp_path: Path) -> None:
+    """A misspelt option would otherwise be passed over, and its default be used without a word."""
+    with pytest.raises(InputError, match=r"itterations is unknown; allowed are .*iterations"):
+        run_job(job(tmp_path, itterations=3))
+    path = tmp_path / "job.json"
+    job(tmp_path).save(path)
+    path.write_text(path.read_text().replace('"workers"', '"worker"'))
+    with pytest.raises(InputError, match="worker is unknown"):
+        Job.load(path)
