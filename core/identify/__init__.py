@@ -1,0 +1,1 @@
+"""Identification of stiffness from two scans: optimum, particle swarm, posterior and stiffness map."""

@@ -1,4 +1,4 @@
-"""From a problem file to stiffnesses with their uncertainty: reference, search, posterior."""
+"""Identification of region stiffness with its uncertainty: rest state, search for the optimum, posterior."""
 
 from __future__ import annotations
 
@@ -32,16 +32,18 @@ from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.messages import Reporter
 
-# The element that looks for the optimum first; the chosen one starts where it ended.
+# Element of the first, cheap search for the optimum. The search with the chosen element starts from its result.
 SCOUT = "p1p1"
 
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """The answer of one identification.
+    """Result of one identification.
 
-    states : the deformed states, each with its equilibrium at theta, walls settled. theta (t,) as in `StiffnessParameters`. residual,
-    jacobian : of all states. posterior : of all of theta. optimum : by Gauss-Newton; swarm : its outcome with that method.
+    states : the deformed states, each with its equilibrium at theta and its walls settled. theta : (t,) parameters as
+    in `StiffnessParameters`. residual : (q,) weighted residual of all states. jacobian : (q, t) its derivative in
+    theta. posterior : of all of theta. optimum : result of Gauss-Newton. swarm : result of the swarm, None without that
+    method. count : work done. seconds : wall-clock time.
     """
 
     states: tuple[StateProblem, ...]
@@ -56,39 +58,40 @@ class Identification:
 
     @property
     def scene(self) -> Scene:
-        """Of the first state: what pictures show."""
+        """Scene of the first state, the one that pictures show."""
         return self.states[0].scene
 
     @property
     def misfit(self) -> Misfit:
-        """Of the first state."""
+        """Misfit of the first state."""
         return self.states[0].misfit
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """Of the first state."""
+        """Equilibrium of the first state."""
         return self.states[0].equilibrium
 
     @property
     def agreement(self) -> float:
-        """Largest |difference| of ln G between swarm and Gauss-Newton; 0 without a swarm."""
+        """Largest absolute difference of ln G between swarm and Gauss-Newton; 0 without a swarm."""
         if self.swarm is None:
             return 0.0
         return float(np.abs(self.swarm.theta - self.optimum.fit.theta)[self.scene.parameters.stiffness].max())
 
     @property
     def stiffness(self) -> Posterior:
-        """Of the regions' ln G, whatever else was looked for."""
+        """Marginal posterior of the regions' ln G."""
         return self.posterior.of(self.scene.parameters.stiffness)
 
 
 def identify(
     folder: Path, files: Sequence[Path], options: IdentifyOptions, fingerprint: str, reporter: Reporter
 ) -> Identification:
-    """Identify the problems in files, deformed states of one mesh: one stiffness for all, their misfits added up.
+    """One stiffness for several deformed states of the same mesh: the sum of their misfits is minimised.
 
-    Checkpoints go into folder, and a rerun with the same fingerprint goes on. Raises InputError for a problem that cannot be
-    posed, ConvergenceError when nothing can be solved.
+    files : problem file of each state. Checkpoints are written into `folder`; a later run with the same fingerprint
+    continues from them. Raises InputError for a problem that cannot be set up, ConvergenceError when no start of the
+    search has an equilibrium.
     """
     began = time.perf_counter()
     count = Counter()
@@ -110,7 +113,7 @@ def identify(
     reporter.progress(0.92, "uncertainty")
     walk = Continuation(states, count)
     linear, best = walk.linearise(theta), walk.best
-    if linear is None:  # the swarm's best has no equilibrium once the walls have settled anew
+    if linear is None:  # no equilibrium at the swarm's best after the walls have settled anew
         theta, linear, best = optimum.fit.theta, (optimum.fit.residual, optimum.fit.jacobian), optimum.equilibria
     posterior = laplace(theta, *linear, parameters.bounds, noise_of(states, linear[1]))
     seconds = time.perf_counter() - began
@@ -118,13 +121,13 @@ def identify(
 
 
 def _at(states: Sequence[StateProblem], equilibria: Sequence[Equilibrium]) -> list[StateProblem]:
-    return [replace(state, equilibrium=found) for state, found in zip(states, equilibria, strict=True)]
+    return [replace(state, equilibrium=equilibrium) for state, equilibrium in zip(states, equilibria, strict=True)]
 
 
 def _posed(
     problem: IdentificationProblem, scout: Optimum, k: int, options: IdentifyOptions, count: Counter
 ) -> StateProblem:
-    """State k with the chosen element, from where the scout left it."""
+    """State k with the chosen element, started from the equilibrium of the first search."""
     scene = make_scene(problem, options.boundary, options.element, options.split_mu)
     first, misfit = settle_first(
         scene, scout.fit.theta, count, prolonged(scout.equilibria[k].u, scene.space), options.uneven
@@ -135,7 +138,7 @@ def _posed(
 def _scout(
     problems: Sequence[IdentificationProblem], options: IdentifyOptions, count: Counter, reporter: Reporter
 ) -> Optimum:
-    """Several starts with the cheap element: where the optimum is about, and whether there is one only."""
+    """Search with the cheap element from several starts: approximate optimum, and whether all starts agree."""
     reporter.progress(0.03, "settling the walls")
     states = []
     for problem in problems:
@@ -147,7 +150,9 @@ def _scout(
 
 
 def _settle_somewhere(scene: Scene, thetas: FloatArray, count: Counter) -> tuple[Equilibrium, Misfit]:
-    """Settle at the first theta (s, t) that has an equilibrium: a dead load crushes an organ that is far too soft."""
+    """Walls settled at the first theta of (s, t) that has an equilibrium. A dead load crushes an organ that is far too
+    soft.
+    """
     for theta in thetas[:-1]:
         try:
             return settle_first(scene, theta, count)
@@ -157,7 +162,9 @@ def _settle_somewhere(scene: Scene, thetas: FloatArray, count: Counter) -> tuple
 
 
 def _starts(scene: Scene, options: IdentifyOptions) -> FloatArray:
-    """The middle of the bounds, then points spread by the golden ratio: the same for everyone, no random numbers needed."""
+    """(s, t) start points: the middle of the bounds, then a deterministic low-discrepancy sequence (R-sequence, Roberts
+    2018).
+    """
     bounds = scene.parameters.bounds
     n = len(bounds)
     golden = np.array([1.0 / _plastic(n) ** (k + 1) for k in range(n)])
@@ -167,7 +174,7 @@ def _starts(scene: Scene, options: IdentifyOptions) -> FloatArray:
 
 
 def _plastic(n: int) -> float:
-    """Root of x^(n+1) = x + 1: the golden ratio and its kin (Roberts 2018, R-sequences)."""
+    """Root of x^(n+1) = x + 1, the generalised golden ratio of the R-sequences (Roberts 2018)."""
     x = 1.5
     for _ in range(60):
         x = (1.0 + x) ** (1.0 / (n + 1))

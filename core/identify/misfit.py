@@ -1,4 +1,4 @@
-"""How badly a displacement explains what was seen: surface residual (Eq 13 of Yang & Lin) and landmarks, weighed by their noise."""
+"""Weighted residual of a displacement: surface distance (Eq 13 of Yang & Lin) and landmarks, each divided by its noise."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.forward.make_scene import Scene
 from palpate.core.observe.contour_noise import Weighting, contour_covariance, noise_modes, weighting_covariance
 
-# Standard deviation of a landmark's match between two scans, mm per axis.
+# Standard deviation of one landmark's match between two scans, mm per axis.
 LANDMARK_SD_MM = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Residuals of all data and their weights; `value` is the squared length of the weighted residual.
+    """Residuals of all data with their weights; `value` is the squared length of the weighted residual.
 
-    surface : weighting of the surface residual (q, q). noise : (q, q) mm2, what that residual's covariance is taken to be. Both
-    hold the walls' noise carried through the model; how else they differ is said in core.observe.contour_noise.
+    surface : weighting of the surface residual (q, q). noise : (q, q) mm2, assumed covariance of the surface residual.
+    Both contain the noise of the walls' contours, carried through the model. core.observe.contour_noise explains how
+    weighting and noise differ.
     """
 
     scene: Scene
@@ -30,7 +31,11 @@ class Misfit:
 
     @classmethod
     def of(cls, scene: Scene, *responses: FloatArray) -> Misfit:
-        """responses : (q, m) mm each, change of the surface residual per unit of further errors: of walls, of uneven regions."""
+        """Misfit of a scene.
+
+        responses : (q, m) mm each, change of the surface residual per unit of a further error: contour noise of the
+        walls, heterogeneity of the regions.
+        """
         facts, points = scene.problem.facts, scene.observation.points
         sd, length = facts.noise_sd_mm, facts.noise_correlation_mm
         further = sum((response @ response.T for response in responses), np.zeros((len(points), len(points))))
@@ -39,12 +44,12 @@ class Misfit:
 
     @cached_property
     def expected(self) -> float:
-        """What `value` is expected to be at the truth."""
+        """Expected `value` at the true parameters."""
         return float(np.trace(self.surface.apply(self.noise))) + self.scene.observation.landmarks.shape[0] * 3.0
 
     @property
     def rows(self) -> int:
-        """q + 3 k, of the weighted residual."""
+        """Length q + 3 k of the weighted residual."""
         return len(self.noise) + 3 * len(self.scene.observation.landmarks)
 
     def score_covariance(self, jacobian: FloatArray) -> FloatArray:
@@ -54,11 +59,11 @@ class Misfit:
         return weighed.T @ self.noise @ weighed + jacobian[q:].T @ jacobian[q:]
 
     def residual(self, u: FloatArray) -> FloatArray:
-        """Weighted residual (q + 3 k,) of nodal displacements u (n, 3)."""
+        """Weighted residual (q + 3 k,) of nodal displacements u (n, 3) mm."""
         return self.residual_of(self.scene.observation.all_points @ u)
 
     def residual_of(self, v: FloatArray) -> FloatArray:
-        """The same from the displacements v (q + k, 3) of surface points and landmarks."""
+        """Weighted residual (q + 3 k,) of the displacements v (q + k, 3) mm of surface points and landmarks."""
         observation = self.scene.observation
         q = len(observation.points)
         surface = self.surface.whiten(observation.residual_of(v[:q]))
@@ -66,21 +71,22 @@ class Misfit:
         return np.concatenate([surface, marks.ravel() / LANDMARK_SD_MM])
 
     def jacobian(self, u: FloatArray, sensitivities: FloatArray) -> FloatArray:
-        """Whitened derivative (q + 3 k, t) for du/dtheta (t, n, 3)."""
+        """Whitened Jacobian (q + 3 k, t) at u (n, 3) mm for the sensitivities du/dtheta (t, n, 3)."""
         observation = self.scene.observation
         surface = self.surface.whiten(observation.jacobian(u, sensitivities))
         marks = [(observation.landmark_operator @ s).ravel() / LANDMARK_SD_MM for s in sensitivities]
         return np.vstack([surface, np.stack(marks, axis=1)])
 
     def value(self, u: FloatArray) -> float:
-        """Squared length of the weighted residual."""
+        """Squared length of the weighted residual of nodal displacements u (n, 3) mm."""
         return float((self.residual(u) ** 2).sum())
 
 
-def wall_response(scene: Scene, found: Equilibrium) -> FloatArray:
-    """(q, m) mm: how contour noise on the walls moves the predicted organ surface along its normal.
+def wall_response(scene: Scene, equilibrium: Equilibrium) -> FloatArray:
+    """Sensitivity (q, m) mm of the predicted organ surface, along its normal, to contour noise on the walls.
 
-    One back-substitution for each smooth mode of wall noise. found : the equilibrium, solved with its stability check.
+    One back-substitution for each smooth mode of wall noise. Precondition: the equilibrium was solved with its
+    stability check, so that its tangent is factorised.
     """
     facts = scene.problem.facts
     columns = []
@@ -90,6 +96,6 @@ def wall_response(scene: Scene, found: Equilibrium) -> FloatArray:
         rhs = np.zeros((scene.space.n_displacements + scene.space.n_pressures, modes.shape[1]))
         for j in range(modes.shape[1]):
             np.add.at(rhs[:, j], wall.unknowns, wall.points.spread(weight * modes[:, j : j + 1]))
-        fields = found.tangent.displacements(rhs[scene.assembler.kept])
-        columns.append(scene.observation.jacobian(found.u, fields))
+        fields = equilibrium.tangent.displacements(rhs[scene.assembler.kept])
+        columns.append(scene.observation.jacobian(equilibrium.u, fields))
     return np.hstack(columns) if columns else np.zeros((len(scene.observation.points), 0))

@@ -1,4 +1,4 @@
-"""The answer for a pair that tells no stiffness: the one that was allowed before, and no more."""
+"""Result for a pair of scans without information on stiffness: posterior equal to the prior."""
 
 from __future__ import annotations
 
@@ -23,17 +23,20 @@ from palpate.core.problem import IdentificationProblem
 
 
 def prior_of(problem: IdentificationProblem) -> Posterior:
-    """What was allowed, as the posterior of data that say nothing."""
-    bounds = StiffnessParameters(problem.regions, problem.facts).bounds  # of G alone: nothing says more of mu1 and mu2
+    """Prior of ln G as a `Posterior`: the result of data without information."""
+    bounds = StiffnessParameters(
+        problem.regions, problem.facts
+    ).bounds  # of G alone; mu1 and mu2 have no prior of their own here
     return laplace(bounds.mean(axis=1), np.zeros(1), np.zeros((1, len(bounds))), bounds)
 
 
 def nothing_found(
-    problem: IdentificationProblem, untold: NoInformation, options: IdentifyOptions, seconds: float
+    problem: IdentificationProblem, no_information: NoInformation, options: IdentifyOptions, seconds: float
 ) -> tuple[IdentificationRecord, dict[str, NDArray[np.generic]]]:
-    """result.json without versions and inputs, and fields.npz, of a pair that tells no stiffness.
+    """result.json without versions and inputs, and the arrays of fields.npz, for a pair without information on
+    stiffness.
 
-    seconds : spent so far.
+    no_information : the reason and the motion of the organ. seconds : wall-clock time spent so far.
     """
     prior = prior_of(problem)
     names = tuple(problem.region_names[r] for r in problem.regions)
@@ -42,33 +45,35 @@ def nothing_found(
         identifiability=IdentifiabilityRecord(
             singular_values=[0.0] * len(names),
             mu1_mu2_separable=False,
-            verdict=f"nothing can be identified: {untold.in_words}; "
+            verdict=f"nothing can be identified: {no_information.in_words}; "
             "the stiffness given is the middle of what was allowed, its interval the whole of it",
         ),
-        misfit=_misfit(problem, untold),
+        misfit=_misfit(problem, no_information),
         solver=SolverRecord(forward_solves=0, newton_iterations=0, failed=0, seconds=round(seconds, 2)),
         method=options.method,
         boundary=options.boundary,
         seed=options.seed,
         options=options,
-        notes=[f"nothing was searched for: {untold.in_words}", *untold.notes],
-        landmarks=UNSET if untold.landmarks is None else dict(untold.landmarks),
+        notes=[f"nothing was searched for: {no_information.in_words}", *no_information.notes],
+        landmarks=UNSET if no_information.landmarks is None else dict(no_information.landmarks),
     )
-    return result, _fields(untold, prior)
+    return result, _fields(no_information, prior)
 
 
-def _misfit(problem: IdentificationProblem, untold: NoInformation) -> MisfitRecord:
-    """Eqs 10 to 13 after the motion."""
-    figures = misfit_figures(problem, untold.points, untold.region, untold.points + untold.displacement)
-    return replace(figures, expected_noise_rms_mm=untold.expected_mm)
+def _misfit(problem: IdentificationProblem, no_information: NoInformation) -> MisfitRecord:
+    """Misfit after the motion of the organ (Eqs 10 to 13 of Yang & Lin)."""
+    figures = misfit_figures(
+        problem, no_information.points, no_information.region, no_information.points + no_information.displacement
+    )
+    return replace(figures, expected_noise_rms_mm=no_information.expected_mm)
 
 
-def _fields(untold: NoInformation, prior: Posterior) -> dict[str, NDArray[np.generic]]:
+def _fields(no_information: NoInformation, prior: Posterior) -> dict[str, NDArray[np.generic]]:
     return {
-        "mesh_displacement": untold.mesh_displacement,
-        "surface_points": untold.points,
-        "surface_displacement": untold.displacement,
-        "surface_region": untold.region,
+        "mesh_displacement": no_information.mesh_displacement,
+        "surface_points": no_information.points,
+        "surface_displacement": no_information.displacement,
+        "surface_region": no_information.region,
         "theta": prior.mean,
         "covariance": prior.covariance,
     }

@@ -1,4 +1,4 @@
-"""What a person may choose about an identification."""
+"""Options of an identification."""
 
 from __future__ import annotations
 

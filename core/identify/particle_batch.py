@@ -1,8 +1,8 @@
-"""Many particles of one scene at once: each starts from a near neighbour's equilibrium, and no bit depends on who computes it.
+"""Solution of many particles of one scene. Results are independent of the number and speed of the workers.
 
-Particles are put in one row by a nearest-neighbour tour and cut into blocks of a fixed size. A block is solved by one process
-from its first particle to its last, each started from the one before, the first from the same given state as every other block.
-So the row, the blocks and every start follow from the particles alone, not from the number of workers or their speed.
+Particles are ordered by a nearest-neighbour tour and cut into blocks of fixed size. One process solves one block in
+order. Each particle starts from the equilibrium of the one before; the first of each block starts from one given state.
+Order, blocks and starts therefore follow from the particles alone.
 """
 
 from __future__ import annotations
@@ -21,26 +21,30 @@ from palpate.core.errors import InputError
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.state import State
 
-# Longer blocks start more particles from a near neighbour, shorter ones share work more evenly: measured, see `palpate bench`.
+# Particles of a block. Longer blocks give nearer starts, shorter ones an even load. Chosen with `palpate bench`.
 BLOCK = 5
 
 
 class ParticleScene(Protocol):
-    """A scene that can be solved for any parameters; its answer may depend on these arguments alone."""
+    """Scene that can be solved for any parameters. Precondition: its answer depends on the arguments of `solve` alone."""
 
     def solve(self, theta: FloatArray, start: State | None, options: NewtonOptions | None) -> Equilibrium:
-        """Equilibrium at theta (k,)."""
+        """Equilibrium at theta (k,), continued from the state `start`."""
 
 
-# Makes the scene in the process that needs it: importable and picklable (a class, a function, functools.partial of one).
+# Factory that builds the scene in a worker. It is importable and picklable (a class, a function, a functools.partial).
 SceneFactory = Callable[[], ParticleScene]
-# What is wanted of an equilibrium: (scene, theta, equilibrium) -> array, such as a misfit or observed displacements.
+# Observed quantity: (scene, theta, equilibrium) -> array, such as a misfit or displacements of points.
 Observe = Callable[[Any, FloatArray, Equilibrium], Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Particle:
-    """theta (k,); value : what `observe` made of its equilibrium, inf () where there is none; reason : "" or why there is none."""
+    """Outcome of one particle.
+
+    theta : (k,) parameters. value : result of `observe`, infinite with shape () where there is no equilibrium. reason :
+    why there is none, "" otherwise. factorisations : work done.
+    """
 
     theta: FloatArray
     value: FloatArray
@@ -72,10 +76,11 @@ def solve_many(
     options: NewtonOptions | None = None,
     block: int = BLOCK,
 ) -> list[Particle]:
-    """Solve thetas (m, k) with the executor's workers (`worker.executors.make_executor`); particles in the order given.
+    """Particles at thetas (m, k), in the given order, solved by the executor's workers
+    (`worker.executors.make_executor`).
 
-    start : state from which every block begins, or None for the rest state. Results do not depend on the number of workers nor
-    on the order of thetas. Raises InputError for a shape that is not (m, k).
+    start : state from which every block begins, None for the rest state. Results depend neither on the number of
+    workers nor on the order of thetas. Raises InputError for a shape other than (m, k).
     """
     thetas = np.asarray(thetas, dtype=float)
     if thetas.ndim != 2:
@@ -95,22 +100,22 @@ def solve_many(
 
 
 def tour(thetas: FloatArray) -> IntArray:
-    """Indices (m,) of thetas (m, k) in the order of a walk that always goes to the nearest one left; first the least in dictionary order.
+    """Indices (m,) of thetas (m, k) along a nearest-neighbour tour that starts at the lexicographically smallest theta.
 
-    The walk does not depend on the order in which thetas are given.
+    The tour does not depend on the order of thetas.
     """
     if len(thetas) == 0:
         return np.zeros(0, dtype=np.int64)
     dictionary = np.lexsort(thetas.T[::-1])
     points = thetas[dictionary]
-    left = np.ones(len(points), dtype=bool)
+    unvisited = np.ones(len(points), dtype=bool)
     walk = [0]
-    left[0] = False
+    unvisited[0] = False
     for _ in range(len(points) - 1):
         distance = ((points - points[walk[-1]]) ** 2).sum(axis=1)
-        distance[~left] = np.inf
+        distance[~unvisited] = np.inf
         walk.append(int(np.argmin(distance)))
-        left[walk[-1]] = False
+        unvisited[walk[-1]] = False
     return dictionary[walk]
 
 
@@ -118,25 +123,27 @@ _SCENE: tuple[str, ParticleScene] | None = None
 
 
 def _scene(key: str, factory: bytes) -> ParticleScene:
-    """This process's copy of the scene, made once; another scene replaces it."""
+    """This process's scene, built once and replaced when the key changes."""
     global _SCENE
     if _SCENE is None or _SCENE[0] != key:
-        _SCENE = None  # the old one's memory first
+        _SCENE = None  # frees the memory of the old scene first
         _SCENE = key, pickle.loads(factory)()
     return _SCENE[1]
 
 
 def _solve_block(block: _Block) -> Sequence[Particle]:
-    """One chain; a particle without equilibrium does not break it: the next starts from the last that has one."""
+    """Particles of one block. A particle without equilibrium is skipped as a start: the next one starts from the last
+    equilibrium.
+    """
     scene = _scene(block.key, block.factory)
     state, out = block.start, []
     for theta in block.thetas:
-        found = scene.solve(theta, state, block.options)
-        if found.converged:
-            state = State(found.u, found.p)
-            value = np.asarray(block.observe(scene, theta, found), dtype=float)
-            out.append(Particle(theta, value, "", found.factorisations))
+        equilibrium = scene.solve(theta, state, block.options)
+        if equilibrium.converged:
+            state = State(equilibrium.u, equilibrium.p)
+            value = np.asarray(block.observe(scene, theta, equilibrium), dtype=float)
+            out.append(Particle(theta, value, "", equilibrium.factorisations))
         else:
-            reason = found.reason or "no equilibrium"
-            out.append(Particle(theta, np.array(np.inf), reason, found.factorisations))
+            reason = equilibrium.reason or "no equilibrium"
+            out.append(Particle(theta, np.array(np.inf), reason, equilibrium.factorisations))
     return out

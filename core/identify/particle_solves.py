@@ -1,7 +1,6 @@
-"""Full solves for many parameters at once, in worker processes that hold the scene.
+"""Full solves for many parameters, in worker processes that hold the scene.
 
-Every solve starts from the same reference equilibrium, so its outcome depends on its parameters alone, not on who computed it
-or when.
+Every solve starts from the same reference equilibrium. Its result therefore depends on its parameters alone.
 """
 
 from __future__ import annotations
@@ -22,9 +21,11 @@ _QUICK = NewtonOptions(rtol=1e-6, max_factorisations=60, stability=False)
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Displacements (q + k, 3) mm of surface points and landmarks, None with a reason where there is no equilibrium.
+    """Result of one full solve.
 
-    sensitivities : (t, q + k, 3) mm per unit of theta where they were asked for.
+    displacement : (q + k, 3) mm of surface points and landmarks, None where there is no equilibrium. sensitivities :
+    (t, q + k, 3) mm per unit of theta, None unless asked for. reason : why there is no equilibrium, "" otherwise.
+    factorisations : work done.
     """
 
     displacement: FloatArray | None
@@ -34,7 +35,7 @@ class Solved:
 
 
 class ParticleSolver:
-    """A scene with its walls linearised at a reference, ready for any theta."""
+    """Scene with its walls linearised at a reference equilibrium."""
 
     def __init__(self, problem_file: Path, reference_file: Path, boundary: str, element: str, split_mu: bool) -> None:
         self.scene = make_scene(IdentificationProblem.load(problem_file), boundary, element, split_mu)
@@ -44,32 +45,32 @@ class ParticleSolver:
         self._points = self.scene.observation.all_points
 
     def solve(self, theta: FloatArray, with_sensitivities: bool) -> Solved:
-        """Equilibrium at theta (t,)."""
-        found: Equilibrium = self.scene.solve(theta, self.start, replace(_QUICK, stability=with_sensitivities))
-        if not found.converged:
-            return Solved(None, None, found.reason, found.factorisations)
+        """Full solve at theta (t,)."""
+        equilibrium: Equilibrium = self.scene.solve(theta, self.start, replace(_QUICK, stability=with_sensitivities))
+        if not equilibrium.converged:
+            return Solved(None, None, equilibrium.reason, equilibrium.factorisations)
         slopes = None
         if with_sensitivities:
-            slopes = np.stack([self._points @ s for s in self.scene.displacement_sensitivities(theta, found)])
-        return Solved(self._points @ found.u, slopes, "", found.factorisations)
+            slopes = np.stack([self._points @ s for s in self.scene.displacement_sensitivities(theta, equilibrium)])
+        return Solved(self._points @ equilibrium.u, slopes, "", equilibrium.factorisations)
 
 
 _SOLVER: ParticleSolver | None = None
 
 
 def initialise(problem_file: str, reference_file: str, boundary: str, element: str, split_mu: bool) -> None:
-    """Run once in every worker process."""
+    """Set-up of a worker process, called once in each."""
     global _SOLVER
     _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), boundary, element, split_mu)
 
 
 def solve(theta: FloatArray) -> Solved:
-    """Displacement at theta in a process that was initialised."""
+    """Full solve at theta (t,). Raises RuntimeError in a process without `initialise`."""
     return _ready().solve(theta, False)
 
 
 def solve_with_sensitivities(theta: FloatArray) -> Solved:
-    """Displacement and its derivatives at theta in a process that was initialised."""
+    """Full solve at theta (t,) with sensitivities. Raises RuntimeError in a process without `initialise`."""
     return _ready().solve(theta, True)
 
 
