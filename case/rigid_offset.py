@@ -7,9 +7,8 @@ same model, which does not care where a patient lies, seen from another frame. W
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -30,6 +29,14 @@ _IN_PLACE_MM = 1.2
 _ON_BONE_MM, _NEAR_MM, _SHARE = 1.0, 1.5, 0.5
 
 
+class OffsetRecord(TypedDict):
+    """A `RigidOffset` in mesh.json."""
+
+    deformed_to_rest: list[list[float]]
+    shift_mm: float
+    turn_deg: float
+
+
 @dataclass(frozen=True, eq=False)
 class RigidOffset:
     """deformed_to_rest : (4, 4) LPS mm, rigid. shift_mm : how far it takes the organ's middle; turn_deg : by how much it turns."""
@@ -39,7 +46,7 @@ class RigidOffset:
     turn_deg: float
 
     @classmethod
-    def from_dict(cls, found: Mapping[str, Any]) -> RigidOffset:
+    def from_dict(cls, found: OffsetRecord) -> RigidOffset:
         """Of what `to_dict` made."""
         return cls(np.array(found["deformed_to_rest"]), float(found["shift_mm"]), float(found["turn_deg"]))
 
@@ -47,7 +54,7 @@ class RigidOffset:
         """Points (n, 3) mm of the deformed scan in the frame of the one at rest."""
         return transformed(self.deformed_to_rest, points)
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> OffsetRecord:
         """The JSON object in mesh.json."""
         return {
             "deformed_to_rest": self.deformed_to_rest.tolist(),

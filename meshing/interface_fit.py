@@ -8,7 +8,6 @@ along the normal so that the squared distance between faces and surface, summed 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -21,7 +20,7 @@ from palpate.core.surfaces.triangles import areas, point_normals
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE
 from palpate.meshing.cells import KEPT, face_neighbours
 from palpate.meshing.partition import HOLE_NAMES, ORGAN, Partition
-from palpate.meshing.quality import shape
+from palpate.meshing.quality import InterfaceFigures, shape
 from palpate.meshing.smooth_distance import SmoothField
 
 # A vertex may move by this share of its shortest surface edge in one fit.
@@ -63,7 +62,7 @@ def interfaces_of(cells: IntArray, labels: IntArray, partition: Partition) -> di
     return found
 
 
-def interface_report(points: FloatArray, interface: Interface) -> dict[str, Any]:
+def interface_report(points: FloatArray, interface: Interface) -> InterfaceFigures:
     """Distance in mm of the faces, and of their vertices, from the smooth surface (positive outside)."""
     inner = np.vstack([np.full((1, 3), 1.0 / 3.0), 0.2 + 0.4 * np.eye(3)])
     faces = interface.distance(points, inner)

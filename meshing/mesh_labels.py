@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from palpate.meshing.interface_fit import FLOOR_DEG, Interface, fit_interfaces, 
 from palpate.meshing.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
 from palpate.meshing.mesher_input import make_scene
 from palpate.meshing.partition import HOLE_NAMES, Partition, make_partition
-from palpate.meshing.quality import describe
+from palpate.meshing.quality import MeshQuality, describe
 from palpate.meshing.tetwild import tetrahedralize
 
 # Meshed again, once, when the number of cells is further from what is wanted than this factor.
@@ -63,7 +62,7 @@ class MeshedCase:
 
     mesh: TetMesh
     boundary: dict[str, IntArray]
-    quality: dict[str, Any] = field(default_factory=dict)
+    quality: MeshQuality = field(default_factory=MeshQuality)
 
 
 def mesh_labels(labels: Volume, options: MeshOptions | None = None, cache: Path | None = None) -> MeshedCase:
@@ -91,9 +90,9 @@ def mesh_labels(labels: Volume, options: MeshOptions | None = None, cache: Path 
 
 def _best_of(
     labels: Volume, partition: Partition, options: MeshOptions
-) -> tuple[TetMesh, dict[str, IntArray], dict[str, Any]]:
+) -> tuple[TetMesh, dict[str, IntArray], MeshQuality]:
     """The first mesh that keeps to its labels, or the best of a few with other random numbers."""
-    best: tuple[float, tuple[TetMesh, dict[str, IntArray], dict[str, Any]]] | None = None
+    best: tuple[float, tuple[TetMesh, dict[str, IntArray], MeshQuality]] | None = None
     for attempt in range(1, MESH_ATTEMPTS + 1):
         points, cells, edge_mm = _mesh_to_count(partition, options, options.seed * _SEEDS_APART + attempt)
         points, cell_labels, surfaces = _fitted(points, cells, partition, edge_mm)
@@ -112,7 +111,7 @@ def _best_of(
     return best[1]
 
 
-def _error(quality: dict[str, Any]) -> float:
+def _error(quality: MeshQuality) -> float:
     """How far a mesh is from its labels; 1 is the most that is taken at once."""
     volumes = [abs(figures["volume_error"]) / GOOD_VOLUME for figures in quality["regions"].values()]
     read = [quality["surfaces"][name] for name in READ_SURFACES if name in quality["surfaces"]]

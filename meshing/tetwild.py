@@ -13,11 +13,10 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.arrays import FloatArray, IntArray, NumberArray
 from palpate.core.errors import ConvergenceError
 from palpate.meshing.tetwild_seed import fix_random_device
 
@@ -53,8 +52,8 @@ def tetrahedralize(soup: Soup, timeout_s: float = 600.0) -> tuple[FloatArray, In
     """
     with tempfile.TemporaryDirectory(prefix="palpate-mesh-") as folder:
         given, made = Path(folder, "in.npz"), Path(folder, "out.npz")
-        arrays: dict[str, Any] = {name: np.asarray(value) for name, value in vars(soup).items()}
-        np.savez(given, **arrays)
+        arrays: dict[str, NumberArray] = {name: np.asarray(value) for name, value in vars(soup).items()}
+        np.savez(given, **arrays)  # type: ignore[arg-type]
         command = [sys.executable, "-m", "palpate.meshing.tetwild", str(given), str(made)]
         try:
             done = subprocess.run(command, capture_output=True, timeout=timeout_s, check=False)

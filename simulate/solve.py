@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.meshing.mesh_labels import MeshedCase
 from palpate.simulate.gliding_wall import Glide
-from palpate.simulate.strain_figures import organ_strain, smallest_volume_ratio, solver_figures
+from palpate.simulate.strain_figures import SolverFigures, organ_strain, smallest_volume_ratio, solver_figures
 from palpate.simulate.wall_motion import MovedWall
 
 ELEMENT = "p2"
@@ -71,7 +70,7 @@ class DeformedState:
     u: FloatArray
     boundary: Mapping[str, IntArray]
     strain: dict[str, float]
-    solver: dict[str, Any] = field(default_factory=dict)
+    solver: SolverFigures
 
 
 def solve_deformed(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
@@ -12,6 +12,25 @@ from palpate.core.errors import ConvergenceError
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.space import Space
 from palpate.meshing.mesh_labels import MeshedCase
+
+
+class SolverFigures(TypedDict):
+    """Size of the problem and what its solve took; the rest is added by `solve.solve_deformed`.
+
+    glide_rounds, glide_last_motion_mm : of gliding walls, and how far the last round moved them. contact : "tied" or "gliding".
+    smallest_volume_ratio : of all cells.
+    """
+
+    element: str
+    cells: int
+    nodes: int
+    load_steps: int
+    factorisations: int
+    relative_residual: float
+    glide_rounds: NotRequired[int]
+    glide_last_motion_mm: NotRequired[float]
+    contact: NotRequired[str]
+    smallest_volume_ratio: NotRequired[float]
 
 
 def organ_strain(F: FloatArray, weight: FloatArray) -> dict[str, float]:
@@ -61,7 +80,7 @@ def smallest_volume_ratio(
     )
 
 
-def solver_figures(space: Space, found: Equilibrium) -> dict[str, Any]:
+def solver_figures(space: Space, found: Equilibrium) -> SolverFigures:
     """Size of the problem and what its solve took."""
     return {
         "element": space.element.name,

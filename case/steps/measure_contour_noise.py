@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -18,7 +18,24 @@ from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces
 
 
-def run(case: CaseFolder, drawn: Mapping[str, Path]) -> dict[str, Any]:
+class RepeatRecord(TypedDict):
+    """Of one state drawn twice: noise and its correlation length, how far the drawings lie apart (mm), and the second one's file."""
+
+    sd_mm: float
+    correlation_mm: float
+    apart_mm: float
+    sha256: str
+
+
+class NoiseRecord(TypedDict):
+    """noise.json: standard deviation and correlation length of the contours' noise, mm, over all states, and by state."""
+
+    sd_mm: float
+    correlation_mm: float
+    states: dict[str, RepeatRecord]
+
+
+def run(case: CaseFolder, drawn: Mapping[str, Path]) -> NoiseRecord:
     """Write noise.json and return it. drawn : state ("rest", "deformed") -> labels drawn again on its scan.
 
     Raises InputError where case.json states the noise already, the case has no labels of a state, or two drawings are not
@@ -28,14 +45,14 @@ def run(case: CaseFolder, drawn: Mapping[str, Path]) -> dict[str, Any]:
         raise InputError(
             f"{case.file('case.json')} states boundary_noise_sd_mm; set it to null there to have it measured from repeats"
         )
-    states: dict[str, dict[str, Any]] = {}
+    states: dict[str, RepeatRecord] = {}
     for state, path in drawn.items():
         first, second = _organ(case.labels(state)), _organ(redrawn_labels(case, state, path))
         found = repeat_of(first, second)
         states[state] = {
             "sd_mm": found.sd_mm, "correlation_mm": found.correlation_mm, "apart_mm": found.apart_mm, "sha256": file_sha256(path),
         }  # fmt: skip
-    noise = {
+    noise: NoiseRecord = {
         "sd_mm": float(np.sqrt(np.mean([s["sd_mm"] ** 2 for s in states.values()]))),
         "correlation_mm": float(np.mean([s["correlation_mm"] for s in states.values()])),
         "states": states,

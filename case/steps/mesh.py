@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.imported import holds_rest_alone
-from palpate.case.meshed import ORGAN_NAME, load_meshed
+from palpate.case.meshed import ORGAN_NAME, MeshReport, load_meshed
 from palpate.case.rigid_offset import elsewhere_in
 from palpate.case.steps.declarations import MESH
+from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
@@ -24,7 +24,7 @@ from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.meshing.partition import HOLE_NAMES
 
 
-def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> MeshReport:
     """Write mesh.npz, surfaces.npz, mesh.json and mesh.vtu of a case; return what mesh.json says.
 
     Surfaces of both states lie in the frame of the scan at rest: where nobody has aligned the scans, that is done here (`laid_elsewhere`).
@@ -36,8 +36,8 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     options = options or MeshOptions()
     made_from = MESH.made_from(case, asdict(options))
     if MESH.is_done(case, made_from):
-        report: dict[str, Any] = case.read_json("mesh.json")
-        return report
+        kept: MeshReport = case.read_json("mesh.json")
+        return kept
     for state in ("rest", "deformed"):
         if state == "deformed" and case.has("import.json") and holds_rest_alone(case):
             raise InputError(
@@ -58,7 +58,8 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     case.write_npz("surfaces.npz", **arrays)
     with case.atomic_path("mesh.vtu") as path:
         _view(meshed.mesh).save(path)
-    report = meshed.quality | {
+    report: MeshReport = {
+        **meshed.quality,
         "inputs_sha256": made_from.sha256,
         "mesh_sha256": file_sha256(case.file("mesh.npz")),
         "options": asdict(options),
@@ -74,7 +75,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     return report
 
 
-def surface_arrays(state: str, labels: Volume) -> dict[str, Any]:
+def surface_arrays(state: str, labels: Volume) -> dict[str, NumberArray]:
     """Arrays of the surfaces of one state: STATE_NAME_points (n, 3) mm, STATE_NAME_faces (f, 3), STATE_NAME_region (f,).
 
     NAME is organ, bone, bladder or rectum; absent labels are left out. STATE_organ_rim holds the points where organ
@@ -82,7 +83,7 @@ def surface_arrays(state: str, labels: Volume) -> dict[str, Any]:
     """
     surfaces = {ORGAN_NAME: organ_surfaces(labels)}
     surfaces |= {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items()}
-    arrays: dict[str, Any] = {f"{state}_{ORGAN_NAME}_rim": surfaces[ORGAN_NAME].rim}
+    arrays: dict[str, NumberArray] = {f"{state}_{ORGAN_NAME}_rim": surfaces[ORGAN_NAME].rim}
     for name, surface in surfaces.items():
         if len(surface.faces):
             prefix = f"{state}_{name}"

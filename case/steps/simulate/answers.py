@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.arrays import FloatArray, IntArray, NumberArray
 from palpate.core.files.atomic import atomic_path, writing
 from palpate.core.mesh import cell_volumes
 from palpate.core.statistics import rms
@@ -16,11 +17,42 @@ from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.simulate.solve import DeformedState, Stiffness
+from palpate.simulate.strain_figures import SolverFigures
 
 SURFACE_POINTS = 500
 
 
-def truth_of(state: DeformedState, stiffness: Stiffness, deformed_to_rest: FloatArray, seed: int) -> dict[str, Any]:
+class Truth(TypedDict):
+    """Everything known of a simulated pair; lengths mm, moduli kPa, volumes cc.
+
+    true_G_kpa, true_mu1_kpa, true_mu2_kpa, volume_cc : by label name. organ_strain : `strain_figures.organ_strain`. divide : how far the
+    surface between left and right is from the plane of `_divide`; empty where there is none. deformed_to_rest : (4, 4), LPS mm.
+    """
+
+    true_G_kpa: dict[str, float]
+    true_mu1_kpa: dict[str, float]
+    true_mu2_kpa: dict[str, float]
+    tissue_G_kpa: float
+    tissue_poisson_ratio: float
+    organ_strain: dict[str, float]
+    surface_displacement_rms_mm: float
+    surface_displacement_max_mm: float
+    divide: dict[str, float]
+    volume_cc: dict[str, dict[str, float]]
+    deformed_to_rest: list[list[float]]
+    solver: SolverFigures
+
+
+class Answers(Truth):
+    """NAME.json: the truth, and the spec (as it was written) that it was simulated from."""
+
+    name: str
+    simulated: bool
+    spec: dict[str, object]
+    seed: int
+
+
+def truth_of(state: DeformedState, stiffness: Stiffness, deformed_to_rest: FloatArray, seed: int) -> Truth:
     """Everything known of a simulated pair, ready for JSON; lengths mm, moduli kPa, volumes cc."""
     surface = surface_truth(state, seed)
     moved = np.linalg.norm(surface["displacement"], axis=1)
@@ -67,7 +99,7 @@ def surface_truth(state: DeformedState, seed: int) -> dict[str, FloatArray | Int
 
 
 def write_answers(
-    folder: Path, name: str, truth: dict[str, Any], surface: dict[str, Any], labels: dict[str, Volume]
+    folder: Path, name: str, truth: Answers, surface: Mapping[str, NumberArray], labels: dict[str, Volume]
 ) -> None:
     """Writes NAME.json, NAME_surface.npz and NAME_labels/ (both states, rest frame, without noise) in the answers' folder."""
     import json
@@ -75,7 +107,7 @@ def write_answers(
     with writing(folder / f"{name}.json"):
         folder.mkdir(parents=True, exist_ok=True)
     with atomic_path(folder / f"{name}_surface.npz") as temporary:
-        np.savez_compressed(temporary, **surface)
+        np.savez_compressed(temporary, **surface)  # type: ignore[arg-type]
     for state, volume in labels.items():
         with atomic_path(folder / f"{name}_labels" / f"{state}.nii.gz") as temporary:
             write_labels(temporary, volume)

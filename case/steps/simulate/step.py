@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder, check_new_case
-from palpate.case.steps.simulate.answers import surface_truth, truth_of, write_answers
+from palpate.case.steps.simulate.answers import Answers, surface_truth, truth_of, write_answers
 from palpate.case.steps.simulate.case_source import case_source
 from palpate.case.steps.simulate.from_ct import CtSource, ct_source
 from palpate.case.steps.simulate.spec import SimulationSpec, parse_spec
@@ -38,7 +37,7 @@ def run_simulate(
     progress: Progress = silent,
     base: Path | None = None,
     mesh_cache: Path | None = None,
-) -> dict[str, Any]:
+) -> Answers:
     """Writes a case with two simulated states and, in another folder, its answers (NAME.json, NAME_surface.npz, NAME_labels).
 
     spec : see `simulate_spec`. base : folder that the spec's paths start from. mesh_cache : see `mesh_labels`.
@@ -115,11 +114,16 @@ def _facts(pair: SimulatedPair, folder: str) -> CaseFacts:
     )
 
 
-def _write_truth(pair: SimulatedPair, name: str, folder: Path, progress: Progress) -> dict[str, Any]:
+def _write_truth(pair: SimulatedPair, name: str, folder: Path, progress: Progress) -> Answers:
     progress(0.6, "answers")
     spec, source = pair.spec, pair.source
-    truth = {"name": name, "simulated": True, "spec": dict(spec.raw), "seed": spec.seed}
-    truth |= truth_of(pair.state, spec.stiffness, pair.deformed_to_rest, spec.seed)
+    truth: Answers = {
+        "name": name,
+        "simulated": True,
+        "spec": dict(spec.raw),
+        "seed": spec.seed,
+        **truth_of(pair.state, spec.stiffness, pair.deformed_to_rest, spec.seed),
+    }
     labels = {
         "rest": labels_on(source.labels, source.label_grid),
         "deformed": labels_on(lambda p: source.labels(pair.warp.rest_points(p)), source.label_grid),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from palpate.imaging.volume import Volume
 from palpate.simulate.contour_errors import drawn_labels
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.solve import DeformedState
-from palpate.simulate.source import PhantomSource, Source
+from palpate.simulate.source import PhantomSource, Source, ToRest
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,7 @@ def write_label_case(pair: SimulatedPair, case: CaseFolder, progress: Progress) 
     case.write_labels("deformed", second)
 
 
-def _drawn(pair: SimulatedPair, to_rest: Any, second_grid: Volume) -> tuple[Volume, Volume]:
+def _drawn(pair: SimulatedPair, to_rest: ToRest, second_grid: Volume) -> tuple[Volume, Volume]:
     """Contours of both states; each state's errors are its own."""
     spec, source, rng = pair.spec, pair.source, pair.rng
     noise = (spec.contour_noise_sd_mm, spec.noise_correlation_mm, rng)

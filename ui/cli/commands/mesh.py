@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from palpate.case.case_folder import CaseFolder
 from palpate.meshing.mesh_labels import MeshOptions
 from palpate.ui.cli.arguments import add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
+
+if TYPE_CHECKING:
+    from palpate.case.meshed import MeshReport
 
 NAME, HELP = "mesh", "label volumes to one conforming mesh and smooth surfaces"
 
@@ -44,7 +47,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return report, text_of(case, report)
 
 
-def text_of(case: CaseFolder, report: dict[str, Any]) -> str:
+def text_of(case: CaseFolder, report: MeshReport) -> str:
     """What a person reads of a mesh."""
     from palpate.case.meshed import elsewhere_of
 
