@@ -44,8 +44,8 @@ def arrays(data: CaseData) -> dict[str, NDArray[np.generic]]:
     """For numpy.savez; `load` is the inverse."""
     out: dict[str, NDArray[np.generic]] = {}
     for k, (problem, bones) in enumerate(data.pairs):
-        found = problem.arrays() | _of_bones(bones)
-        out |= {f"{_prefix(k)}{key}": values for key, values in found.items()}
+        state_arrays = problem.arrays() | _of_bones(bones)
+        out |= {f"{_prefix(k)}{key}": values for key, values in state_arrays.items()}
     for k, other in enumerate(data.remeshed):
         out |= other.arrays(f"remeshed/{k}")
     out["gravity"] = np.frombuffer(json.dumps(data.gravity).encode(), dtype=np.uint8)
@@ -56,9 +56,9 @@ def load(path: Path) -> CaseData:
     """Case data from their file. Raises InputError when it is missing or holds something else."""
     try:
         with np.load(path, allow_pickle=False) as archive:
-            found = {key: archive[key] for key in archive.files}
-        gravity = json.loads(bytes(np.asarray(found["gravity"], dtype=np.uint8)).decode())
-        pairs, remeshed = _pairs(found), all_from(found, "remeshed")
+            all_arrays = {key: archive[key] for key in archive.files}
+        gravity = json.loads(bytes(np.asarray(all_arrays["gravity"], dtype=np.uint8)).decode())
+        pairs, remeshed = _pairs(all_arrays), all_from(all_arrays, "remeshed")
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not readable as a case's data ({error}); run diagnose again") from error
     return CaseData(*pairs[0], (_vector(gravity[0]), _vector(gravity[1])), remeshed, tuple(pairs[1:]))
@@ -68,11 +68,11 @@ def _prefix(state: int) -> str:
     return f"state_{state + 1}/" if state else ""
 
 
-def _pairs(found: Mapping[str, NDArray[np.generic]]) -> list[StateData]:
+def _pairs(all_arrays: Mapping[str, NDArray[np.generic]]) -> list[StateData]:
     out: list[StateData] = []
-    while not out or f"{_prefix(len(out))}scalars" in found:
+    while not out or f"{_prefix(len(out))}scalars" in all_arrays:
         before = _prefix(len(out))
-        here = {key.removeprefix(before): values for key, values in found.items() if key.startswith(before)}
+        here = {key.removeprefix(before): values for key, values in all_arrays.items() if key.startswith(before)}
         out.append((IdentificationProblem.from_arrays(here), _bones(here)))
     return out
 
@@ -88,10 +88,10 @@ def _vector(value: Any) -> tuple[float, float, float] | None:
     return None if value is None else (float(value[0]), float(value[1]), float(value[2]))
 
 
-def _bones(found: Mapping[str, NDArray[np.generic]]) -> SurfacePair | None:
-    if "bones/rest/points" not in found:
+def _bones(state_arrays: Mapping[str, NDArray[np.generic]]) -> SurfacePair | None:
+    if "bones/rest/points" not in state_arrays:
         return None
     rest, deformed = (
-        Surface(*(np.asarray(found[f"bones/{state}/{key}"]) for key in _KEYS)) for state in ("rest", "deformed")
+        Surface(*(np.asarray(state_arrays[f"bones/{state}/{key}"]) for key in _KEYS)) for state in ("rest", "deformed")
     )
     return SurfacePair(rest, deformed)

@@ -38,8 +38,8 @@ def diagnose(
     """
     options = options or DiagnosisOptions()
     rules = options.decision_rules
-    told = part(progress, 0.0, 0.45)
-    fit = fit_plain(data.pairs, data.remeshed, told, options.noise_model, options.wall_motion)
+    fit_progress = part(progress, 0.0, 0.45)
+    fit = fit_plain(data.pairs, data.remeshed, fit_progress, options.noise_model, options.wall_motion)
     forces = UnknownDiscrepancy.around(fit.linearisation, fit.model.data_vectors, fit.options)
     r, J, R = fit.linearisation.residual, fit.linearisation.in_theta, forces.free
     progress(0.46, "score test of every effect")
@@ -52,8 +52,8 @@ def diagnose(
     test = gap_test(fit.noise, r, J, R, named, seed, rules=rules)
     refits = [] if test.p_value > rules.clear else _refits(fit, screened, rules, part(progress, 0.6, 0.8))
     if refits:
-        found = {f.hypothesis.effect.id: f.log_evidence for f in refits if f.hypothesis.effect}
-        test = gap_test(fit.noise, r, J, R, named, seed, found, rules=rules)
+        refit_evidence = {f.hypothesis.effect.id: f.log_evidence for f in refits if f.hypothesis.effect}
+        test = gap_test(fit.noise, r, J, R, named, seed, refit_evidence, rules=rules)
     refits = with_own_element_errors(fit, screened, refits, rules, part(progress, 0.8, 0.92)) if test.detected else []
     progress(0.92, "prediction of what was left out")
     discrepancy = discrepancy_maps(fit, forces, rules)
@@ -77,7 +77,7 @@ def _refits(fit: PlainFit, screened: Sequence[Screened], rules: DecisionRules, p
     out = []
     for k, s in enumerate(worth):
         progress(k / len(worth), f"refit with {s.effect.id}")
-        found = refit_variants(fit, s, rules)
-        if found is not None:
-            out.append(found)
+        refitted = refit_variants(fit, s, rules)
+        if refitted is not None:
+            out.append(refitted)
     return sorted(out, key=lambda f: -f.log_evidence)

@@ -26,6 +26,6 @@ def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
     one_thread()  # the order of sums, and with it the last bits, must not depend on the machine's cores
     data = load(Path(job.paths["data"]))
     options = job.options_as(DiagnosisJob)
-    found = diagnose(data, library(options.folder), reporter.progress, job.seed, options.numbers)
-    save_checkpoint(Path(job.folder) / MAP_FILE, maps(found), job.fingerprint())
-    return record(found, options.case)
+    diagnosis = diagnose(data, library(options.folder), reporter.progress, job.seed, options.numbers)
+    save_checkpoint(Path(job.folder) / MAP_FILE, maps(diagnosis), job.fingerprint())
+    return record(diagnosis, options.case)

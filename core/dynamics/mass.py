@@ -49,12 +49,12 @@ class Mass:
 
 def _per_cell(space: Space, density: float | Mapping[int, float]) -> FloatArray:
     regions = space.mesh.regions
-    given = density if isinstance(density, Mapping) else {int(r): density for r in np.unique(regions)}
-    missing = sorted(set(np.unique(regions).tolist()) - set(given))
+    densities = density if isinstance(density, Mapping) else {int(r): density for r in np.unique(regions)}
+    missing = sorted(set(np.unique(regions).tolist()) - set(densities))
     if missing:
         raise InputError(f"regions {missing} of the mesh have no density")
     out = np.zeros(len(regions))
-    for region, value in given.items():
+    for region, value in densities.items():
         if not 0.0 < value < np.inf:
             raise InputError(f"the density of region {region} is {value:g} kg/mm3; a positive one is needed")
         out[regions == region] = value

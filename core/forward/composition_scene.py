@@ -109,9 +109,9 @@ class CompositionScene(CoupledScene):
             out.append({r: (np.asarray(high[r].values) - np.asarray(low[r].values)) / (2.0 * _STEP) for r in high})
         return out
 
-    def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
+    def displacement_sensitivities(self, theta: FloatArray, equilibrium: Equilibrium) -> FloatArray:
         """See `CoupledScene.displacement_sensitivities`."""
-        return direct(found.tangent, self.directions(theta))
+        return direct(equilibrium.tangent, self.directions(theta))
 
     def seen(self, u: FloatArray) -> FloatArray:
         """Nodal displacements (n, 3) mm from the scanned rest state, for u from the stress-free one."""

@@ -74,9 +74,9 @@ class ContactForceScene:
         """No effect but on `linearised_at`: there are no walls."""
         self.linearised_at = u
 
-    def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
+    def displacement_sensitivities(self, theta: FloatArray, equilibrium: Equilibrium) -> FloatArray:
         """See `CoupledScene.displacement_sensitivities`."""
-        return direct(found.tangent, self.parameters.directions(theta))
+        return direct(equilibrium.tangent, self.parameters.directions(theta))
 
     def _reaction(self, motion: InterfaceMotion, options: SceneOptions) -> FloatArray:
         """Force on the organ's surface nodes from the tissue alone, with its walls where both scans show them."""

@@ -87,23 +87,23 @@ class CoupledScene:
         Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at
         most, which moves them off the surface by a thousandth.
         """
-        found = self._approach(theta) if start is None else None
-        if found is not None and not found.converged:
-            return Settled(found, np.inf, 0)
-        state = _state(start if found is None else found)
+        equilibrium = self._approach(theta) if start is None else None
+        if equilibrium is not None and not equilibrium.converged:
+            return Settled(equilibrium, np.inf, 0)
+        state = _state(start if equilibrium is None else equilibrium)
         moved, pace, k = np.inf, 1.0, 0
         target = state.u
         while k < rounds and moved >= SETTLED_MM:
             k += 1
             self.linearise(target)
-            found = self.solve(theta, state, _ON_THE_WAY)
-            if not found.converged:
-                return Settled(found, moved, k)
-            before, moved = moved, self._wall_motion(found.u - target)
+            equilibrium = self.solve(theta, state, _ON_THE_WAY)
+            if not equilibrium.converged:
+                return Settled(equilibrium, moved, k)
+            before, moved = moved, self._wall_motion(equilibrium.u - target)
             if moved > 0.8 * before:
                 pace = max(0.5 * pace, 0.2)  # the walls oscillate: under-relax
-            target = target + pace * (found.u - target)
-            state = _state(found)
+            target = target + pace * (equilibrium.u - target)
+            state = _state(equilibrium)
         return Settled(self.solve(theta, state), moved, k)
 
     def _approach(self, theta: FloatArray, stages: int = 4) -> Equilibrium:
@@ -111,11 +111,11 @@ class CoupledScene:
         state: State | None = None
         for k in range(stages):
             self.linearise(np.zeros((self.space.n_nodes, 3)) if state is None else state.u, 1.0 / (stages - k))
-            found = self.solve(theta, state, _ON_THE_WAY)
-            if not found.converged:
+            equilibrium = self.solve(theta, state, _ON_THE_WAY)
+            if not equilibrium.converged:
                 break
-            state = _state(found)
-        return found
+            state = _state(equilibrium)
+        return equilibrium
 
     def linearise(self, u: FloatArray, way: float = 1.0) -> None:
         """Linearise the walls at nodal displacements u (n, 3) mm. way : see `SlidingWall.linearised_at`."""
@@ -127,9 +127,9 @@ class CoupledScene:
         parts = [w.points.displacements(change) for w in self.walls]
         return float(np.sqrt((np.vstack(parts) ** 2).sum(axis=1).mean()))
 
-    def displacement_sensitivities(self, theta: FloatArray, found: Equilibrium) -> FloatArray:
-        """du/dtheta (t, n, 3) mm at the equilibrium `found` of theta (t,), solved with its stability check."""
-        return direct(found.tangent, self.parameters.directions(theta))
+    def displacement_sensitivities(self, theta: FloatArray, equilibrium: Equilibrium) -> FloatArray:
+        """du/dtheta (t, n, 3) mm at the equilibrium of theta (t,), solved with its stability check."""
+        return direct(equilibrium.tangent, self.parameters.directions(theta))
 
     def held_nodes(self) -> IntArray:
         """Nodes that do not move: those of bone, and of the outer surface where the case fixes it."""
@@ -140,6 +140,6 @@ class CoupledScene:
         return np.unique(self.space.face_nodes(np.vstack(faces)))
 
 
-def _state(found: State | Equilibrium | None) -> State:
-    assert found is not None
-    return found if isinstance(found, State) else State(found.u, found.p)
+def _state(solution: State | Equilibrium | None) -> State:
+    assert solution is not None
+    return solution if isinstance(solution, State) else State(solution.u, solution.p)

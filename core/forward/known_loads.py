@@ -55,9 +55,9 @@ def loaded(
     assembler = Assembler(space, free.ravel(), loads(space))
     materials = StiffnessParameters(problem.regions, problem.facts).materials(theta)
     state = None if start is None else State(start.u, start.p)
-    found = solve_equilibrium(assembler, materials, start=state)
-    pairs = {name: _moved(problem.mesh.points, problem.boundary[name], found.u) for name in walls}
-    return Loaded(replace(problem, walls=pairs), found)
+    equilibrium = solve_equilibrium(assembler, materials, start=state)
+    pairs = {name: _moved(problem.mesh.points, problem.boundary[name], equilibrium.u) for name in walls}
+    return Loaded(replace(problem, walls=pairs), equilibrium)
 
 
 def _moved(points: FloatArray, faces: IntArray, u: FloatArray) -> SurfacePair:

@@ -60,8 +60,11 @@ class SharedGeometry:
         fields = {name: distance_fields(pair) for name, pair in driving_walls(problem).items()}
         geometry = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls)
         for name in fields:
-            seen, at_rest = _seen(problem, name, fields[name], walls.seen_within_mm), fields[name][0].value_and_gradient
-            geometry.motions[name] = WallMotion.of(seen, at_rest, problem.facts.noise_sd_mm, walls)
+            visible, at_rest = (
+                _seen(problem, name, fields[name], walls.seen_within_mm),
+                fields[name][0].value_and_gradient,
+            )
+            geometry.motions[name] = WallMotion.of(visible, at_rest, problem.facts.noise_sd_mm, walls)
         return geometry
 
     @property

@@ -58,10 +58,10 @@ def _slide(
     u = np.tile(shift, (assembler.space.n_nodes, 1))
     for k in range(_ROUNDS):
         assembler.terms = (wall.linearised(u, min(1.0, (k + 1) / _STAGES)), hold)
-        found = solve_equilibrium(assembler, materials)
-        if not found.converged:
-            raise ConvergenceError(f"the organ's two surfaces cannot be matched: {found.reason}")
-        u = found.u
+        equilibrium = solve_equilibrium(assembler, materials)
+        if not equilibrium.converged:
+            raise ConvergenceError(f"the organ's two surfaces cannot be matched: {equilibrium.reason}")
+        u = equilibrium.u
     return u
 
 

@@ -53,9 +53,9 @@ class BoneRegistration:
         weight = keep.astype(float)
         for _ in range(_ROUNDS):
             motion, *_rest = np.linalg.lstsq(N * weight[:, None], -distance * weight, rcond=None)
-            left = distance + N @ motion
-            spread = 1.4826 * np.median(np.abs(left[keep]))
-            weight = keep * np.minimum(1.0, 1.5 * spread / np.maximum(np.abs(left), 1e-9)) ** 0.5
+            residual = distance + N @ motion
+            spread = 1.4826 * np.median(np.abs(residual[keep]))
+            weight = keep * np.minimum(1.0, 1.5 * spread / np.maximum(np.abs(residual), 1e-9)) ** 0.5
         points, N, W2 = points[keep], N[keep], weight[keep] ** 2
         reader = np.linalg.solve((N * W2[:, None]).T @ N, (N * W2[:, None]).T)
         return cls(points, field, N, reader, _misfit(points, field, reader, pivot), floor_sd)

@@ -73,16 +73,16 @@ class WallMotion:
         near = np.exp(-0.5 * (cdist(X, X) / options.smooth_mm) ** 2)
         v, off = np.zeros_like(wall.rest), np.zeros(len(X))
         for k in range(options.rounds):
-            seen = wall.linearised_at(v)
-            normal, shift = seen.normal[chosen], seen.shift[chosen]
+            linear_wall = wall.linearised_at(v)
+            normal, shift = linear_wall.normal[chosen], linear_wall.shift[chosen]
             if k > 0:  # at first points may lie far from the deformed wall, and neighbours see different parts of it
                 normal, shift = _smoothed(near, v[chosen], normal, shift)
             trusted = _trusted(noise, off, options.cauchy)
             kernel = likeliest(X[few], out[few], normal[few], shift[few], trusted[few, few], rigid)
-            found = _posterior(X, at_rest, normal, shift, trusted, kernel, rigid)
-            v = found.at(wall.rest)
+            posterior = _posterior(X, at_rest, normal, shift, trusted, kernel, rigid)
+            v = posterior.at(wall.rest)
             off = shift - (normal * v[chosen]).sum(axis=1)
-        return found
+        return posterior
 
     def at(self, x: FloatArray) -> FloatArray:
         """Posterior mean of the motion (n, 3) mm at x (n, 3) mm."""

@@ -61,9 +61,9 @@ class DataVector:
 
     def residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
         """Predicted minus observed data (n,), for nodal displacements u (nodes, 3) mm of the scene."""
-        seen = scene.seen(u)
+        observed_u = scene.seen(u)
         surface = self.modes.T @ self.surface_residual(scene, u)
-        parts = [surface, scene.observation.landmark_residual(seen).ravel()]
+        parts = [surface, scene.observation.landmark_residual(observed_u).ravel()]
         if self.bone is not None:
             parts.append(self.bone.residual(scene.composition.bone_motion))
         return np.concatenate(parts)
@@ -74,8 +74,8 @@ class DataVector:
 
     def response(self, scene: CompositionScene, u: FloatArray, moves: FloatArray) -> FloatArray:
         """Change (n, r) of the residual for changes of displacement `moves` (r, nodes, 3) mm at u (nodes, 3) mm."""
-        seen = scene.seen(u)
-        rows = [self.modes.T @ scene.observation.jacobian(seen, moves)]
+        observed_u = scene.seen(u)
+        rows = [self.modes.T @ scene.observation.jacobian(observed_u, moves)]
         rows.append(np.stack([(scene.observation.landmark_operator @ m).ravel() for m in moves], axis=1))
         if self.bone is not None:
             rows.append(np.zeros((6, len(moves))))

@@ -44,17 +44,17 @@ def element_errors(
     """Residual of the better element on every mesh, the model's own first, less that of the quick one at
     `linearisation`."""
     none = np.zeros(model.data.n)
-    found = [fine_element_residual(fine_element_model(model), PLAIN, linearisation)]
+    residuals = [fine_element_residual(fine_element_model(model), PLAIN, linearisation)]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")
         problem = other.problem(model.plain.problem)
         quick = StateModel(SharedGeometry.of(problem, QUICK, model.geometry), model.data, Composition(problem), none)
         there = quick.solve(PLAIN, linearisation.theta, NOTHING, None)
         if there is not None:  # a mesh on which the model has no equilibrium tells nothing
-            found.append(fine_element_residual(fine_element_model(quick), PLAIN, there))
-    known = [r for r in found if r is not None]
+            residuals.append(fine_element_residual(fine_element_model(quick), PLAIN, there))
+    known = [r for r in residuals if r is not None]
     every = np.array(known) - linearisation.residual if known else np.zeros((0, len(none)))
-    return ElementErrors(every, None if found[0] is None else every[0])
+    return ElementErrors(every, None if residuals[0] is None else every[0])
 
 
 def fine_element_model(quick: StateModel) -> StateModel:
@@ -83,8 +83,8 @@ def fine_element_residual(
     state = State(carried(linearisation, scene), linearisation.equilibrium.p)
     for _ in range(_ROUNDS):
         scene.linearise(state.u)
-        found = scene.solve(linearisation.theta, state, options)
-        if not found.converged:
+        equilibrium = scene.solve(linearisation.theta, state, options)
+        if not equilibrium.converged:
             return None
-        state = State(found.u, found.p)
+        state = State(equilibrium.u, equilibrium.p)
     return better.data.residual(scene, state.u)

@@ -112,13 +112,13 @@ class JointModel:
         self, hypothesis: Hypothesis, theta: FloatArray, phi: FloatArray, near: JointLinearisation | None
     ) -> JointLinearisation | None:
         """The model at (theta, phi), started from the equilibria of `near`; None when a state has no equilibrium."""
-        found: list[Linearisation] = []
+        linearisations: list[Linearisation] = []
         for k, model in enumerate(self.each):
             linearisation = model.solve(hypothesis, theta, phi, None if near is None else near.each[k])
             if linearisation is None:
                 return None
-            found.append(linearisation)
-        return JointLinearisation(tuple(found))
+            linearisations.append(linearisation)
+        return JointLinearisation(tuple(linearisations))
 
     def directions(self, hypothesis: Hypothesis, at: JointLinearisation) -> FloatArray:
         """Derivative (n, k) of the residual in phi; see `StateModel.directions`."""

@@ -1,4 +1,4 @@
-"""Linearised model of one deformed state: equilibrium, residual and its derivatives in the stiffness and in an effect."""
+"""Linearised model of one deformed state: equilibrium, residual, and derivatives in the stiffness and in an effect."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Linearisation:
     """A model solved in one deformed state, and linearised there.
 
     residual (n,) : with the better element's correction. in_theta (n, t) : its derivative in ln G. out_of_balance
-    (kept,) : forces that Newton left.
+    (kept,) : residual forces at the end of Newton's iteration.
     """
 
     theta: FloatArray
@@ -97,14 +97,14 @@ class StateModel:
             scene.assembler.set_materials(scene.materials(theta))
             start = State(u, scene.assembler.balanced_pressure(u))
         settled = scene.settle(theta, start, rounds=_FROM_AFAR if near is None else _FROM_NEARBY)
-        found = settled.equilibrium
-        if not found.converged:
+        equilibrium = settled.equilibrium
+        if not equilibrium.converged:
             return None
-        residual = self.data.residual(scene, found.u) + self.correction
-        sensitivities = scene.displacement_sensitivities(theta, found)
-        in_theta = self.data.response(scene, found.u, sensitivities)
-        left = out_of_balance(scene.assembler, State(found.u, found.p))
-        return Linearisation(theta, phi, scene, found, residual, in_theta, left)
+        residual = self.data.residual(scene, equilibrium.u) + self.correction
+        sensitivities = scene.displacement_sensitivities(theta, equilibrium)
+        in_theta = self.data.response(scene, equilibrium.u, sensitivities)
+        imbalance = out_of_balance(scene.assembler, State(equilibrium.u, equilibrium.p))
+        return Linearisation(theta, phi, scene, equilibrium, residual, in_theta, imbalance)
 
     def directions(self, hypothesis: Hypothesis, at: Linearisation) -> FloatArray:
         """Derivative (n, k) of the residual in phi: one back-substitution per parameter with the linearisation's own

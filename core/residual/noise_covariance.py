@@ -95,16 +95,17 @@ class NoiseParts:
             options,
         )
 
-    def covariance(self, sizes: NoiseSizes, left: FloatArray) -> FloatArray:
+    def covariance(self, sizes: NoiseSizes, discretisation: FloatArray) -> FloatArray:
         """Covariance (n, n) mm2 of the data for given sizes; the contours' is that of the nearest of
         `options.lengths_mm`.
 
-        left : (n, m) columns whose outer products are the covariance of what meshes and elements leave (`remeshing`).
+        discretisation : (n, m) mm, columns whose outer products sum to the covariance of the discretisation error
+        (`remeshing`).
         """
         contour = self.contour[int(np.argmin(np.abs(np.array(self.options.lengths_mm) - sizes.length)))]
         out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
         out = out + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
-        return out + self.floor + left @ left.T
+        return out + self.floor + discretisation @ discretisation.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +118,7 @@ class _Contour:
 
 
 def _contours_of(
-    scene: CompositionScene, data: DataVector, found: Equilibrium, wall_length_mm: float
+    scene: CompositionScene, data: DataVector, equilibrium: Equilibrium, wall_length_mm: float
 ) -> dict[str, _Contour]:
     """Contours of organ, walls and bones, and their responses at an equilibrium."""
     organ = np.zeros((data.n, len(data.modes)))
@@ -128,7 +129,7 @@ def _contours_of(
         modes = modes / np.linalg.norm(modes, axis=0)
         weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
         forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], weight * m[:, None]) for m in modes.T])
-        response = data.response(scene, found.u, response_to_forces(found.tangent, forces))
+        response = data.response(scene, equilibrium.u, response_to_forces(equilibrium.tangent, forces))
         out[name] = _Contour(wall.rest, response @ modes.T)
     if data.bone is not None:
         bone = np.zeros((data.n, len(data.bone.points)))
@@ -193,25 +194,25 @@ def _on_nodes(scene: CompositionScene, nodes: IntArray, force: FloatArray) -> Fl
     return full
 
 
-def _along(scene: CompositionScene, data: DataVector, found: Equilibrium) -> FloatArray:
+def _along(scene: CompositionScene, data: DataVector, equilibrium: Equilibrium) -> FloatArray:
     """Covariance of the residual for the uncertainty of the walls' motion along themselves."""
     total = np.zeros((data.n, data.n))
     for wall, motion in zip(scene.walls, scene.geometry.motions.values(), strict=True):
         unknown = motion.unknown_at(wall.rest - wall.points.displacements(scene.shift))
-        R = slide_responses(scene, data, found, wall, unknown)
+        R = slide_responses(scene, data, equilibrium, wall, unknown)
         total += R @ R.T
     return total
 
 
 def slide_responses(
-    scene: CompositionScene, data: DataVector, found: Equilibrium, wall: SlidingWall, moved: FloatArray
+    scene: CompositionScene, data: DataVector, equilibrium: Equilibrium, wall: SlidingWall, moved: FloatArray
 ) -> FloatArray:
     """Change (n, r) of the residual when a wall's points move by `moved` (r, w, 3) mm; only the tangential part counts.
 
-    found : the equilibrium, solved with its stability check.
+    equilibrium : solved with its stability check.
     """
     along = moved - np.einsum("rqi,qi->rq", moved, wall.normal)[..., None] * wall.normal
     drag = scene.geometry.walls.drag_per_mm
     pulls = drag * scene.problem.facts.tissue_shear_modulus_kpa * wall.points.measure[:, None] * along
     forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], pull) for pull in pulls])
-    return data.response(scene, found.u, response_to_forces(found.tangent, forces))
+    return data.response(scene, equilibrium.u, response_to_forces(equilibrium.tangent, forces))

@@ -37,8 +37,11 @@ class NoiseGrid:
     options: NoiseModelOptions
 
     @classmethod
-    def of(cls, parts: NoiseParts, start: NoiseSizes, left: FloatArray) -> NoiseGrid:
-        """Grid over correlation lengths, contour factors and own sizes. left : see `NoiseParts.covariance`."""
+    def of(cls, parts: NoiseParts, start: NoiseSizes, discretisation: FloatArray) -> NoiseGrid:
+        """Grid over correlation lengths, contour factors and own sizes.
+
+        discretisation (n, m) mm : see `NoiseParts.covariance`.
+        """
         options = parts.options
         sizes = [
             replace(start, length=length, contour=factor, own=own)
@@ -47,7 +50,9 @@ class NoiseGrid:
             for own in options.own_sizes_mm
         ]
         prior = np.array([_prior(s.contour, options.contour_prior) for s in sizes])
-        return cls(sizes, np.stack([parts.covariance(s, left) for s in sizes]), prior - logsumexp(prior), options)
+        return cls(
+            sizes, np.stack([parts.covariance(s, discretisation) for s in sizes]), prior - logsumexp(prior), options
+        )
 
     def log_likelihood(self, r: FloatArray, J: FloatArray, more: FloatArray) -> FloatArray:
         """Restricted log likelihood (g,) of residuals r (n,), J (n, t) projected out; more (n, n) : a further

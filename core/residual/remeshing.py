@@ -37,13 +37,13 @@ class Remeshed:
         return out | {f"{prefix}/boundary/{name}": faces for name, faces in self.boundary.items()}
 
 
-def all_from(found: dict[str, NDArray[np.generic]], prefix: str) -> tuple[Remeshed, ...]:
+def all_from(arrays: dict[str, NDArray[np.generic]], prefix: str) -> tuple[Remeshed, ...]:
     """Meshes written as prefix/0, prefix/1, ... Raises KeyError when one is incomplete."""
     out: list[Remeshed] = []
-    while f"{prefix}/{len(out)}/points" in found:
+    while f"{prefix}/{len(out)}/points" in arrays:
         here = f"{prefix}/{len(out)}"
-        mesh = TetMesh(*(np.asarray(found[f"{here}/{key}"]) for key in ("points", "cells", "cell_regions")))
-        faces = {k.split("/")[-1]: np.asarray(v) for k, v in found.items() if k.startswith(f"{here}/boundary/")}
+        mesh = TetMesh(*(np.asarray(arrays[f"{here}/{key}"]) for key in ("points", "cells", "cell_regions")))
+        faces = {k.split("/")[-1]: np.asarray(v) for k, v in arrays.items() if k.startswith(f"{here}/boundary/")}
         out.append(Remeshed(mesh, faces))
     return tuple(out)
 

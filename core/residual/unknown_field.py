@@ -22,11 +22,11 @@ _FORCES_KEPT, _SHAPES_KEPT = 0.9, 0.97
 
 @dataclass(frozen=True, eq=False)
 class ForceFields:
-    """In one deformed state. fields (k, nodes, 3) mN on nodes, scaled so that unit normal amplitudes move the surface
-    by the size of a typical gap (rms).
+    """Basis of smooth missing forces in one deformed state, and of smooth contour errors beside them.
 
-    response : (n, k) of the residual. shapes : (n, m) of the residual, contours drawn wrongly by as much, which no
-    force explains. share : (nodes,) mm3 each node stands for.
+    fields (k, nodes, 3) mN : nodal forces. Amplitudes that are independent standard normal move the surface by
+    `NoiseModelOptions.force_typical_mm` (rms). response (n, k) mm : of the residual, per unit amplitude. shapes (n, m)
+    mm : response to smooth errors of the contour, which no force explains. share (nodes,) mm3 : volume of each node.
     """
 
     fields: FloatArray
@@ -36,7 +36,7 @@ class ForceFields:
 
     @classmethod
     def around(cls, linearisation: Linearisation, data: DataVector, options: NoiseModelOptions) -> ForceFields:
-        """At a point."""
+        """Basis for the equilibrium of a linearisation, within `options.force_reach_mm` of the organ's surface."""
         scene = linearisation.scene
         mesh, nodes = scene.space.mesh, scene.space.nodes
         share = np.zeros(len(nodes))

@@ -46,6 +46,9 @@ def central_slope(value: Callable[[FloatArray], float], theta: FloatArray) -> Fl
 
 
 def wall_bias(slope: FloatArray, covariance: FloatArray, least: float) -> FloatArray:
-    """Bias (t,) of a fitted ln G with this covariance (t, t), positive for too stiff. slope (t,) : see `noise_slope`."""
+    """Bias (t,) of a fitted ln G with this covariance (t, t), positive for too stiff.
+
+    slope (t,) : see `noise_slope`.
+    """
     precision = np.linalg.inv(covariance) + least * np.eye(len(slope))
     return np.asarray(-0.5 * np.linalg.solve(precision, slope), dtype=np.float64)

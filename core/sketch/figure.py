@@ -126,11 +126,11 @@ class Figure:
         _, gradient, _ = springs.evaluate(u, 1.0, 1)
         return -np.asarray(gradient.reshape(-1, 3).sum(axis=0))
 
-    def sensitivities(self, theta: FloatArray, found: Equilibrium, basis: FloatArray) -> FloatArray:
-        """(q, 2, P - 1 + r) mm: how the rim's points move per unit of every parameter, at the equilibrium `found`."""
-        moves = [self.rim @ s for s in response_to_forces(found.tangent, basis)]
+    def sensitivities(self, theta: FloatArray, equilibrium: Equilibrium, basis: FloatArray) -> FloatArray:
+        """Derivative (q, 2, P - 1 + r) mm of the rim's points in every parameter, at an equilibrium."""
+        moves = [self.rim @ s for s in response_to_forces(equilibrium.tangent, basis)]
         if len(theta):
-            own = direct(found.tangent, self._directions(theta))
+            own = direct(equilibrium.tangent, self._directions(theta))
             moves = [self.rim @ s for s in own] + moves
         return np.stack(moves, axis=2)[:, :2]
 

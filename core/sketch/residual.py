@@ -24,13 +24,13 @@ class Target:
 
 
 def residual_of(
-    figure: Figure, found: Equilibrium, moves: FloatArray, target: Target, share: float | None, line_error: float
+    figure: Figure, equilibrium: Equilibrium, moves: FloatArray, target: Target, share: float | None, line_error: float
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened residual (m,) and derivative (m, p) for rim movements (q, 2, p) per parameter.
 
     share : of the displacement to the partners, point to point; None for the distance between the lines.
     """
-    rim = figure.rim_at(found.u)
+    rim = figure.rim_at(equilibrium.u)
     x, size = rim.points, figure.outline.size
     if share is not None:
         goal = figure.outline.points + share * (target.partners - figure.outline.points)

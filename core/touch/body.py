@@ -112,9 +112,9 @@ class Body:
         for held in (self._table(), self.fixed):
             if held is not None:
                 free[held] = False
-        made = Assembler(self.space, free.ravel(), [*self._bed(), *terms], solver)
-        made.set_materials(self.materials)
-        return made
+        assembler = Assembler(self.space, free.ravel(), [*self._bed(), *terms], solver)
+        assembler.set_materials(self.materials)
+        return assembler
 
     def _table(self) -> IntArray | None:
         if self.support != "table":

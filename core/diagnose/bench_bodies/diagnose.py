@@ -38,9 +38,9 @@ def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
         raise InputError(f"{path}: not readable ({error}); run diagnose again") from error
     options = job.options_as(DiagnosisJob)
     effects = library(options.folder)
-    found, residuals = diagnose_body(problem, effects, options.case, reporter.progress, options.numbers)
+    diagnosis, residuals = diagnose_body(problem, effects, options.case, reporter.progress, options.numbers)
     np.savez(Path(job.folder) / MAP_FILE, **residuals)  # type: ignore[arg-type]
-    return found
+    return diagnosis
 
 
 def diagnose_body(
@@ -56,10 +56,10 @@ def diagnose_body(
     progress(0.0, "plain model")
     base = base_fit(solver)
     p = p_value(base)
-    found = rivals(base, effects, part(progress, 0.1, 0.7))
-    decided = decide_body(base, found, p < options.decision_rules.level)
+    ranked = rivals(base, effects, part(progress, 0.1, 0.7))
+    decided = decide_body(base, ranked, p < options.decision_rules.level)
     verdict, probability = decided.verdict, decided.probability
-    best = found[0] if found else None
+    best = ranked[0] if ranked else None
     named = best if verdict not in (NONE, UNKNOWN, AMBIGUOUS) else None
     cause = _second(named.fit, effects, part(progress, 0.7, 1.0)) if named is not None else None
     out = DiagnosisRecord(
@@ -68,7 +68,7 @@ def diagnose_body(
         where=WhereRecord(map=MAP_FILE, regions=record.regions(base), peak_lps_mm=None),
         verdict=verdict,
         candidates=list(decided.candidates),
-        ranking=[record.row(base, f, probability[f.effect.id]) for f in found],
+        ranking=[record.row(base, f, probability[f.effect.id]) for f in ranked],
         shrinkage=None if best is None or verdict == NONE else record.shrinkage(best),
         stiffness=StiffnessRecord(
             without_effect=record.stiffness(base),

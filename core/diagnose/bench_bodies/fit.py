@@ -66,16 +66,16 @@ class BodyModel:
         r, J = [], []
         for k in which:
             state = self.solver.problem.states[k]
-            found = self.solver.solve(self.composition(x, k), x[:1], state)
-            if not found.converged:
+            equilibrium = self.solver.solve(self.composition(x, k), x[:1], state)
+            if not equilibrium.converged:
                 return None
-            balance = out_of_balance(self.solver.assembler, State(found.u, found.p))
-            here = self.solver.markers(found.u, state)
+            balance = out_of_balance(self.solver.assembler, State(equilibrium.u, equilibrium.p))
+            here = self.solver.markers(equilibrium.u, state)
             r.append((here - state.moved).ravel())
             columns = []
             for step in _STEP * np.eye(len(x)):
                 y = x + step
-                u = found.u + self.solver.first_order(self.composition(y, k), y[:1], state, found, balance)
+                u = equilibrium.u + self.solver.first_order(self.composition(y, k), y[:1], state, equilibrium, balance)
                 columns.append((self.solver.markers(u, state) - here).ravel() / _STEP)
             J.append(np.stack(columns, axis=1))
         return np.concatenate(r), np.vstack(J)
@@ -114,10 +114,10 @@ def fit_body(model: BodyModel, which: Sequence[int], start: FloatArray) -> BodyF
     prior = np.diag(np.concatenate([[0.0], np.ones(len(start) - 1)]))
 
     def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        found = model.linearised(x, which)
-        if found is None:
+        linearised = model.linearised(x, which)
+        if linearised is None:
             return None
-        r, J = found
+        r, J = linearised
         return np.concatenate([weight.whiten(r), prior @ x]), np.vstack([weight.whiten(J), prior])
 
     best = gauss_newton(linearise, start, model.bounds, _TOLERANCE, _EVALUATIONS)

@@ -30,12 +30,12 @@ GRAVITY = "gravity_change"
 def base_fit(solver: BodySolver) -> BodyFit:
     """The plain model on all states. Raises ConvergenceError when nothing can be solved."""
     which = range(len(solver.problem.states))
-    found = fit_body(BodyModel(solver), which, np.log(solver.problem.bounds_kpa).mean(keepdims=True))
-    if found is None:
+    fit = fit_body(BodyModel(solver), which, np.log(solver.problem.bounds_kpa).mean(keepdims=True))
+    if fit is None:
         raise ConvergenceError(
             "the body has no equilibrium under these loads; look at its supports, loads and stiffness bounds"
         )
-    return found
+    return fit
 
 
 def p_value(fit: BodyFit) -> float:

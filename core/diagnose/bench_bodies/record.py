@@ -122,14 +122,14 @@ def states(base: BodyFit, best: Rival | None) -> list[MarkersRecord]:
 def remainder(named: BodyFit, cause: Rival | None) -> RemainderRecord:
     """What is left in each state, mm, and a second cause where one passes."""
     names = [s.name for s in named.model.solver.problem.states]
-    left = {n: marker_rms(r.ravel()) for n, r in zip(names, by_state(named), strict=True)}
-    return RemainderRecord(left, None if cause is None else cause.effect.id)
+    rms_mm = {n: marker_rms(r.ravel()) for n, r in zip(names, by_state(named), strict=True)}
+    return RemainderRecord(rms_mm, None if cause is None else cause.effect.id)
 
 
 def next_state(base: BodyFit, best: Rival) -> str:
     """The further load under which the rivals' markers differ most, and by how much."""
     problem = base.model.solver.problem
-    told = []
+    differences = []
     for factor, words in ((0.0, "no load"), (2.0, "twice the load")):
         loads = tuple(
             replace(load, force_n=(factor * load.force_n[0], factor * load.force_n[1], factor * load.force_n[2]))
@@ -140,8 +140,8 @@ def next_state(base: BodyFit, best: Rival) -> str:
         for fit in (base, best.fit):
             at = fit.model.solver.solve(fit.model.composition(fit.x, len(problem.states) - 1), fit.x[:1], asked)
             moved.append(fit.model.solver.markers(at.u, asked))
-        told.append((marker_rms((moved[0] - moved[1]).ravel()), words))
-    (first, one), (second, other) = sorted(told, reverse=True)
+        differences.append((marker_rms((moved[0] - moved[1]).ravel()), words))
+    (first, one), (second, other) = sorted(differences, reverse=True)
     return (
         f"a further load: with {one} the models' markers differ by {first:.1f} mm (with {other} by {second:.1f} mm), "
         f"which tells {best.effect.id.replace('_', ' ')} from another stiffness"

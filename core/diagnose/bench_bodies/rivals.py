@@ -50,8 +50,8 @@ class Rival:
         """Whether every state is predicted better from the others, and all together by the share of the mean square
         that counts."""
         before, after = np.square(self.left_out).T
-        left = 1.0 - self.fit.model.solver.options.decision_rules.gain_share
-        return bool(np.isfinite(before).all() and (after < before).all() and after.sum() < left * before.sum())
+        allowed_share = 1.0 - self.fit.model.solver.options.decision_rules.gain_share
+        return bool(np.isfinite(before).all() and (after < before).all() and after.sum() < allowed_share * before.sum())
 
 
 def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> list[Rival]:
@@ -68,8 +68,8 @@ def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> 
     for k, (effect, added, best, spread) in enumerate(looks):
         progress(0.4 + 0.6 * k / len(looks), f"refit with {effect.id}")
         if added is not None and best > top - rules.bench_hopeless:
-            found = _refitted(base, effect, added, spread)
-            out += [] if found is None else [found]
+            rival = _refitted(base, effect, added, spread)
+            out += [] if rival is None else [rival]
     return sorted(out, key=lambda f: -f.log_evidence)
 
 
@@ -85,8 +85,12 @@ def _first_look(base: BodyFit, effect: Effect) -> tuple[Added | None, float, flo
     for variants in zip(*states, strict=True):
         model = replace(base.model, added=(*base.model.added, Added(effect, variants)))
         x = np.concatenate([base.x, np.zeros(len(effect.parameters))])
-        found = model.linearised(x, base.which)
-        S = np.zeros((len(r), len(effect.parameters))) if found is None else weight.whiten(found[1][:, len(base.x) :])
+        linearised = model.linearised(x, base.which)
+        S = (
+            np.zeros((len(r), len(effect.parameters)))
+            if linearised is None
+            else weight.whiten(linearised[1][:, len(base.x) :])
+        )
         scores.append((score(r, J, S, np.ones(S.shape[1])).log_evidence, Added(effect, variants)))
     logs = np.array([s for s, _ in scores])
     mean = mean_of_exponentials(logs)
@@ -132,9 +136,9 @@ def _squares(fit: BodyFit) -> float:
 def _predicted(fit: BodyFit, left_out: int) -> float:
     """rms error, mm, of a state's markers predicted by the model fitted to the other states."""
     others = [k for k in fit.which if k != left_out]
-    again = fit_body(fit.model, others, fit.x)
-    found = None if again is None else fit.model.linearised(again.x, [left_out])
-    return np.inf if found is None else marker_rms(found[0])
+    refit = fit_body(fit.model, others, fit.x)
+    linearised = None if refit is None else fit.model.linearised(refit.x, [left_out])
+    return np.inf if linearised is None else marker_rms(linearised[0])
 
 
 def marker_rms(residual: FloatArray) -> float:

@@ -53,10 +53,10 @@ class BodySolver:
     def solve(self, composition: Composition, theta: FloatArray, state: BodyState) -> Equilibrium:
         """Equilibrium (not converged: none) of a composition at ln G = theta (1,) in one state."""
         prescribed = self._pose(composition, theta, state)
-        found = solve_equilibrium(self.assembler, None, prescribed.ravel(), self.last.get(state.name))
-        if found.converged:
-            self.last[state.name] = found.u
-        return found
+        equilibrium = solve_equilibrium(self.assembler, None, prescribed.ravel(), self.last.get(state.name))
+        if equilibrium.converged:
+            self.last[state.name] = equilibrium.u
+        return equilibrium
 
     def first_order(
         self, composition: Composition, theta: FloatArray, state: BodyState, at: Equilibrium, balance: FloatArray

@@ -21,8 +21,10 @@ _FAR = 3.0
 
 @dataclass(frozen=True, eq=False)
 class EffectDirections:
-    """A named effect's directions S (n, k), one for each of its variants; the standard deviations (k,) of its
-    parameters' prior, and their bounds (k, 2).
+    """Linearised effect of the library, as the test needs it.
+
+    directions : derivative (n, k) of the data in the parameters, one array for each variant. scales (k,) : standard
+    deviations of the parameters' prior. bounds (k, 2) : of the parameters.
     """
 
     directions: Sequence[FloatArray]
@@ -32,11 +34,13 @@ class EffectDirections:
 
 @dataclass(frozen=True)
 class GapTest:
-    """statistic Q (the mean over the noise's sizes) and its degrees of freedom; p_value of the test; of single looks:
-    whole, smooth (no name), named.
+    """Result of the test for a gap; see `gap_test` for its two statistics.
 
-    p_value : how often noise alone makes the smallest of the two looks as small (Westfall & Young 1993), see
-    `gap_test`. detected : whether that is below `level`.
+    statistic : Q = r'Mr, whitened and without unit, the mean over the noise's sizes. freedom : its degrees of freedom.
+    p_value : how often noise alone makes the smaller of the two p-values as small (Westfall & Young 1993).
+    p_whole : p-value of Q alone. p_smooth : of the Bayes factor of a smooth field without a name alone. p_named : of
+    the Bayes factor of the library's effects alone; 1 without a library. detected : whether p_value is below
+    `DecisionRules.level`.
     """
 
     statistic: float
@@ -59,19 +63,25 @@ def gap_test(
     *,
     rules: DecisionRules,
 ) -> GapTest:
-    """Two looks at the residual r (n,), the stiffness J (n, t) projected out, both against draws under the plain model.
+    """Test for a gap with two statistics of the residual r (n,) mm, calibrated on draws under the plain model.
 
-    The first is the Bayes factor of a gap: the evidence of every named effect, the mean over its variants, and of a
-    free smooth field (n, k) of any size, the mean of all by their prior probabilities. No other test finds more of such
-    gaps on the average (Neyman & Pearson), and an effect with many variants does not drown one with a single one. The
-    second, Q = r'Mr, sees any excess, also one that nobody has thought of; it takes a tenth of the false alarms. How
-    large the noise is, is not known: with a gap or without, evidence is the mean over all that it may be, and every
-    draw has a size of its own that the plain model allows, and pays for not knowing it as the data do. With one size
-    for all, fitted while a gap was allowed for, noise that happened to come out small made alarms. refitted : log
-    evidences by effect after refits in full, which a first look from the plain fit underrates: the stiffness has run
-    far to absorb an effect, a push lies between the places that were tried. For cases with a first look of at most
-    `clear`. Draws are not refitted; those that would be, gain what refits gain where there is no gap, else every gain
-    of the data's would pass for evidence.
+    Both statistics project out the stiffness, whose derivative is J (n, t).
+
+    Bayes factor : of a gap against none. It is the mean, by prior probabilities, of the evidence of every named effect
+    (itself the mean over the effect's variants) and of a smooth field without a name, `fields` (n, k), of any size. No
+    other test has more power on the average over such gaps (Neyman & Pearson 1933). The mean over variants keeps an
+    effect with many of them from outweighing one with a single variant.
+    Q = r'Mr : any excess over the noise, also one of no known form. Its share of the false alarms is
+    `DecisionRules.whole_share`.
+
+    The size of the noise is unknown. Evidence is therefore the mean over all sizes in `noise`, with a gap and without.
+    Every draw has a size from the posterior under the plain model. A single size, fitted with a gap allowed for, gave
+    false alarms where the noise happened to be small.
+
+    refitted : log evidence by effect after nonlinear refits, for cases whose linearised test gives p of at most
+    `DecisionRules.clear`; None before. Linearisation at the plain fit underrates an effect that the stiffness absorbed,
+    or a push between the places tried. Draws are not refitted. Those with as small a p gain what refits gain without a
+    gap (`DecisionRules.refits_add`); otherwise every gain of the data would count as evidence.
     """
     freedom = len(r) - J.shape[1]
     noise = noise.probable(r, J, fields, rules.noise_sizes)
@@ -131,10 +141,10 @@ def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Genera
 
 @dataclass(eq=False)
 class _Statistics:
-    """Log likelihoods of every draw, one row for each size of the noise: plain model, with a free field, with each
-    effect.
+    """Statistics of every draw: lists of arrays (draws,), one array for each size of the noise.
 
-    Q : r'Mr.
+    Q : r'Mr. plain, smooth, named : log likelihoods of the plain model, with a free field, with each effect by id.
+    gap_sizes : sizes of the free field, over that of a typical gap.
     """
 
     gap_sizes: Sequence[float]
@@ -190,10 +200,10 @@ def _unnamed(fields: FloatArray, draws: FloatArray, gap_sizes: Sequence[float]) 
     """Log evidence (draws,) of a free field (n, k), the mean over sizes `gap_sizes`."""
     values, vectors = np.linalg.eigh(fields.T @ fields)
     values = np.maximum(values, 0.0)
-    seen = (vectors.T @ (fields.T @ draws)) ** 2
+    squared_projections = (vectors.T @ (fields.T @ draws)) ** 2
     return means_of_exponentials(
         [
-            0.5 * (size**2 / (1.0 + size**2 * values)) @ seen - 0.5 * np.log1p(size**2 * values).sum()
+            0.5 * (size**2 / (1.0 + size**2 * values)) @ squared_projections - 0.5 * np.log1p(size**2 * values).sum()
             for size in gap_sizes
             if size
         ]
@@ -204,17 +214,19 @@ def _of_effect(S: FloatArray, effect: EffectDirections, draws: FloatArray) -> Fl
     """Log evidence (draws,) of an effect, the mean over its variants; S (n, variants * k) holds their directions side
     by side."""
     k = len(effect.scales)
-    seen, alike = S.T @ draws, S.T @ S
+    projections, gram = S.T @ draws, S.T @ S
     at = [slice(v * k, (v + 1) * k) for v in range(len(effect.directions))]
-    return means_of_exponentials([_gain(alike[a, a], seen[a], effect.scales, effect.bounds) for a in at])
+    return means_of_exponentials([_gain(gram[a, a], projections[a], effect.scales, effect.bounds) for a in at])
 
 
-def _gain(A: FloatArray, seen: FloatArray, scales: FloatArray, bounds: FloatArray) -> FloatArray:
-    """Log evidence (draws,) of directions S (n, k) with normal priors truncated at bounds (k, 2). A : S'S; seen (k,
-    draws) : S'r."""
+def _gain(A: FloatArray, projections: FloatArray, scales: FloatArray, bounds: FloatArray) -> FloatArray:
+    """Log evidence (draws,) of directions S (n, k) with normal priors truncated at bounds (k, 2).
+
+    A (k, k) : S'S. projections (k, draws) : S'r. scales (k,) : standard deviations of the priors.
+    """
     values, vectors = np.linalg.eigh(A * np.outer(scales, scales))
     values = np.maximum(values, 0.0)
-    b = vectors.T @ (scales[:, None] * seen)
+    b = vectors.T @ (scales[:, None] * projections)
     out = 0.5 * (1.0 / (1.0 + values)) @ b**2 - 0.5 * np.log1p(values).sum()
     limits = bounds / scales[:, None]
     for low, high, v in zip(limits[:, 0], limits[:, 1], vectors, strict=True):

@@ -56,15 +56,15 @@ def bone_split(fit: PlainFit, state: int, rules: DecisionRules) -> Split | None:
     sd, length = fit.sizes.contour * fit.linearisation.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
     noise = 2.0 * smooth_covariance(points, sd, length) + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
     noise[np.diag_indices_from(noise)] += fit.options.bone_extraction_mm**2
-    seen = ~organ.reader[:, at].any(axis=1)
-    m = len(chosen) + int(seen.sum())
+    kept = ~organ.reader[:, at].any(axis=1)
+    m = len(chosen) + int(kept.sum())
     covariance = np.zeros((m, m))
     covariance[: len(chosen), : len(chosen)] = noise
-    covariance[len(chosen) :, len(chosen) :] = organ.covariance[np.ix_(seen, seen)]
+    covariance[len(chosen) :, len(chosen) :] = organ.covariance[np.ix_(kept, kept)]
     patch = np.full(m, -1)
     patch[: len(chosen)] = _patches(points, rules.bone_patch_mm)
-    constant = np.concatenate([bone.misfit[chosen], np.zeros(int(seen.sum()))])
-    return Split(np.vstack([reader, organ.reader[seen]]), constant, patch, covariance, points)
+    constant = np.concatenate([bone.misfit[chosen], np.zeros(int(kept.sum()))])
+    return Split(np.vstack([reader, organ.reader[kept]]), constant, patch, covariance, points)
 
 
 def _thinned(points: FloatArray, spacing: float) -> IntArray:

@@ -20,11 +20,13 @@ _SIDES = (("right", "left"), ("anterior", "posterior"), ("inferior", "superior")
 
 @dataclass(frozen=True, eq=False)
 class DiscrepancyMaps:
-    """points (q, 3) mm, normals, region (q,), residual (q,) mm, standardised (q,); nodes (k, 3) mm near the organ,
-    force (k, 3) kPa/mm.
+    """Maps of the discrepancy of one deformed state: on the organ's surface, and of missing forces around it.
 
-    peak : (3,) mm where the missing force is largest, None when there is none. blur_mm : how far a point force spreads
-    in that map.
+    points (q, 3) mm, normals (q, 3), region (q,) : of the organ's surface at rest. residual (q,) mm : along the normal,
+    predicted minus observed, without noise finer than the surface modes. standardised (q,) : residual over its standard
+    deviation under the noise, without unit. nodes (k, 3) mm : of the mesh near the organ. force (k, 3) kPa/mm :
+    estimated missing force density there. peak (3,) mm : place of the largest missing force, None when there is none.
+    blur_mm : how far a point force spreads in that map, mm.
     """
 
     points: FloatArray

@@ -43,7 +43,7 @@ def moved_gains(
     for variant, S in zip(screened.variants, screened.directions, strict=True):
         if variant.where is None or np.linalg.norm(np.subtract(variant.where, where)) < apart_mm:
             continue
-        seen = np.abs(S).max(axis=0) > 0.0
-        precision = np.concatenate([plain.precision, 1.0 / screened.effect.scales[seen] ** 2])
-        models.append(Linear(plain.r, np.column_stack([plain.J, S[:, seen]]), np.zeros(len(precision)), precision))
+        effective = np.abs(S).max(axis=0) > 0.0
+        precision = np.concatenate([plain.precision, 1.0 / screened.effect.scales[effective] ** 2])
+        models.append(Linear(plain.r, np.column_stack([plain.J, S[:, effective]]), np.zeros(len(precision)), precision))
     return [gain(split, before, after) for after in split.left_out(models)]

@@ -22,18 +22,18 @@ def library(folder: Path | None = None) -> dict[str, Effect]:
 
     Raises InputError when a file of `folder` defines no EFFECT or one whose id is taken.
     """
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     for name in sorted(m.name for m in pkgutil.iter_modules(__path__)):
         effect = importlib.import_module(f"{__name__}.{name}").EFFECT
-        found[effect.id] = effect
+        effects[effect.id] = effect
     for path in sorted(folder.glob("*.py")) if folder is not None else ():
         effect = getattr(_load(path), "EFFECT", None)
         if not isinstance(effect, Effect):
             raise InputError(f"{path} defines no EFFECT; see docs/effects.md for what one needs")
-        if effect.id in found:
+        if effect.id in effects:
             raise InputError(f"{path}: the effect id '{effect.id}' is taken; choose another")
-        found[effect.id] = effect
-    return found
+        effects[effect.id] = effect
+    return effects
 
 
 def _load(path: Path) -> ModuleType:

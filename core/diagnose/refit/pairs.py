@@ -45,25 +45,27 @@ def joined(first: Variant, second: Variant, split: int) -> Variant:
 def refit_pairs(
     fit: PlainFit, screened: Sequence[Screened], refits: Sequence[Refit], rules: DecisionRules
 ) -> list[Refit]:
-    """The best effect with each of its likeliest partners, refitted; best first. Each at the place where it fitted best
-    alone.
+    """Refits of the best effect with each of its likeliest partners, best first.
 
-    log_evidence : pays for the number of partners tried.
+    Every effect stays at the place where it fitted best alone. log_evidence : less the cost of the choice of partner.
     """
     by_id = {s.effect.id: s for s in screened}
     ids = [f.hypothesis.effect.id for f in refits if f.hypothesis.effect is not None]
     pairs = [_screened(fit, by_id[ids[0]], by_id[name], rules.partners) for name in ids[1:]]
     pairs = sorted(pairs, key=lambda s: -s.log_evidence)[: rules.partners]
-    found = [f for f in (refit_variants(fit, pair, rules) for pair in pairs) if f is not None]
-    return sorted(found, key=lambda f: -f.log_evidence)
+    refits_of_pairs = [f for f in (refit_variants(fit, pair, rules) for pair in pairs) if f is not None]
+    return sorted(refits_of_pairs, key=lambda f: -f.log_evidence)
 
 
 def _screened(fit: PlainFit, first: Screened, second: Screened, partners: int) -> Screened:
-    """The first look at a pair; its evidence pays for the variants of both and for the choice among so many partners."""
+    """Score test of a pair.
+
+    Its log evidence is less the cost of both effects' variants and of the choice among `partners`.
+    """
     effect = together(first.effect, second.effect)
     S = np.hstack([first.directions[0], second.directions[0]])
     r, J = fit.weighting.whiten(fit.linearisation.residual), fit.weighting.whiten(fit.linearisation.in_theta)
-    found = score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds)
+    pair_score = score(r, J, fit.weighting.whiten(S), effect.scales, effect.bounds)
     variant = joined(first.variants[0], second.variants[0], len(first.effect.parameters))
     paid = sum(s.log_evidence - s.scores[0].log_evidence for s in (first, second)) - float(np.log(partners))
-    return Screened(effect, [variant], [found], [S], found.log_evidence + paid)
+    return Screened(effect, [variant], [pair_score], [S], pair_score.log_evidence + paid)

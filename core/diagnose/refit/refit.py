@@ -55,15 +55,15 @@ def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
     return _fitted(fit, screened, which, fit.linearisation, _start(screened, which))
 
 
-def refit_corrected(fit: PlainFit, screened: Screened, found: Refit, correction: FloatArray) -> Refit | None:
-    """One variant refitted from where it was `found`, with another correction (n,) mm of the quick element.
+def refit_corrected(fit: PlainFit, screened: Screened, uncorrected: Refit, correction: FloatArray) -> Refit | None:
+    """Refit of one variant, started from `uncorrected`, with another correction (n,) mm of the quick element.
 
     None when the model with the effect cannot be solved.
     """
-    assert found.hypothesis.variant is not None
+    assert uncorrected.hypothesis.variant is not None
     corrected = replace(fit, model=fit.model.corrected(correction))
-    which, scales = screened.variants.index(found.hypothesis.variant), screened.effect.scales
-    return _fitted(corrected, screened, which, found.linearisation, found.phi / scales)
+    which, scales = screened.variants.index(uncorrected.hypothesis.variant), screened.effect.scales
+    return _fitted(corrected, screened, which, uncorrected.linearisation, uncorrected.phi / scales)
 
 
 def _fitted(fit: PlainFit, screened: Screened, which: int, near: JointLinearisation, start: FloatArray) -> Refit | None:

@@ -15,52 +15,54 @@ from palpate.core.residual.plain_fit import PlainFit
 
 
 def refit_variants(fit: PlainFit, screened: Screened, rules: DecisionRules) -> Refit | None:
-    """The best variants of an effect refitted, as `of_all` of them; None when the model cannot be solved with any."""
+    """Refit of an effect's best variants, joined by `of_all`; None when the model cannot be solved with any."""
     first = [s.log_evidence for s in screened.scores[: rules.variants]]
-    found = [refit(fit, screened, k) for k, evidence in enumerate(first) if evidence > first[0] - rules.variants_within]
-    solved = [f for f in found if f is not None]
+    attempts = [
+        refit(fit, screened, k) for k, evidence in enumerate(first) if evidence > first[0] - rules.variants_within
+    ]
+    solved = [f for f in attempts if f is not None]
     return capped(of_all(solved, screened), screened) if solved else None
 
 
-def of_all(found: Sequence[Refit], screened: Screened) -> Refit:
-    """The likeliest of the refitted variants, the rest as its others; log_evidence : the mean over all variants,
-    refitted or not.
+def of_all(refits: Sequence[Refit], screened: Screened) -> Refit:
+    """Likeliest of the refitted variants, the rest as its others; log_evidence : the mean over all variants.
 
-    A refitted variant counts with its own evidence, the others with their first look's and the least that a refit
-    gained. As if all had gained what the best one did, a load that may move and widen had evidence of 5 on effect-free
-    cases, where its first look had none.
+    A refitted variant counts with its own evidence. One that was not refitted counts with its score test's, plus the
+    least that a refit gained. With the gain of the best one instead, a load that may move and widen had a log evidence
+    of 5 on effect-free cases, where its score test had none.
     """
-    best = max(found, key=lambda f: f.own_evidence)
+    best = max(refits, key=lambda f: f.own_evidence)
     first = np.array([s.log_evidence for s in screened.scores])
-    at = [_which(f, screened) for f in found]
-    own = np.array([f.own_evidence for f in found])
+    at = [_which(f, screened) for f in refits]
+    own = np.array([f.own_evidence for f in refits])
     now = first + (own - first[at]).min()
     now[at] = own
     evidence = screened.log_evidence + float(logsumexp(now) - logsumexp(first))
-    return replace(best, log_evidence=evidence, others=tuple(f for f in found if f is not best))
+    return replace(best, log_evidence=evidence, others=tuple(f for f in refits if f is not best))
 
 
-def capped(found: Refit, screened: Screened) -> Refit:
-    """With no more evidence than the first look has, where the stress-free mesh is another.
+def capped(refitted: Refit, screened: Screened) -> Refit:
+    """Refit whose log evidence is capped at that of the score test, where the effect changes the stress-free mesh.
 
-    Another mesh has another error of the quick element, which the correction, made for the plain model, does not
-    follow: on effect-free cases such refits gained up to 5 over the first look, which has the plain model's mesh.
+    A changed mesh has another error of the quick element; the correction belongs to the plain model's mesh. On
+    effect-free cases such refits gained up to 5 in log evidence over the score test, which uses the plain model's mesh.
     """
-    if found.linearisation.first.scene.composition.geometry is None:
-        return found
-    return replace(found, log_evidence=min(found.log_evidence, screened.log_evidence))
+    if refitted.linearisation.first.scene.composition.geometry is None:
+        return refitted
+    return replace(refitted, log_evidence=min(refitted.log_evidence, screened.log_evidence))
 
 
-def corrected(again: Refit, found: Refit, screened: Screened) -> Refit:
-    """`found` of all variants, with its best one refitted `again`: the others gain as much.
+def corrected(again: Refit, refitted: Refit, screened: Screened) -> Refit:
+    """Refit of all variants after its best one was refitted `again` with the better element's correction.
 
-    Not capped: the correction is of its own stress-free mesh.
+    The other variants are taken to gain as much as the best one. The evidence is not capped: the correction was made
+    on the variant's own stress-free mesh.
     """
-    gained = again.own_evidence - found.own_evidence
-    evidence = of_all([found, *found.others], screened).log_evidence + gained
-    return replace(again, log_evidence=evidence, others=found.others)
+    gained = again.own_evidence - refitted.own_evidence
+    evidence = of_all([refitted, *refitted.others], screened).log_evidence + gained
+    return replace(again, log_evidence=evidence, others=refitted.others)
 
 
-def _which(found: Refit, screened: Screened) -> int:
-    assert found.hypothesis.variant is not None
-    return screened.variants.index(found.hypothesis.variant)
+def _which(refitted: Refit, screened: Screened) -> int:
+    assert refitted.hypothesis.variant is not None
+    return screened.variants.index(refitted.hypothesis.variant)

@@ -126,8 +126,8 @@ def foretells_more(
     that was not there: what a right model leaves of a large motion stands out of the noise too, and another effect
     takes some of it.
     """
-    found = gain(split, alone, split.left_out([both])[0], gain_error(split, single, both, rules.gain_draws))
-    return rules.accepts(sum(_gains_on_bone(fit, single, {"both": both}, rules).values(), found))
+    organ_gain = gain(split, alone, split.left_out([both])[0], gain_error(split, single, both, rules.gain_draws))
+    return rules.accepts(sum(_gains_on_bone(fit, single, {"both": both}, rules).values(), organ_gain))
 
 
 def _gains_on_bone(
@@ -142,8 +142,8 @@ def _gains_on_bone(
             continue
         before, *after = split.left_out([plain, *moving.values()])
         for (name, m), a in zip(moving.items(), after, strict=True):
-            found = gain(split, before, a, gain_error(split, plain, m, rules.gain_draws))
-            out[name] = out[name] + found if name in out else found
+            bone_gain = gain(split, before, a, gain_error(split, plain, m, rules.gain_draws))
+            out[name] = out[name] + bone_gain if name in out else bone_gain
     return out
 
 
@@ -158,13 +158,13 @@ class _Placebos:
     rules: DecisionRules
     seed: int
 
-    def against(self, fit: PlainFit, found: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
+    def against(self, fit: PlainFit, refit: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
         """Share of placebos that gain as much as g, of random loads or of other places, and the median share random
         loads gain."""
-        size, count = _size(fit, found), self.rules.placebos
+        size, count = _size(fit, refit), self.rules.placebos
         loads = placebo_gains(self.split, self.plain, self.before, self.forces, size, count, self.seed)
         p = _share_as_good(loads, g)
-        variant = found.hypothesis.variant
+        variant = refit.hypothesis.variant
         if variant is not None and variant.where is not None:
             apart = self.rules.placebo_apart_mm
             moved = moved_gains(self.split, self.plain, self.before, screened, variant.where, apart)
@@ -190,15 +190,15 @@ def _judged(
     return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
 
 
-def _name(found: Refit) -> str:
-    assert found.hypothesis.effect is not None
-    return found.hypothesis.effect.id
+def _name(refit: Refit) -> str:
+    assert refit.hypothesis.effect is not None
+    return refit.hypothesis.effect.id
 
 
-def _unlike(found: Refit) -> str:
-    assert found.hypothesis.effect is not None
-    names = [p.name for p in found.hypothesis.effect.parameters]
-    return found.hypothesis.effect.unlike(dict(zip(names, found.phi.tolist(), strict=True)))
+def _unlike(refit: Refit) -> str:
+    assert refit.hypothesis.effect is not None
+    names = [p.name for p in refit.hypothesis.effect.parameters]
+    return refit.hypothesis.effect.unlike(dict(zip(names, refit.phi.tolist(), strict=True)))
 
 
 def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
@@ -210,15 +210,15 @@ def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
     J = fit.weighting.whiten(best.linearisation.in_theta)
     done = projected(J, fit.weighting.whiten(best.in_phi @ best.phi))
     could = projected(J, fit.weighting.whiten(other.in_phi))
-    left = projected(could, done)
+    residual = projected(could, done)
     length = max(float(done @ done), 1e-30)
-    return float(np.sqrt(max(1.0 - float(left @ left) / length, 0.0)))
+    return float(np.sqrt(max(1.0 - float(residual @ residual) / length, 0.0)))
 
 
-def _size(fit: PlainFit, found: Refit) -> float:
+def _size(fit: PlainFit, refit: Refit) -> float:
     """Rms change of the data vector, mm, by the effect where it fits best."""
-    change = (found.linearisation.residual - fit.linearisation.residual)[fit.model.surface]
-    return float(np.sqrt((change**2).sum() / len(found.linearisation.residual)))
+    change = (refit.linearisation.residual - fit.linearisation.residual)[fit.model.surface]
+    return float(np.sqrt((change**2).sum() / len(refit.linearisation.residual)))
 
 
 def plain_model(fit: PlainFit) -> Linear:
@@ -238,13 +238,13 @@ def saturated_model(fit: PlainFit, forces: UnknownDiscrepancy) -> Linear:
     )
 
 
-def effect_model(found: Refit) -> Linear:
+def effect_model(refit: Refit) -> Linear:
     """The model with an effect or two, linear around its fit."""
-    assert found.hypothesis.effect is not None
-    t, scales = len(found.linearisation.theta), found.hypothesis.effect.scales
+    assert refit.hypothesis.effect is not None
+    t, scales = len(refit.linearisation.theta), refit.hypothesis.effect.scales
     return Linear(
-        found.linearisation.residual,
-        np.hstack([found.linearisation.in_theta, found.in_phi]),
-        np.concatenate([np.zeros(t), found.phi]),
+        refit.linearisation.residual,
+        np.hstack([refit.linearisation.in_theta, refit.in_phi]),
+        np.concatenate([np.zeros(t), refit.phi]),
         np.concatenate([np.full(t, FLAT), 1.0 / scales**2]),
     )

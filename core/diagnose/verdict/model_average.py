@@ -52,8 +52,8 @@ def model_average(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
 def too_stiff_by(covariance: FloatArray, rules: DecisionRules) -> FloatArray:
     """How far ln G (t,) is too high, for its covariance (t, t) under likelihood and prior: where the prior alone
     speaks, not at all."""
-    told = np.clip(1.0 - rules.stiffness_prior * covariance.sum(axis=1), 0.0, 1.0)
-    return np.asarray(rules.too_stiff * told)
+    data_share = np.clip(1.0 - rules.stiffness_prior * covariance.sum(axis=1), 0.0, 1.0)
+    return np.asarray(rules.too_stiff * data_share)
 
 
 def mixture(

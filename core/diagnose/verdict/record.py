@@ -135,8 +135,8 @@ def _maps(diagnosis: Diagnosis, state: int, discrepancy: DiscrepancyMaps) -> dic
 
 
 def _predicted(linearisation: Linearisation) -> FloatArray:
-    seen = linearisation.scene.observation
-    return np.asarray(seen.points + seen.operator @ linearisation.scene.seen(linearisation.equilibrium.u))
+    observation = linearisation.scene.observation
+    return np.asarray(observation.points + observation.operator @ linearisation.scene.seen(linearisation.equilibrium.u))
 
 
 def _gap(diagnosis: Diagnosis) -> GapRecord:
