@@ -9,7 +9,10 @@ from palpate.core.diagnose.evidence_rules import EvidenceRules
 from palpate.core.sourced_number import sourced
 
 _FLAG = "Chosen; only a line of words hangs on it."
-_PEAK = "Chosen; the place that is pointed at hangs on it, no verdict. Measured as a whole: 1 mm from the true place (docs/gap.md)."
+_PEAK = (
+    "Chosen; the place that is pointed at hangs on it, no verdict. "
+    "Measured as a whole: 1 mm from the true place (docs/gap.md)."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +24,8 @@ class DecisionRules(EvidenceRules):
         sourced(
             "odds",
             "Effects whose probability is within this factor of the best one's cannot be told from it.",
-            "Kass & Raftery (1995): less is positive evidence at best. Chosen with the verdicts of the shared sets in view (docs/gap.md).",
+            "Kass & Raftery (1995): less is positive evidence at best. Chosen with the verdicts of the shared sets "
+            "in view (docs/gap.md).",
         ),
     ] = 5.0
     tied_twins: Annotated[
@@ -37,7 +41,8 @@ class DecisionRules(EvidenceRules):
         sourced(
             "cosine",
             "An effect that could imitate what the best one does to the data to this is its twin.",
-            "Chosen: all but a tenth of the squares. Volume change, compressible organ and contour bias have 0.95 to 0.99 (docs/gap.md).",
+            "Chosen: all but a tenth of the squares. Volume change, compressible organ and contour bias have 0.95 to "
+            "0.99 (docs/gap.md).",
         ),
     ] = 0.95
     sure: Annotated[
@@ -60,7 +65,8 @@ class DecisionRules(EvidenceRules):
         sourced(
             "1",
             "A verdict of one name may not leave a remainder with a p-value below this, unless it predicts nearly all.",
-            "The level of the gap test. The true effects of twelve cases, nine of them shared, have 0.16 to 0.94 (docs/gap_history.md).",
+            "The level of the gap test. The true effects of twelve cases, nine of them shared, have 0.16 to 0.94 "
+            "(docs/gap_history.md).",
         ),
     ] = 0.05
     nearly_all: Annotated[
@@ -68,7 +74,8 @@ class DecisionRules(EvidenceRules):
         sourced(
             "1",
             "Share of a free field's gain on data left out from which on a remainder is laid to walls and mesh.",
-            "Chosen: true strong effects were found to leave 0.4 to 0.7 mm on four cases of an older simulator (docs/gap_history.md).",
+            "Chosen: true strong effects were found to leave 0.4 to 0.7 mm on four cases of an older simulator "
+            "(docs/gap_history.md).",
         ),
     ] = 0.9
     half: Annotated[
@@ -92,8 +99,10 @@ class DecisionRules(EvidenceRules):
         sourced(
             "ln G",
             "What ln G of effect-free cases is too high by, taken off what is told.",
-            "88 effect-free cases of the blind check, seeds 9 and 11 to 14: 0.21 (standard error 0.05) in the mean; four shared ones, by "
-            "another simulator: 0.13 (0.27). So it may be the simulator's number; 200 fresh ones of seed 15: 0.15 (0.03).",
+            "88 effect-free cases of the blind check, seeds 9 and 11 to 14: 0.21 (standard error 0.05) in the mean; "
+            "four shared ones, by "
+            "another simulator: 0.13 (0.27). So it may be the simulator's number; 200 fresh ones of seed 15: 0.15 "
+            "(0.03).",
         ),
     ] = 0.2
     wider: Annotated[
@@ -101,7 +110,8 @@ class DecisionRules(EvidenceRules):
         sourced(
             "1",
             "Factor on the told standard deviation of ln G.",
-            "rms error of 52 effect-free cases of the blind check, seeds 12 to 14: 1.28 standard deviations (docs/gap_history.md).",
+            "rms error of 52 effect-free cases of the blind check, seeds 12 to 14: 1.28 standard deviations "
+            "(docs/gap_history.md).",
         ),
     ] = 1.3
     bias_least: Annotated[

@@ -21,9 +21,10 @@ class StateGapRecord(msgspec.Struct, frozen=True):
 
 
 class GapRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """How far the plain model misses what the scans show. p_value : of so large or so patterned a residual under the noise.
+    """How far the plain model misses what the scans show.
 
-    p_values : of the three statistics that it combines. contour_noise_sd_mm, contour_noise_correlation_mm : as estimated from the pair.
+    p_value : of so large or so patterned a residual under the noise. p_values : of the three statistics that it
+    combines. contour_noise_sd_mm, contour_noise_correlation_mm : as estimated from the pair.
     states : of each deformed state. The optional keys are those of a pelvis; a body on a bench has none.
     """
 
@@ -41,7 +42,10 @@ class GapRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RegionGapRecord(msgspec.Struct, frozen=True):
-    """rms residual of a part of the surface, mm, and its share of the whole sum of squares. side : "all", "left", "anterior", ..."""
+    """rms residual of a part of the surface, mm, and its share of the whole sum of squares.
+
+    side : "all", "left", "anterior", ...
+    """
 
     name: str
     side: str
@@ -50,8 +54,9 @@ class RegionGapRecord(msgspec.Struct, frozen=True):
 
 
 class WhereRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the gap lies. map : arrays, a file of the case. peak_lps_mm : of the missing force, or the place of the likeliest effect.
+    """Where the gap lies.
 
+    map : arrays, a file of the case. peak_lps_mm : of the missing force, or the place of the likeliest effect.
     blur_mm : how far a force at one point spreads in the map.
     """
 
@@ -72,8 +77,9 @@ class ParameterRecord(msgspec.Struct, frozen=True):
 class RankedRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One effect of the library.
 
-    residual_share : of the plain model's weighted squares that it leaves. cv_gain_mm : rms gained on data left out. variant : where an
-    effect has several. refitted : whether the nonlinear model was fitted with it; else the linear estimate stands here.
+    residual_share : of the plain model's weighted squares that it leaves. cv_gain_mm : rms gained on data left out.
+    variant : where an effect has several. refitted : whether the nonlinear model was fitted with it; else the linear
+    estimate stands here.
     """
 
     effect: str
@@ -127,7 +133,10 @@ class DecidedByRecord(msgspec.Struct, frozen=True):
 
 
 class MarkersRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """rms misfit of one state's markers, mm: plain, with the best effect, and the same predicted from the other states."""
+    """rms misfit of one state's markers, mm.
+
+    Of the plain model and with the best effect, fitted, and (held_out) predicted from the other states.
+    """
 
     name: str
     rms_before_mm: float
@@ -144,10 +153,11 @@ class RemainderRecord(msgspec.Struct, frozen=True):
 
 
 class DiagnosisRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """diagnosis.json. verdict : "none", "ambiguous", "unknown" or the id of an effect. candidates : effects that cannot be told apart.
+    """Content of diagnosis.json.
 
-    probability_unknown : of an effect that the library does not have. options : the numbers in force. states, remainder : of a body
-    on a bench. simulated : present and true where the pair was computed.
+    verdict : "none", "ambiguous", "unknown" or the id of an effect. candidates : effects that cannot be told apart.
+    probability_unknown : of an effect that the library does not have. options : the numbers in force. states,
+    remainder : of a body on a bench. simulated : present and true where the pair was computed.
     """
 
     case: str

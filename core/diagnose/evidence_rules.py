@@ -10,10 +10,14 @@ from palpate.core.inference.heldout import Gain
 from palpate.core.sourced_number import sourced
 
 _COST = (
-    "Chosen; saves time. Loosened with the others of its kind (twice as many and more), it changes neither verdict nor probability of "
+    "Chosen; saves time. Loosened with the others of its kind (twice as many and more), it changes neither verdict "
+    "nor probability of "
     "shared case 310, the one it was tried on (tests/benchmarks/chosen_numbers.py)."
 )
-_ASKED = "Asked for with the diagnosis: two paired standard errors, 10 %, and more than 95 % of placebo effects of equal size."
+_ASKED = (
+    "Asked for with the diagnosis: two paired standard errors, 10 %, "
+    "and more than 95 % of placebo effects of equal size."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +29,8 @@ class EvidenceRules:
         sourced(
             "1",
             "A gap is detected when noise alone leaves as much in fewer cases than this share.",
-            "Convention; the blind check asks for 5 % false alarms. Measured: 2 of 200 effect-free cases (docs/gap.md).",
+            "Convention; the blind check asks for 5 % false alarms. Measured: 2 of 200 effect-free cases "
+            "(docs/gap.md).",
         ),
     ] = 0.05
     gap_draws: Annotated[
@@ -51,7 +56,8 @@ class EvidenceRules:
         sourced(
             "1",
             "No effect is refitted where the first look's p-value is above this.",
-            "Chosen; saves time. Refits of 55 effect-free cases of the blind check's seed 15 gained at most 2.7 in the logarithm, 0.05 "
+            "Chosen; saves time. Refits of 55 effect-free cases of the blind check's seed 15 gained at most 2.7 in "
+            "the logarithm, 0.05 "
             "in the median.",
         ),
     ] = 0.3
@@ -60,7 +66,8 @@ class EvidenceRules:
         sourced(
             "ln",
             "What refits add to the log Bayes factor of a gap where there is none, each as likely as the others.",
-            "Quantiles of 55 effect-free cases of the blind check's seed 15, by a script that is not kept. Checked on 42 of seed 18, which "
+            "Quantiles of 55 effect-free cases of the blind check's seed 15, by a script that is not kept. Checked "
+            "on 42 of seed 18, which "
             "gained no more (docs/gap.md).",
         ),
     ] = (
@@ -90,8 +97,10 @@ class EvidenceRules:
         sourced(
             "1",
             "Prior probability, once there is a gap, that no effect of the library causes it.",
-            "Chosen: as likely as any three of its twelve. Equals the share of all cases of the blind check that have an effect outside "
-            "the library (validate/blind/recipes.py; a quarter of those with any effect), so that the check flatters it.",
+            "Chosen: as likely as any three of its twelve. Equals the share of all cases of the blind check that "
+            "have an effect outside "
+            "the library (validate/blind/recipes.py; a quarter of those with any effect), so that the check flatters "
+            "it.",
         ),
     ] = 0.2
     hopeless: Annotated[
@@ -116,7 +125,8 @@ class EvidenceRules:
         sourced(
             "mm",
             "Width of a patch of the organ that is left out.",
-            "Two correlation lengths of contour noise (7 mm), so that neighbours do not give its noise away (core/inference/heldout.py).",
+            "Two correlation lengths of contour noise (7 mm), so that neighbours do not give its noise away "
+            "(core/inference/heldout.py).",
         ),
     ] = 14.0
     bone_patch_mm: Annotated[

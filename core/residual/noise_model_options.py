@@ -9,11 +9,13 @@ from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.sourced_number import sourced
 
 _GAP_NOISE = (
-    "Likeliest together with the other two of mesh, offset and model on 88 effect-free cases of the blind check, seeds 9 and 11 to 14 "
+    "Likeliest together with the other two of mesh, offset and model on 88 effect-free cases of the blind check, "
+    "seeds 9 and 11 to 14 "
     "(restricted likelihood; tests/benchmarks/gap_noise.py)."
 )
 _TRIED = (
-    "Half as much again, or twice, with the others so marked: the probability of shared case 310 falls from 0.97 to 0.95 and ln G moves by "
+    "Half as much again, or twice, with the others so marked: the probability of shared case 310 falls from 0.97 to "
+    "0.95 and ln G moves by "
     "0.01 (tests/benchmarks/chosen_numbers.py)."
 )
 _REPLACED = "Starting value only, for the weights of the first fit: the case's own estimate takes its place."
@@ -37,8 +39,10 @@ class NoiseModelOptions:
         sourced(
             "1",
             "Factor on what `WallMotion` leaves unknown of the walls' motion along themselves.",
-            "Nine effect-free cases of the blind check (seeds 4 and 5): mean squares of what walls read wrongly move the organ by are 0.97 "
-            "(rectum) and 0.6 (bladder) times those that are said, in single cases up to five times (tests/benchmarks/slides.py).",
+            "Nine effect-free cases of the blind check (seeds 4 and 5): mean squares of what walls read wrongly move "
+            "the organ by are 0.97 "
+            "(rectum) and 0.6 (bladder) times those that are said, in single cases up to five times "
+            "(tests/benchmarks/slides.py).",
         ),
     ] = 1.0
     landmark_mm: Annotated[
@@ -46,7 +50,8 @@ class NoiseModelOptions:
         sourced(
             "mm an axis",
             "Error of a landmark's motion.",
-            "Chosen. Near that of the blind check's simulator, whose landmarks are read with 0.3 mm an axis in each scan, 0.42 mm for both "
+            "Chosen. Near that of the blind check's simulator, whose landmarks are read with 0.3 mm an axis in each "
+            "scan, 0.42 mm for both "
             "(validate/blind/simulator/visibility.py), so that the check flatters it.",
         ),
     ] = 0.45
@@ -74,7 +79,8 @@ class NoiseModelOptions:
         sourced(
             "mm",
             "Correlation lengths of contour noise that are told apart.",
-            "Chosen: around the 5.0 to 7.8 mm of the shared sets; the data choose among them by restricted likelihood. The blind check's "
+            "Chosen: around the 5.0 to 7.8 mm of the shared sets; the data choose among them by restricted "
+            "likelihood. The blind check's "
             "simulator has 6.5 mm, between two of them.",
         ),
     ] = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
@@ -83,7 +89,8 @@ class NoiseModelOptions:
         sourced(
             "1",
             "Sizes of contour noise over what the case states that are told apart.",
-            "Chosen: from under the half that is true of the first shared set to a fifth more than stated; the data choose among them.",
+            "Chosen: from under the half that is true of the first shared set to a fifth more than stated; the data "
+            "choose among them.",
         ),
     ] = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
     contour_prior: Annotated[
@@ -99,7 +106,8 @@ class NoiseModelOptions:
         sourced(
             "mm",
             "Sizes of every surface mode's error from voxels that are told apart.",
-            "Chosen around and below 0.37 to 0.57 mm a mode, which was measured on five effect-free patients of the blind check's seed "
+            "Chosen around and below 0.37 to 0.57 mm a mode, which was measured on five effect-free patients of the "
+            "blind check's seed "
             "11 drawn without contour noise.",
         ),
     ] = (0.2, 0.3, 0.45)
@@ -108,7 +116,8 @@ class NoiseModelOptions:
         sourced(
             "1",
             "Sizes of a nameless gap, over its typical one, that are averaged over; 0 is no gap.",
-            "Chosen: from a quarter to twice. With one size alone three of five effect-free cases whose walls slid raised an alarm.",
+            "Chosen: from a quarter to twice. With one size alone three of five effect-free cases whose walls slid "
+            "raised an alarm.",
         ),
     ] = (0.0, 0.25, 0.5, 1.0, 2.0)
     force_length_mm: Annotated[
@@ -148,7 +157,8 @@ class NoiseModelOptions:
         sourced(
             "mm",
             "How far a contour may be offset while the noise is estimated.",
-            f"Chosen: a little more than the prior of `contour_bias` (0.8 mm), so that it is not taken for noise. {_TRIED}",
+            "Chosen: a little more than the prior of `contour_bias` (0.8 mm), so that it is not taken for noise. "
+            f"{_TRIED}",
         ),
     ] = 1.0
     free_bones: Annotated[
@@ -156,7 +166,8 @@ class NoiseModelOptions:
         sourced(
             "mm, degrees",
             "How far bones may have moved while the noise is estimated.",
-            f"Chosen: twice the prior of `bone_motion` (2 mm, 2.5 degrees) and more, so that it is not taken for noise. {_TRIED}",
+            "Chosen: twice the prior of `bone_motion` (2 mm, 2.5 degrees) and more, so that it is not taken for "
+            f"noise. {_TRIED}",
         ),
     ] = 5.0
     mode_length_mm: Annotated[
@@ -164,7 +175,8 @@ class NoiseModelOptions:
         sourced(
             "mm",
             "Correlation length whose covariance's modes the organ's surface is read in.",
-            "Chosen: about that of contour noise, so that what is left out is finer than any effect. Equals the length that the "
+            "Chosen: about that of contour noise, so that what is left out is finer than any effect. Equals the "
+            "length that the "
             "blind check reads the true gap with (validate/blind/achieved.py).",
         ),
     ] = 7.0
@@ -207,7 +219,8 @@ class NoiseModelOptions:
         sourced(
             "mm",
             "Independent error of each point of a bone that is left out.",
-            "`EXTRACTION_MM` (core/observe/contour_noise.py): 0.16 to 0.20 mm rms on cases without effect and contour noise.",
+            "`EXTRACTION_MM` (core/observe/contour_noise.py): 0.16 to 0.20 mm rms on cases without effect and "
+            "contour noise.",
         ),
     ] = EXTRACTION_MM
     patch_nugget_mm: Annotated[
@@ -230,7 +243,9 @@ class NoiseModelOptions:
         float,
         sourced(
             "1",
-            "rms error of ln G that this noise model leaves, in standard deviations; evidence is divided by its square.",
-            "22 effect-free cases of the blind check's seeds 11 and 12: 1.25; 88 of seeds 9 and 11 to 14: 1.29 (docs/gap_history.md).",
+            "rms error of ln G that this noise model leaves, in standard deviations; evidence is divided by its "
+            "square.",
+            "22 effect-free cases of the blind check's seeds 11 and 12: 1.25; 88 of seeds 9 and 11 to 14: 1.29 "
+            "(docs/gap_history.md).",
         ),
     ] = 1.25

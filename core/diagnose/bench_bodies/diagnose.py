@@ -50,7 +50,10 @@ def diagnose_body(
     progress: Progress = silent,
     options: DiagnosisOptions | None = None,
 ) -> tuple[DiagnosisRecord, dict[str, FloatArray]]:
-    """The record, and by state the markers' residuals (k, 3) mm. Raises ConvergenceError when nothing can be solved."""
+    """Record of the diagnosis, and the markers' residuals (k, 3) mm by state.
+
+    Raises ConvergenceError when no equilibrium is found.
+    """
     options = options or DiagnosisOptions()
     solver = BodySolver.of(problem, options)
     progress(0.0, "plain model")
@@ -87,7 +90,7 @@ def diagnose_body(
 
 
 def _second(named: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> Rival | None:
-    """A second effect beside the one that was named, if one passes all that the first had to."""
+    """Second effect beside the named one, if it passes the same evidence, p-value and prediction tests."""
     rules = named.model.solver.options.decision_rules
     for f in rivals(named, effects, progress):
         if f.log_evidence > np.log(rules.tied) and f.p_value < rules.level and f.predicts:

@@ -27,7 +27,7 @@ _FLAT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """An effect as it is in each state (a load may differ between them): one variant a state."""
+    """Effect added to the plain body, with one variant for each state, since loads differ between states."""
 
     effect: Effect
     variants: Sequence[Variant]
@@ -35,24 +35,27 @@ class Added:
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:
-    """The plain body with effects added; parameters are ln G, then each effect's phi in prior standard deviations."""
+    """Model of a body with any effects added.
+
+    Parameters x (1 + k,) : ln G (G in kPa), then each effect's phi in prior standard deviations.
+    """
 
     solver: BodySolver
     added: tuple[Added, ...] = ()
 
     @property
     def scales(self) -> FloatArray:
-        """(k,) of all effects' parameters."""
+        """Prior standard deviations (k,) of all effects' parameters, in their own units."""
         return np.concatenate([np.zeros(0), *(a.effect.scales for a in self.added)])
 
     @property
     def bounds(self) -> FloatArray:
-        """(1 + k, 2)."""
+        """Lower and upper bounds (1 + k, 2) of x."""
         effects = [a.effect.bounds / a.effect.scales[:, None] for a in self.added]
         return np.vstack([np.log([self.solver.problem.bounds_kpa]), *effects])
 
     def composition(self, x: FloatArray, state: int) -> Composition:
-        """At parameters x (1 + k,) in the state of this index."""
+        """Composition at parameters x (1 + k,) in the state of this index."""
         out, start = Composition(self.solver.problem.shell), 1
         for a in self.added:
             n = len(a.effect.parameters)
@@ -61,8 +64,10 @@ class BodyModel:
         return out
 
     def linearised(self, x: FloatArray, which: Sequence[int]) -> tuple[FloatArray, FloatArray] | None:
-        """Residual (m,) mm, predicted minus seen, of the markers of the states `which`, and its derivative in x; None:
-        no answer."""
+        """Residual (m,) mm, predicted minus observed, of the markers of the states `which`; its derivative (m, 1 + k).
+
+        None when a state has no equilibrium at x (1 + k,).
+        """
         r, J = [], []
         for k in which:
             state = self.solver.problem.states[k]
@@ -83,9 +88,10 @@ class BodyModel:
 
 @dataclass(frozen=True, eq=False)
 class BodyFit:
-    """A model where it fits best: x, residual (m,) mm and Jacobian (m, 1 + k), cost: weighted squares and prior.
+    """Model of a body at its best fit to the markers.
 
-    covariance : (1 + k, 1 + k) of x. volume : half the logarithm of its determinant.
+    x (1 + k,) : see `BodyModel`. residual (m,) mm, jacobian (m, 1 + k) mm. cost : weighted squares and prior.
+    covariance (1 + k, 1 + k) : of x. volume : half the logarithm of its determinant.
     """
 
     model: BodyModel
@@ -98,18 +104,18 @@ class BodyFit:
     volume: float
 
     def log_evidence(self, plain: BodyFit) -> float:
-        """Laplace's, against the plain model fitted to the same states."""
+        """Log evidence (Laplace's approximation) against the plain model fitted to the same states."""
         return 0.5 * (plain.cost - self.cost) + self.volume - plain.volume
 
 
 def weighting(solver: BodySolver, which: Sequence[int]) -> Weighting:
-    """Of the markers of the states `which` together."""
+    """Weighting of the markers of the states `which` together."""
     common = solver.options.noise_model.markers_common
     return Weighting(block_diag(*(solver.problem.states[k].covariance(common) for k in which)))
 
 
 def fit_body(model: BodyModel, which: Sequence[int], start: FloatArray) -> BodyFit | None:
-    """Gauss-Newton from parameters start (1 + k,) on the states `which`; None when nothing could be solved."""
+    """Gauss-Newton fit to the states `which` from x = start (1 + k,); None when no equilibrium was found."""
     weight = weighting(model.solver, which)
     prior = np.diag(np.concatenate([[0.0], np.ones(len(start) - 1)]))
 

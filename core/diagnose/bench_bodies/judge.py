@@ -28,7 +28,7 @@ GRAVITY = "gravity_change"
 
 
 def base_fit(solver: BodySolver) -> BodyFit:
-    """The plain model on all states. Raises ConvergenceError when nothing can be solved."""
+    """Fit of the plain model to all states. Raises ConvergenceError when no equilibrium is found."""
     which = range(len(solver.problem.states))
     fit = fit_body(BodyModel(solver), which, np.log(solver.problem.bounds_kpa).mean(keepdims=True))
     if fit is None:
@@ -39,7 +39,7 @@ def base_fit(solver: BodySolver) -> BodyFit:
 
 
 def p_value(fit: BodyFit) -> float:
-    """Of the markers' residual under their noise alone."""
+    """p-value of the markers' residual under their noise alone (chi-squared)."""
     weight = weighting(fit.model.solver, fit.which)
     return float(stats.chi2.sf(weight.squared(fit.residual), max(len(fit.residual) - len(fit.x), 1)))
 
@@ -63,10 +63,10 @@ def unnamed(base: BodyFit) -> float:
 
 @dataclass(frozen=True, eq=False)
 class BodyFindings:
-    """What the rules of a body's verdict look at. gravity_unmodelled : gravity is known to act, and the plain model has
-    none.
+    """Findings on which `BODY_RULES` decide.
 
-    rules : the numbers that the conditions hang on.
+    detected : whether there is a gap. rivals : effects refitted, best first. unnamed : log evidence, see `unnamed`.
+    gravity_unmodelled : whether gravity is known to act and the plain model has none. rules : thresholds.
     """
 
     detected: bool
@@ -77,7 +77,7 @@ class BodyFindings:
 
     @cached_property
     def probability(self) -> dict[str, float]:
-        """Of every effect and of "unknown", given that there is a gap."""
+        """Probability of every effect and of "unknown", given that there is a gap."""
         evidence = {r.effect.id: r.log_evidence for r in self.rivals}
         return probabilities(evidence, self.unnamed, self.rules.prior_unknown)
 
@@ -148,8 +148,10 @@ BODY_RULES: tuple[Rule[BodyFindings], ...] = (
 
 
 def decide_body(base: BodyFit, rivals: Sequence[Rival], detected: bool) -> Verdict:
-    """The first of `BODY_RULES` that holds decides. rivals : effects refitted, best first. detected : whether there is
-    a gap."""
+    """Verdict by the first of `BODY_RULES` that holds.
+
+    rivals : effects refitted, best first. detected : whether there is a gap.
+    """
     problem = base.model.solver.problem
     known = not problem.model_gravity and any(np.linalg.norm(s.gravity) > 0.1 for s in problem.states)
     findings = BodyFindings(detected, rivals, unnamed(base), known, rules=base.model.solver.options.decision_rules)

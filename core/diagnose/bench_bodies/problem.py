@@ -32,7 +32,10 @@ class PointLoad:
 
 @dataclass(frozen=True)
 class BodyState:
-    """One state: markers (rest and deformed positions, mm), their standard deviation per axis, gravity in m/s2, loads."""
+    """State of a body under known loads.
+
+    rest, deformed : positions of the markers, mm. sd_mm : standard deviation of their motion per axis. gravity : m/s2.
+    """
 
     name: str
     rest: tuple[Vector, ...]
@@ -43,11 +46,11 @@ class BodyState:
 
     @property
     def moved(self) -> FloatArray:
-        """(k, 3) mm."""
+        """Motion (k, 3) mm of the markers."""
         return np.subtract(self.deformed, self.rest)
 
     def covariance(self, common: float) -> FloatArray:
-        """(3 k, 3 k) mm2 of the markers' motions, of whose variance they have a share in common."""
+        """Covariance (3 k, 3 k) mm2 of the markers' motions; `common` is the share of variance that all share."""
         k = len(self.rest)
         markers = common * np.ones((k, k)) + (1.0 - common) * np.eye(k)
         return np.asarray(self.sd_mm**2 * np.kron(markers, np.eye(3)))
@@ -55,8 +58,11 @@ class BodyState:
 
 @dataclass(frozen=True, eq=False)
 class BodyProblem:
-    """mesh : region BODY. held : (f, 3) boundary faces that supports hold. model_gravity : whether the plain model has
-    gravity."""
+    """Problem of a bench test: one body, its supports and its states.
+
+    mesh : of region BODY. held (f, 3) : boundary faces that supports hold. bounds_kpa : of the shear modulus G.
+    model_gravity : whether the plain model has gravity.
+    """
 
     mesh: TetMesh
     held: IntArray
@@ -75,7 +81,7 @@ class BodyProblem:
         )
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """For numpy.savez; `from_arrays` is the inverse."""
+        """Arrays for numpy.savez; `from_arrays` is the inverse."""
         rest = {k: getattr(self, k) for k in ("density_kg_m3", "bounds_kpa", "model_gravity")}
         text = json.dumps(rest | {"states": [asdict(s) for s in self.states]})
         return {
@@ -87,7 +93,7 @@ class BodyProblem:
 
     @classmethod
     def from_arrays(cls, data: Mapping[str, NDArray[np.generic]]) -> BodyProblem:
-        """Raises InputError when the arrays are of something else."""
+        """Problem from `arrays`. Raises InputError when the arrays are of something else."""
         try:
             scalars = json.loads(bytes(np.asarray(data["scalars"], dtype=np.uint8)).decode())
             cells = np.asarray(data["cells"], dtype=np.int64)

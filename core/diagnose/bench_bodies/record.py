@@ -53,7 +53,7 @@ def regions(base: BodyFit) -> list[RegionGapRecord]:
 
 
 def stiffness(fit: BodyFit) -> dict[str, FittedStiffnessRecord]:
-    """G and its standard deviation, kPa."""
+    """Shear modulus G of the body with its standard deviation, kPa, and that of ln G."""
     G, sd = float(np.exp(fit.x[0])), float(np.sqrt(fit.covariance[0, 0]))
     return {"body": FittedStiffnessRecord(G, G * float(np.sinh(sd)), sd)}
 
@@ -80,7 +80,7 @@ def row(base: BodyFit, f: Rival, probability: float) -> RankedRecord:
 
 
 def shrinkage(best: Rival) -> ShrinkageRecord | None:
-    """On states left out; None where there is but one."""
+    """Shrinkage of the misfit on states left out of the fit; None where there is only one state."""
     if not np.isfinite(best.left_out).all():
         return None
     before, after = (float(np.sqrt(np.square(c).mean())) for c in best.left_out.T)
@@ -120,14 +120,14 @@ def states(base: BodyFit, best: Rival | None) -> list[MarkersRecord]:
 
 
 def remainder(named: BodyFit, cause: Rival | None) -> RemainderRecord:
-    """What is left in each state, mm, and a second cause where one passes."""
+    """Misfit of each state's markers with the named effect, mm rms, and a second cause where one passes."""
     names = [s.name for s in named.model.solver.problem.states]
     rms_mm = {n: marker_rms(r.ravel()) for n, r in zip(names, by_state(named), strict=True)}
     return RemainderRecord(rms_mm, None if cause is None else cause.effect.id)
 
 
 def next_state(base: BodyFit, best: Rival) -> str:
-    """The further load under which the rivals' markers differ most, and by how much."""
+    """Sentence on the further load under which both models' markers differ most, in mm rms."""
     problem = base.model.solver.problem
     differences = []
     for factor, words in ((0.0, "no load"), (2.0, "twice the load")):
@@ -149,7 +149,7 @@ def next_state(base: BodyFit, best: Rival) -> str:
 
 
 def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
-    """A sentence."""
+    """Sentence that sums up the diagnosis for a reader."""
     missed = rms(np.linalg.norm(np.vstack(by_state(base)), axis=1))
     start = f"The plain model misses the markers by {missed:.2f} mm"
     if verdict == NONE:
@@ -160,4 +160,7 @@ def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
             if verdict == AMBIGUOUS
             else f"{start}; nothing in the library explains it."
         )
-    return f"{start}, because {named.effect.words}; with it the states are missed by {marker_rms(named.fit.residual):.2f} mm."
+    return (
+        f"{start}, because {named.effect.words}; "
+        f"with it the states are missed by {marker_rms(named.fit.residual):.2f} mm."
+    )

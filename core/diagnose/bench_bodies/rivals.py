@@ -32,11 +32,11 @@ class BodySurroundings(Surroundings):
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """An effect refitted to all states. log_evidence : against the base, averaged over its places. tried : how many
-    there were.
+    """Effect refitted to all states.
 
-    left_out : (states, 2) rms mm of every state's markers predicted from the others, base and effect; NaN where there
-    are no others.
+    log_evidence : against the base model, averaged over the effect's places. p_value : of the fall in weighted squares.
+    left_out (states, 2) mm rms : error of every state's markers predicted from the other states, by the base model and
+    with the effect; NaN where there are no other states.
     """
 
     effect: Effect
@@ -47,15 +47,20 @@ class Rival:
 
     @property
     def predicts(self) -> bool:
-        """Whether every state is predicted better from the others, and all together by the share of the mean square
-        that counts."""
+        """Whether prediction from the other states improves for every state.
+
+        The summed squares must also fall by more than `DecisionRules.gain_share`.
+        """
         before, after = np.square(self.left_out).T
         allowed_share = 1.0 - self.fit.model.solver.options.decision_rules.gain_share
         return bool(np.isfinite(before).all() and (after < before).all() and after.sum() < allowed_share * before.sum())
 
 
 def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> list[Rival]:
-    """All effects that a body can have, added to `base`, refitted where they are not hopeless; best first."""
+    """Refits of the base model with each effect that a body can have, best first.
+
+    Skipped where the score test's log evidence is `DecisionRules.bench_hopeless` below the best one's.
+    """
     rules = base.model.solver.options.decision_rules
     taken = {a.effect.id for a in base.model.added}
     asked = [e for e in effects.values() if e.id not in taken and e.id not in NOT_ON_A_BENCH]
@@ -74,7 +79,7 @@ def rivals(base: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> 
 
 
 def _first_look(base: BodyFit, effect: Effect) -> tuple[Added | None, float, float]:
-    """The likeliest variant, the effect's log evidence (mean over variants), and how much the variants cost it."""
+    """Likeliest variant, log evidence of the effect (mean over variants), and that less the best variant's."""
     problem = base.model.solver.problem
     states = [_variants(problem, effect, k) for k in range(len(problem.states))]
     if not states or len({len(v) for v in states}) != 1 or not states[0]:
@@ -134,7 +139,7 @@ def _squares(fit: BodyFit) -> float:
 
 
 def _predicted(fit: BodyFit, left_out: int) -> float:
-    """rms error, mm, of a state's markers predicted by the model fitted to the other states."""
+    """Error (rms, mm) of a state's markers predicted by the model fitted to the other states; inf without a fit."""
     others = [k for k in fit.which if k != left_out]
     refit = fit_body(fit.model, others, fit.x)
     linearised = None if refit is None else fit.model.linearised(refit.x, [left_out])

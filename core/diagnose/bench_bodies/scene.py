@@ -30,7 +30,10 @@ _MN = 1000.0  # mN in a N
 
 @dataclass(eq=False)
 class BodySolver:
-    """What all models of one body share: the space, the matrix structure, the last equilibrium of each state."""
+    """Solver that all models of one body share: space, matrix structure, last equilibrium of each state.
+
+    held : nodes that supports hold. last : displacements (n, 3) mm by the state's name, the start of its next solve.
+    """
 
     problem: BodyProblem
     space: Space
@@ -41,7 +44,10 @@ class BodySolver:
 
     @classmethod
     def of(cls, problem: BodyProblem, options: DiagnosisOptions | None = None) -> BodySolver:
-        """With the program's own numbers where no options are given. Raises InputError when nothing holds the body."""
+        """Solver with the program's own numbers where no options are given.
+
+        Raises InputError when nothing holds the body.
+        """
         space = Space.of(problem.mesh, ELEMENT)
         held = np.unique(space.face_nodes(problem.held))
         free = np.ones((space.n_nodes, 3), dtype=bool)
@@ -51,7 +57,7 @@ class BodySolver:
         )
 
     def solve(self, composition: Composition, theta: FloatArray, state: BodyState) -> Equilibrium:
-        """Equilibrium (not converged: none) of a composition at ln G = theta (1,) in one state."""
+        """Equilibrium of a composition at ln G = theta (1,) in one state; `converged` is false where there is none."""
         prescribed = self._pose(composition, theta, state)
         equilibrium = solve_equilibrium(self.assembler, None, prescribed.ravel(), self.last.get(state.name))
         if equilibrium.converged:
@@ -61,7 +67,7 @@ class BodySolver:
     def first_order(
         self, composition: Composition, theta: FloatArray, state: BodyState, at: Equilibrium, balance: FloatArray
     ) -> FloatArray:
-        """(n, 3) mm by which the equilibrium moves when the model becomes this one: one back-substitution.
+        """First-order change (n, 3) mm of the equilibrium when the model becomes this one: one back-substitution.
 
         at : the equilibrium; balance : `out_of_balance` there.
         """
@@ -76,7 +82,7 @@ class BodySolver:
         return np.asarray((full[: self.space.n_displacements] + held).reshape(-1, 3))
 
     def _pose(self, composition: Composition, theta: FloatArray, state: BodyState) -> FloatArray:
-        """Give the assembler a model's materials and loads; where supports are (n, 3) mm."""
+        """Prescribed displacements (n, 3) mm; sets the assembler's materials and loads to the model's."""
         loads: list[Term] = [_force(self.space, load.at, load.force_n) for load in state.loads]
         if self.problem.model_gravity:
             b = 1e-6 * self.problem.density_kg_m3 * np.array(state.gravity)  # 1 kg/m3 m/s2 is 1e-6 kPa/mm
@@ -91,13 +97,12 @@ class BodySolver:
         return prescribed
 
     def markers(self, u: FloatArray, state: BodyState) -> FloatArray:
-        """(k, 3) mm, motion of a state's markers for nodal displacements u (n, 3)."""
+        """Motion (k, 3) mm of a state's markers for nodal displacements u (n, 3) mm."""
         return np.array([_carried(self.space.nodes, u, np.array(x)) for x in state.rest])
 
 
 def _carried(nodes: FloatArray, u: FloatArray, x: FloatArray) -> FloatArray:
-    """Motion (3,) of a point x (3,) that is fixed to the material around the node nearest to it: a rigid fit (Kabsch
-    1976)."""
+    """Motion (3,) mm of a point x (3,) mm fixed to the material around its nearest node: a rigid fit (Kabsch 1976)."""
     tree = cKDTree(nodes)
     near = tree.query_ball_point(nodes[tree.query(x)[1]], HOLDER_MM)
     before, after = nodes[near], nodes[near] + u[near]

@@ -69,7 +69,7 @@ def gap_test(
 
     Bayes factor : of a gap against none. It is the mean, by prior probabilities, of the evidence of every named effect
     (itself the mean over the effect's variants) and of a smooth field without a name, `fields` (n, k), of any size. No
-    other test has more power on the average over such gaps (Neyman & Pearson 1933). The mean over variants keeps an
+    other test has more power on the average over such gaps (Neyman & Pearson). The mean over variants keeps an
     effect with many of them from outweighing one with a single variant.
     Q = r'Mr : any excess over the noise, also one of no known form. Its share of the false alarms is
     `DecisionRules.whole_share`.

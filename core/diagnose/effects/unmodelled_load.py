@@ -70,7 +70,8 @@ def _pulls(phi: Mapping[str, float]) -> str:
     if max(pressures, key=abs) >= 0.0:
         return ""
     return (
-        "what is missing pulls at the organ, which nothing that pushes does: a scar that shrank, an adhesion or a tear would, and the "
+        "what is missing pulls at the organ, which nothing that pushes does: a scar that shrank, an adhesion or a "
+        "tear would, and the "
         "library has no name for them"
     )
 

@@ -185,7 +185,8 @@ RULES: tuple[Rule[Findings], ...] = (
         "something_left",
         lambda f: f.best.something_left(f.rules),
         AMBIGUOUS,
-        "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it",
+        "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something "
+        "like it",
         lambda f: f.names,
     ),
     Rule(

@@ -247,12 +247,14 @@ def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
     )
     if changed > rules.coarse_mm:
         out.append(
-            f"a better element moves the organ's surface by {changed:.2f} mm: the mesh is too coarse for this deformation, "
+            f"a better element moves the organ's surface by {changed:.2f} mm: the mesh is too coarse for this "
+            "deformation, "
             "and the gap may come from it; mesh more finely (--tets)"
         )
     if not diagnosis.fit.meshes:
         out.append(
-            "no better element finds an equilibrium here, so that what the mesh is wrong by is not known but allowed for; "
+            "no better element finds an equilibrium here, so that what the mesh is wrong by is not known but allowed "
+            "for; "
             "mesh more finely (--tets)"
         )
     if diagnosis.verdict.verdict == AMBIGUOUS and not diagnosis.refits:

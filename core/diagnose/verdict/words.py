@@ -18,13 +18,15 @@ def sentence(diagnosis: Diagnosis) -> str:
     verdict = diagnosis.verdict.verdict
     if verdict == NONE:
         return (
-            f"The model predicts the deformed organ as well as the contours allow ({missed:.1f} mm): nothing in these scans "
+            f"The model predicts the deformed organ as well as the contours allow ({missed:.1f} mm): nothing in "
+            "these scans "
             "says that it leaves anything out."
         )
     said = {s.effect.id: s.effect.words for s in diagnosis.screened}
     if verdict == UNKNOWN:
         return (
-            f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, and nothing in the "
+            f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself "
+            "shows, and nothing in the "
             "library explains it: the stiffness given here may be wrong."
         )
     words = [said[name] for name in diagnosis.verdict.candidates]
@@ -35,7 +37,8 @@ def sentence(diagnosis: Diagnosis) -> str:
                f"It may be that {words[0]}, but these scans do not settle it: {diagnosis.verdict.why}.")
         )  # fmt: skip
     return (
-        f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, because {words[0]}; "
+        f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, "
+        f"because {words[0]}; "
         "the stiffness with this taken into account is given beside the one without."
     )
 
