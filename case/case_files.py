@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
 from palpate.core.files import atomic, json_file
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
@@ -56,10 +57,10 @@ class CaseFiles:
         """Writes a JSON file (`as_json`). Raises ValueError for NaN and infinity."""
         return self.write_text(name, as_json(data))
 
-    def write_npz(self, name: str, **arrays: Any) -> Path:
+    def write_npz(self, name: str, **arrays: NumberArray) -> Path:
         """Writes a compressed NumPy archive."""
         with self.atomic_path(name) as temporary:
-            np.savez_compressed(temporary, **arrays)
+            np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
         return self.file(name)
 
     def remove(self, name: str) -> None:

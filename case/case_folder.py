@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_files import CaseFiles, file_sha256
 from palpate.case.landmarks import Landmarks, read_landmarks
+from palpate.case.step_records import StepRecord
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files import atomic
@@ -146,19 +146,19 @@ class CaseFolder(CaseFiles):
         same = entry.get("done") is True and entry.get("inputs_sha256") == inputs_sha256
         return same and all(self.has(name) for name in entry.get("outputs", []))
 
-    def step_record(self, step: str) -> Mapping[str, Any]:
+    def step_record(self, step: str) -> StepRecord:
         """What state.json notes of a step that ran to its end; empty where it never did."""
         entry = self._state().get(step)
         return entry if isinstance(entry, dict) and entry.get("done") is True else {}
 
     def mark_done(
-        self, step: str, inputs_sha256: str, outputs: Iterable[str], more: Mapping[str, Any] | None = None
+        self, step: str, inputs_sha256: str, outputs: Iterable[str], more: Mapping[str, object] | None = None
     ) -> None:
         """Notes in state.json that the step ran to its end; call it after its last file is written. more : further keys to note."""
         entry = {"inputs_sha256": inputs_sha256, "outputs": list(outputs), "done": True, **(more or {})}
         self.write_json("state.json", {**self._state(), step: entry})
 
-    def _state(self) -> Mapping[str, Any]:
+    def _state(self) -> Mapping[str, StepRecord]:
         state = self.read_json("state.json") if self.has("state.json") else {}
         if not isinstance(state, dict):
             raise InputError(f"{self.file('state.json')} holds no JSON object; remove it and run the steps again")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.drawn_labels import drawn_labels
 from palpate.case.imported import holds_rest_alone
+from palpate.case.step_records import SegmentationRecord, SegmentedRecord
 from palpate.case.steps.declarations import SEGMENT
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
@@ -32,7 +32,9 @@ DEFORMED_ROOM_MM = 10.0
 CARRIED_SD_MM = 8.0
 
 
-def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent) -> dict[str, Any]:
+def run_segment(
+    case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent
+) -> SegmentationRecord:
     """Writes rest.nii.gz, deformed.nii.gz (both in the rest frame), labels.txt and segmentation.json; returns the last.
 
     STATE_bones.nii.gz (names in bones.txt) says of each bone voxel which bone it is.
@@ -45,7 +47,7 @@ def run_segment(case: CaseFolder, options: SegmentOptions | None = None, progres
     options = options or SegmentOptions()
     made_from = SEGMENT.made_from(case, options.to_dict())
     if SEGMENT.is_done(case, made_from):
-        report: dict[str, Any] = case.read_json("segmentation.json")
+        report: SegmentationRecord = case.read_json("segmentation.json")
         return report
     alone = holds_rest_alone(case)
     states = STATES[:1] if alone else STATES
@@ -90,22 +92,26 @@ def _centroids(state: SegmentedState) -> dict[str, FloatArray]:
     }
 
 
-def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: SegmentOptions) -> dict[str, Any]:
+def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: SegmentOptions) -> SegmentationRecord:
     rest = found["rest"]
     normal, source = midline_normal(rest.segmentation.scene.pelvis)
     roi = region_of_interest(rest.prostate, np.array(options.margin_mm))
-    report: dict[str, Any] = {"region_of_interest_mm": roi, "states": {}}
+    states: dict[str, SegmentedRecord] = {}
     volumes = {}
     for state, part in found.items():
         box = roi if state == "rest" else roi + DEFORMED_ROOM_MM * np.array([[-1.0], [1.0]])
         prompts = options.prompts if state == "rest" else options.prompts_deformed.moved(case.deformed_to_rest())
         plane = split_plane(part.prostate, normal, source, prompts.seeds.get("urethra"))
         volumes[state] = labels_of(part, plane, box)
-        report["states"][state] = state_report(part, volumes[state], plane, box)
+        states[state] = state_report(part, volumes[state], plane, box)
     other = found.get("deformed")
     motions = bone_motions(rest.segmentation.bones, other.segmentation.bones) if other else {}
-    report["bone_motion"] = {name: motion.to_dict() for name, motion in motions.items()}
-    report["notes"] = notes_on(report["states"]) + motion_notes(motions)
+    report: SegmentationRecord = {
+        "region_of_interest_mm": roi.tolist(),
+        "states": states,
+        "bone_motion": {name: motion.to_dict() for name, motion in motions.items()},
+        "notes": notes_on(states) + motion_notes(motions),
+    }
     # The report first: labels without one are taken as a person's own, and a killed run's are not.
     case.write_json("segmentation.json", report)
     for state, labels in volumes.items():
@@ -115,7 +121,8 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
         path.write_text(label_description(BONE_PARTS, BONE_PART_COLOURS), encoding="utf-8")
     for state, labels in volumes.items():
         case.write_labels(state, labels)
-    return case.read_json("segmentation.json")
+    written: SegmentationRecord = case.read_json("segmentation.json")
+    return written
 
 
 def labels_of(part: SegmentedState, plane: Plane, box: FloatArray) -> Volume:
@@ -135,7 +142,7 @@ def bones_of(part: SegmentedState, labels: Volume) -> Volume:
     return labels.with_array(part.segmentation.bones.on(labels, labels.array == BONE))
 
 
-def _labels_alone(case: CaseFolder, progress: Progress, states: tuple[str, ...]) -> dict[str, Any]:
+def _labels_alone(case: CaseFolder, progress: Progress, states: tuple[str, ...]) -> SegmentationRecord:
     """Nothing to segment: label volumes that came with the case are the input of the next step."""
     missing = [case.file(f"{state}_ct") for state in states if not case.has(f"{state}_ct")]
     if not all(case.has_labels(state) for state in states):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from palpate.case.case_folder import STATES
 from palpate.case.drawn_labels import Drawn
+from palpate.case.step_records import SegmentedRecord
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
@@ -42,7 +42,7 @@ class SegmentedState:
         return self.grid.with_array(self.mask("prostate"))
 
 
-def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatArray) -> dict[str, Any]:
+def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatArray) -> SegmentedRecord:
     organs = part.segmentation.organs
     voxel_cc = float(np.prod(labels.spacing)) / 1000.0
     cc = {name: round(float((labels.array == value).sum()) * voxel_cc, 2) for value, name in LABELS.items() if value}
@@ -59,13 +59,13 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatA
         },
         "bone": {"method": "threshold" if part.drawn is None or part.drawn.bone is None else "threshold and user"},
         "volume_in_region_cc": cc,
-        "split": {"point": plane.point, "normal": plane.normal, "source": plane.source},
-        "spacing_mm": labels.spacing,
+        "split": {"point": plane.point.tolist(), "normal": plane.normal.tolist(), "source": plane.source},
+        "spacing_mm": labels.spacing.tolist(),
         "covers_region": bool((low <= box[0] + labels.spacing).all() and (high >= box[1] - labels.spacing).all()),
     }
 
 
-def notes_on(states: Mapping[str, Any]) -> list[str]:
+def notes_on(states: Mapping[str, SegmentedRecord]) -> list[str]:
     """What a person should look at, one line each."""
     notes = []
     for state, facts in states.items():

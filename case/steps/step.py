@@ -10,7 +10,6 @@ import importlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from palpate.case.case_folder import CaseFolder, file_sha256
 
@@ -73,10 +72,9 @@ class Step:
         assert isinstance(found, type)
         return found
 
-    def function(self) -> Callable[..., Any]:
+    def function(self) -> Callable[..., object]:
         """The function that runs the step."""
-        found: Callable[..., Any] = _loaded(self.run)
-        return found
+        return _loaded(self.run)
 
     def made_from(self, case: CaseFolder, options: object, hash_of: Hash = file_sha256) -> MadeFrom:
         """What the step would run on now. options : JSON-able form of all options that change the result."""

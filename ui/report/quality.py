@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import cast
 
+from palpate.case.step_records import OrganRecord, SegmentationRecord
 from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
 from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
 from palpate.ui.report.record import CaseRecord
@@ -57,12 +58,12 @@ def _label_rows(record: CaseRecord) -> list[tuple[str, ...]]:
     return rows
 
 
-def _origin(segmentation: Mapping[str, Any], name: str) -> str:
+def _origin(segmentation: SegmentationRecord, name: str) -> str:
     """How a label came about and how sure that is, as segmentation.json says of both states."""
     organ = "prostate" if name.startswith("prostate") else name
     texts = {}
     for name_of_state, state in segmentation.get("states", {}).items():
-        entry = state.get("organs", {}).get(organ) or state.get(organ)
+        entry = state.get("organs", {}).get(organ) or cast("Mapping[str, OrganRecord]", state).get(organ)
         if entry is None and "organs" in state:
             texts[name_of_state] = "what is left within the body"
         elif entry is not None:

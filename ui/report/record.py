@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TypedDict, TypeVar
 
 import numpy as np
 import pydicom
@@ -15,6 +15,7 @@ from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.history import Entry
 from palpate.case.identified import read_result
+from palpate.case.step_records import AlignmentRecord, ImportRecord, SegmentationRecord
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.errors import InputError
@@ -24,8 +25,29 @@ from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.report.regions import RegionStiffness, region_of
 
+T = TypeVar("T")
+
 # Two contours, one per scan, each with its own error.
 TWO_CONTOURS = float(np.sqrt(2.0))
+
+
+class SurfaceFit(TypedDict, total=False):
+    """p95_mm : within which 95 % of a surface of the mesh lie of the contours."""
+
+    p95_mm: float
+
+
+class MeshFacts(TypedDict, total=False):
+    """What the report tells of mesh.json: tetrahedra, their corners, the smallest angle between two faces, and the surfaces' fit."""
+
+    cells: int
+    points: int
+    min_dihedral_deg: float
+    surfaces: dict[str, SurfaceFit]
+
+
+class _History(TypedDict, total=False):
+    commands: list[Entry]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +61,10 @@ class CaseRecord:
 
     facts: CaseFacts
     result: ResultRecord
-    alignment: Mapping[str, Any]
-    segmentation: Mapping[str, Any]
-    mesh: Mapping[str, Any]
-    imported: Mapping[str, Any]
+    alignment: AlignmentRecord
+    segmentation: SegmentationRecord
+    mesh: MeshFacts
+    imported: ImportRecord
     history: tuple[Entry, ...] = ()
     simulated: str | None = None
     volumes_cc: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -106,11 +128,11 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
     return CaseRecord(
         case.facts,
         result,
-        _optional(case, "alignment.json"),
-        _optional(case, "segmentation.json"),
-        _optional(case, "mesh.json"),
-        _optional(case, "import.json"),
-        tuple(_optional(case, "history.json").get("commands", ())),
+        _optional(case, "alignment.json", AlignmentRecord),
+        _optional(case, "segmentation.json", SegmentationRecord),
+        _optional(case, "mesh.json", MeshFacts),
+        _optional(case, "import.json", ImportRecord),
+        tuple(_optional(case, "history.json", _History).get("commands", ())),
         simulated(case, result),
         {state: _volumes(volume) for state, volume in labels.items()},
         case.read_npz("identify/fields.npz").get("covariance") if case.has("identify/fields.npz") else None,
@@ -144,8 +166,9 @@ def _is_simulated_scan(case: CaseFolder, state: str) -> bool:
     return ours and "simulated" in str(header.get("SeriesDescription", "")).lower()
 
 
-def _optional(case: CaseFolder, name: str) -> Mapping[str, Any]:
-    found = case.read_json(name) if case.has(name) else {}
+def _optional(case: CaseFolder, name: str, kind: type[T]) -> T:
+    """A JSON object of the case, empty where absent. kind : which form it has; it is not checked."""
+    found: T = case.read_json(name) if case.has(name) else kind()
     if not isinstance(found, Mapping):
         raise InputError(f"{case.file(name)} holds no JSON object; run the step that writes it again")
     return found

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from palpate.case.aligned_labels import in_own_frame
 from palpate.case.case_facts import Vector
 from palpate.case.case_folder import STATES, CaseFolder, check_new_case
 from palpate.case.landmarks import read_landmarks
+from palpate.case.step_records import ImportRecord
 from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.options import (
     ImportOptions,
@@ -55,7 +55,7 @@ def run_import(
     case_path: Path | str,
     options: ImportOptions | None = None,
     progress: Progress = silent,
-) -> dict[str, Any]:
+) -> ImportRecord:
     """Makes the case folder of a pair: two folders with a DICOM CT each, or two NIfTI label volumes.
 
     Returns what import.json holds: case, sources_sha256, residual_mm, notes. Nothing is written before everything has
@@ -74,7 +74,7 @@ def run_import(
     return _import_scans(job) if paths[0].is_dir() else _import_labels(job)
 
 
-def _import_scans(job: _Job) -> dict[str, Any]:
+def _import_scans(job: _Job) -> ImportRecord:
     options, scans = job.options, []
     for index, state in enumerate(STATES):
         job.progress(0.2 * index, f"reading the {state} scan")
@@ -113,7 +113,7 @@ def _import_scans(job: _Job) -> dict[str, Any]:
     return _finish(job, case, alignment, notes, outputs)
 
 
-def _import_labels(job: _Job) -> dict[str, Any]:
+def _import_labels(job: _Job) -> ImportRecord:
     job.progress(0.1, "reading the label volumes")
     drawn = [read_label_volume(path, job.options.roi) for path in job.paths]
     volumes = [labels.volume for labels in drawn]
@@ -167,8 +167,8 @@ def _begun(job: _Job, gravity: Sequence[Vector | None]) -> CaseFolder:
 
 def _finish(
     job: _Job, case: CaseFolder, alignment: Alignment | None, notes: list[str], outputs: list[str]
-) -> dict[str, Any]:
-    summary = {
+) -> ImportRecord:
+    summary: ImportRecord = {
         "case": str(case.path),
         "sources_sha256": job.sources,
         "residual_mm": None if alignment is None else round(alignment.residual_mm, 3),
@@ -180,7 +180,7 @@ def _finish(
     return summary
 
 
-def _earlier(job: _Job) -> dict[str, Any] | None:
+def _earlier(job: _Job) -> ImportRecord | None:
     """The summary of an import of the same inputs that ran to its end; InputError where the case is another's."""
     if not (job.folder / "case.json").exists():
         return None
@@ -189,7 +189,7 @@ def _earlier(job: _Job) -> dict[str, Any] | None:
         if any(case.has(f"{state}{kind}") for state in STATES for kind in ("_ct", ".nii.gz")):
             raise InputError(f"{job.folder} is a case that was not imported; choose a new folder for the case with -o")
         return None
-    summary: dict[str, Any] = case.read_json("import.json")
+    summary: ImportRecord = case.read_json("import.json")
     known = summary.get("sources_sha256", {})
     if known == {"rest": job.sources["rest"]}:  # the scan at rest came alone, and now the second
         return None

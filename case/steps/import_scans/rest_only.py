@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder, check_new_case, file_sha256
+from palpate.case.step_records import ImportRecord
 from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.options import ImportOptions, content_of, described_by, scan_sha256
 from palpate.case.steps.import_scans.write import gravity_of, open_or_create, write_scan, write_user_labels
@@ -21,7 +21,7 @@ from palpate.imaging.dicom.series import read_series
 
 def import_alone(
     rest: Path | str, case_path: Path | str, options: ImportOptions | None = None, progress: Progress = silent
-) -> dict[str, Any]:
+) -> ImportRecord:
     """Makes the case folder of one scan: a folder with a DICOM CT, or a NIfTI label volume.
 
     Returns what import.json holds: case, sources_sha256, residual_mm (None), notes. A later import of the pair into the same
@@ -39,7 +39,7 @@ def import_alone(
         return earlier
     progress(0.1, "reading the scan at rest")
     case, notes, outputs = (_from_ct if rest.is_dir() else _from_labels)(rest, folder, options)
-    summary = {"case": str(case.path), "sources_sha256": sources, "residual_mm": None, "notes": notes}
+    summary: ImportRecord = {"case": str(case.path), "sources_sha256": sources, "residual_mm": None, "notes": notes}
     case.write_json("import.json", summary)
     case.mark_done(IMPORT.name, inputs, [*outputs, "import.json"])
     progress(1.0, "imported")
@@ -72,12 +72,12 @@ def _inputs(sources: dict[str, str], options: ImportOptions, rest: Path) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _earlier(folder: Path, sources: dict[str, str], inputs: str) -> dict[str, Any] | None:
+def _earlier(folder: Path, sources: dict[str, str], inputs: str) -> ImportRecord | None:
     """The summary of an earlier import of the same scan that ran to its end; InputError where the case is another's."""
     if not (folder / "case.json").exists():
         return None
     case = CaseFolder(folder)
-    summary: dict[str, Any] = case.read_json("import.json") if case.has("import.json") else {}
+    summary: ImportRecord = case.read_json("import.json") if case.has("import.json") else {}
     if summary.get("sources_sha256") != sources:
         raise InputError(f"{folder} is the case of other scans; choose a new folder for the case with -o")
     return summary if case.step_is_done(IMPORT.name, inputs) else None

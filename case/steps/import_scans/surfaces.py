@@ -6,7 +6,6 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -15,6 +14,7 @@ from scipy import ndimage
 from palpate.case.case_folder import STATES, CaseFolder, check_new_case, file_sha256
 from palpate.case.landmarks import Landmarks, read_landmarks
 from palpate.case.problem import problem_of
+from palpate.case.step_records import SurfacesRecord
 from palpate.case.steps import mesh
 from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
@@ -60,7 +60,7 @@ def run_surface_import(
     case_path: Path,
     options: SurfaceImportOptions | None = None,
     progress: Progress = silent,
-) -> dict[str, Any]:
+) -> SurfacesRecord:
     """Makes the case of two closed surfaces (STL, OBJ, PLY), and computes what such a pair tells.
 
     Returns what surfaces.json holds. Nothing is written before both surfaces have been read, mended and checked; a rerun with the
@@ -89,7 +89,7 @@ def run_surface_import(
     outputs += write_landmarks(case, points, matrix)
     mesh.run(case, MeshOptions(target_tets=options.cells), lambda f, m: progress(0.35 + 0.45 * f, m))
     progress(0.85, "moving the inside with the surface")
-    summary = _summary(case, found, matrix) | {"landmarks_as_given_rms_mm": _as_given(points)}
+    summary = _summary(case, found, matrix, points)
     case.write_json(SUMMARY, summary)
     case.write_json("import.json", {"case": str(case.path), "sources_sha256": inputs, "notes": summary["notes"]})
     case.mark_done(IMPORT.name, _hash(inputs), [*outputs, SUMMARY, "import.json"])
@@ -121,7 +121,9 @@ def labels_of(surface: Surface) -> Volume:
     return Volume(np.where(inside, ORGAN_LABELS[0], np.where(near, SURROUNDING_TISSUE, 0)).astype(np.uint8), affine)
 
 
-def _summary(case: CaseFolder, found: list[ReadSurface], matrix: FloatArray) -> dict[str, Any]:
+def _summary(
+    case: CaseFolder, found: list[ReadSurface], matrix: FloatArray, points: Landmarks | None
+) -> SurfacesRecord:
     untold = moved_by_its_surface(problem_of(case))
     volumes = {s: one.surface.enclosed_volume / 1000.0 for s, one in zip(STATES, found, strict=True)}
     turn = float(np.degrees(np.arccos(np.clip((np.trace(matrix[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
@@ -134,11 +136,12 @@ def _summary(case: CaseFolder, found: list[ReadSurface], matrix: FloatArray) -> 
         "volume_cc": {state: round(v, 3) for state, v in volumes.items()},
         "turned_deg": round(turn, 2),
         "surface_rms_mm": dict(untold.surface_mm or {}),
-        "landmarks": untold.landmarks and {way: plain(found) for way, found in untold.landmarks.items()},
+        "landmarks": None if untold.landmarks is None else {way: plain(d) for way, d in untold.landmarks.items()},
         "cannot_tell": untold.in_words,
         "next": NEXT,
         "in_words": list(untold.notes[1:]),
         "notes": notes,
+        "landmarks_as_given_rms_mm": _as_given(points),
     }
 
 
@@ -173,13 +176,13 @@ def _hash(inputs: dict[str, str]) -> str:
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
 
 
-def _earlier(path: Path, inputs: dict[str, str]) -> dict[str, Any] | None:
+def _earlier(path: Path, inputs: dict[str, str]) -> SurfacesRecord | None:
     """The summary of an import of the same surfaces that ran to its end; InputError where the case is another's."""
     if not (path / "case.json").exists():
         return None
     case = CaseFolder(path)
     if case.step_is_done(IMPORT.name, _hash(inputs)):
-        summary: dict[str, Any] = case.read_json(SUMMARY)
+        summary: SurfacesRecord = case.read_json(SUMMARY)
         return summary
     ours = case.has("import.json") and case.read_json("import.json").get("sources_sha256") == inputs
     if not ours and any(case.has(f"{state}{kind}") for state in STATES for kind in ("_ct", ".nii.gz")):

@@ -11,9 +11,9 @@ import argparse
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.step_records import ImportRecord
 from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.case.steps.import_scans.pair import run_import
 from palpate.case.steps.import_scans.rest_only import import_alone
@@ -103,7 +103,7 @@ def options_of(args: argparse.Namespace) -> ImportOptions:
     )
 
 
-def text_of(summary: dict[str, Any]) -> list[str]:
+def text_of(summary: ImportRecord) -> list[str]:
     """What a person reads of an import."""
     residual = summary["residual_mm"]
     if len(summary["sources_sha256"]) == 1:

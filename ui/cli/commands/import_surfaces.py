@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import Any
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.step_records import SurfacesRecord
 from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
@@ -28,7 +28,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         return summary, "\n".join(text_of(summary))
 
 
-def text_of(summary: dict[str, Any]) -> list[str]:
+def text_of(summary: SurfacesRecord) -> list[str]:
     """What a person reads of an import of surfaces."""
     given, left = summary["landmarks_as_given_rms_mm"], summary["surface_rms_mm"]
     lines = [f"case    {summary['case']}, surfaces {left['rigid']:.2f} mm rms apart after alignment"]

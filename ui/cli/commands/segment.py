@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import Any
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.step_records import OrganRecord, SegmentationRecord, SegmentedRecord
 from palpate.core.errors import InputError
 from palpate.segmentation.prompts import Prompts, parse_prompts
 from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed
@@ -68,12 +68,12 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return report, "\n".join(text_of(report))
 
 
-def _origin(organ: dict[str, Any]) -> str:
+def _origin(organ: OrganRecord) -> str:
     words = WORDS.get(organ["method"], organ["method"])
     return words if organ["method"] == "user" else f"{words}, confidence {organ['confidence']:.2f}"
 
 
-def text_of(report: dict[str, Any]) -> list[str]:
+def text_of(report: SegmentationRecord) -> list[str]:
     """What a person reads of a segmentation."""
     lines = []
     for state, facts in report["states"].items():
@@ -85,7 +85,7 @@ def text_of(report: dict[str, Any]) -> list[str]:
     return lines + [f"note    {note}" for note in report["notes"]]
 
 
-def _written_cc(name: str, organ: dict[str, Any], facts: dict[str, Any]) -> float:
+def _written_cc(name: str, organ: OrganRecord, facts: SegmentedRecord) -> float:
     """What the label volume holds, as the report has it; that of the working grid, coarser than a drawing, where it is not told."""
     inside = facts.get("volume_in_region_cc", {})
     parts = [cc for label, cc in inside.items() if label == name or label.startswith(f"{name}_")]

@@ -6,11 +6,10 @@ import json
 import os
 import select
 from collections.abc import Callable
-from typing import Any
 
 from palpate.core.worker.lifeline import die_with_parent, give_way
+from palpate.core.worker.messages import Message
 
-Message = dict[str, Any]
 Answer = Callable[[Message, bytes], None]
 
 
