@@ -1,4 +1,4 @@
-"""The reference of an identification: walls settled, noise carried through, the optimum by Gauss-Newton from several starts."""
+"""Gauss-Newton fit of an identification: settled walls, propagated contour noise, optimum from several starts."""
 
 from __future__ import annotations
 
@@ -18,29 +18,33 @@ from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.inference.posterior import NoiseFacts
 from palpate.core.worker.progress import Progress
 
-# Starts whose optima differ by less than this in ln G are the same optimum.
+# Largest difference of ln G at which the optima of two starts count as the same.
 SAME_OPTIMUM = 0.05
 
 
 @dataclass
 class Counter:
-    """Work done so far; reduced : evaluations that the reduced model answered."""
+    """Work done so far.
+
+    solves : equilibria. factorisations : of the tangent. failed : solves without an equilibrium. reduced : evaluations
+    of the reduced model.
+    """
 
     solves: int = 0
     factorisations: int = 0
     failed: int = 0
     reduced: int = 0
 
-    def add(self, found: Equilibrium) -> None:
+    def add(self, equilibrium: Equilibrium) -> None:
         """Count one equilibrium."""
         self.solves += 1
-        self.factorisations += found.factorisations
-        self.failed += 0 if found.converged else 1
+        self.factorisations += equilibrium.factorisations
+        self.failed += 0 if equilibrium.converged else 1
 
 
 @dataclass(frozen=True, eq=False)
 class StateProblem:
-    """One deformed state: its scene, what its data weigh, and an equilibrium to start from."""
+    """One deformed state: its scene, its weighted data and an equilibrium to start from."""
 
     scene: Scene
     misfit: Misfit
@@ -48,7 +52,7 @@ class StateProblem:
 
 
 def noise_of(states: Sequence[StateProblem], jacobian: FloatArray) -> NoiseFacts:
-    """What the noise of all states does to their weighted residual with Jacobian (rows of all states, t)."""
+    """Noise statistics of the weighted residual of all states, for its Jacobian (rows of all states, t)."""
     score, expected, row = np.zeros((jacobian.shape[1],) * 2), 0.0, 0
     for state in states:
         score += state.misfit.score_covariance(jacobian[row : row + state.misfit.rows])
@@ -59,8 +63,12 @@ def noise_of(states: Sequence[StateProblem], jacobian: FloatArray) -> NoiseFacts
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """fit : of the best start. equilibria : there, of every state, walls settled. others : (starts, t) theta of every start that
-    ended. scout : (t,) the best of them when they were made with another element. stiffness : where in theta the ln G are."""
+    """Result of Gauss-Newton from several starts.
+
+    fit : result of the best start. equilibria : of every state at the optimum, walls settled. others : (starts, t)
+    theta at the end of every start that converged to an equilibrium. scout : (t,) the best of them where they were
+    computed with another element. stiffness : rows of theta that are ln G.
+    """
 
     fit: GaussNewtonResult
     equilibria: tuple[Equilibrium, ...]
@@ -70,7 +78,7 @@ class Optimum:
 
     @property
     def agree(self) -> bool:
-        """Whether all starts ended at the same stiffnesses."""
+        """Whether all starts end at the same stiffnesses."""
         centre = self.fit.theta if self.scout is None else self.scout
         return bool((np.abs(self.others - centre)[:, self.stiffness] < SAME_OPTIMUM).all())
 
@@ -78,10 +86,10 @@ class Optimum:
 def settle_first(
     scene: Scene, theta: FloatArray, count: Counter, start: FloatArray | None = None, uneven: bool = False
 ) -> tuple[Equilibrium, Misfit]:
-    """Settle the walls at theta, from displacements `start` (n, 3) if given, and weigh the data.
+    """Equilibrium with settled walls at theta, and the misfit weighted by its propagated errors.
 
-    uneven : count what regions that are not uniform would do, see `uneven_responses`.
-    Raises ConvergenceError when the model has no equilibrium there.
+    start : (n, 3) mm, displacements to start from. uneven : count the heterogeneity of regions as an error, see
+    `uneven_responses`. Raises ConvergenceError when the model has no equilibrium.
     """
     scene.assembler.set_materials(scene.parameters.materials(theta))
     state = None if start is None else State(start, scene.assembler.balanced_pressure(start))
@@ -92,27 +100,29 @@ def settle_first(
             f"the rest anatomy cannot be deformed into what the second scan shows: {settled.equilibrium.reason}; "
             "look at the contours of bladder and rectum, or mesh more finely"
         )
-    found = settled.equilibrium
-    errors = [wall_response(scene, found)]
+    equilibrium = settled.equilibrium
+    errors = [wall_response(scene, equilibrium)]
     if uneven:
-        seen = lambda field: scene.observation.jacobian(found.u, field[None])[:, 0]  # noqa: E731
-        responses = uneven_responses(scene.assembler, scene.parameters, theta, found, seen)
+        observe = lambda field: scene.observation.jacobian(equilibrium.u, field[None])[:, 0]  # noqa: E731
+        responses = uneven_responses(scene.assembler, scene.parameters, theta, equilibrium, observe)
         errors += [UNEVEN_SD * response for response in responses]
-    return found, Misfit.of(scene, *errors)
+    return equilibrium, Misfit.of(scene, *errors)
 
 
 def find_optimum(states: Sequence[StateProblem], starts: FloatArray, count: Counter, progress: Progress) -> Optimum:
-    """Gauss-Newton on the states' misfits added up, from each start (s, t). Raises ConvergenceError when none ends."""
+    """Gauss-Newton on the sum of the states' misfits, from each start (s, t). Raises ConvergenceError when no start has
+    an equilibrium.
+    """
     parameters = states[0].scene.parameters
     best: tuple[GaussNewtonResult, tuple[Equilibrium, ...]] | None = None
     ends = []
     for k, start in enumerate(starts):
-        # How many equilibria a start takes is not known: the fraction nears the start's end without reaching it.
-        told = lambda solved, k=k: progress(  # noqa: E731
+        # The number of equilibria of a start is unknown, so its fraction approaches 1 asymptotically.
+        report = lambda solved, k=k: progress(  # noqa: E731
             (k + solved / (solved + 6.0)) / len(starts),
             f"Gauss-Newton, start {k + 1} of {len(starts)}, equilibrium {solved + 1}",
         )
-        walk = Continuation(states, count, told)
+        walk = Continuation(states, count, report)
         fit = gauss_newton(walk.linearise, start, parameters.bounds)
         if fit is None or not walk.best:
             continue
@@ -125,10 +135,10 @@ def find_optimum(states: Sequence[StateProblem], starts: FloatArray, count: Coun
 
 
 class Continuation:
-    """Linearises the states' misfits along a path of thetas, each equilibrium started from the one before.
+    """Linearisation of the states' misfits along a path of thetas. Each equilibrium starts from the one before.
 
-    best : every state's equilibrium where their misfits added up least; none before there was one. told : hears how many
-    equilibria have been solved, before each.
+    best : equilibria of all states at the smallest sum of misfits, empty before the first. told : called before each
+    solve with the number of equilibria solved.
     """
 
     def __init__(
@@ -141,18 +151,20 @@ class Continuation:
         self._lowest = np.inf
 
     def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Whitened residual and Jacobian of all states at theta, walls settled; None when one has no equilibrium."""
+        """Whitened residual and Jacobian of all states at theta, walls settled; None when one state has no equilibrium."""
         residuals, jacobians = [], []
         for k, state in enumerate(self.states):
             self._told(self._solved)
             self._solved += 1
-            found = state.scene.settle(theta, self.last[k], rounds=2).equilibrium
-            self.count.add(found)
-            if not found.converged:
+            equilibrium = state.scene.settle(theta, self.last[k], rounds=2).equilibrium
+            self.count.add(equilibrium)
+            if not equilibrium.converged:
                 return None
-            self.last[k] = found
-            residuals.append(state.misfit.residual(found.u))
-            jacobians.append(state.misfit.jacobian(found.u, state.scene.displacement_sensitivities(theta, found)))
+            self.last[k] = equilibrium
+            residuals.append(state.misfit.residual(equilibrium.u))
+            jacobians.append(
+                state.misfit.jacobian(equilibrium.u, state.scene.displacement_sensitivities(theta, equilibrium))
+            )
         residual = np.concatenate(residuals)
         if residual @ residual < self._lowest:
             self._lowest, self.best = float(residual @ residual), tuple(self.last)

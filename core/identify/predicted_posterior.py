@@ -1,4 +1,4 @@
-"""What a deformation would tell before anybody has scanned it: the spread of the stiffness that its contours would leave."""
+"""Predicted posterior of the stiffness for a planned deformation, before any scan."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from palpate.core.problem import IdentificationProblem, SurfacePair
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """posterior : at the assumed stiffness; None where the deformation has no equilibrium, and then `reason` says why.
+    """Predicted information of one deformation.
 
-    equilibrium : of that deformation. signal_mm (t,) : rms change of the organ's surface along its normal when a region's G
-    grows e-fold. motion_mm : rms displacement of the organ's surface.
+    posterior : at the assumed stiffness, None where the deformation has no equilibrium. equilibrium : of the
+    deformation. signal_mm : (t,) rms change of the organ's surface along its normal per unit of ln G of each region.
+    motion_mm : rms displacement of the organ's surface. reason : why there is no equilibrium, "" otherwise.
     """
 
     posterior: Posterior | None
@@ -34,38 +35,36 @@ class Prediction:
 def predict(
     problem: IdentificationProblem, theta: FloatArray, start: Equilibrium | None = None, element: str = "p2p1"
 ) -> Prediction:
-    """The posterior of theta = ln G (t,) that a second scan with the problem's deformed walls would leave.
+    """Posterior of theta = ln G (t,) after a second scan with the problem's deformed walls.
 
-    The walls' deformed surfaces are what is planned; the organ's deformed surface is predicted, the one of `problem` is
-    not looked at. Contours are taken to err as the problem's facts say, organ and walls alike. start : equilibrium of a
-    smaller deformation on the same mesh and element.
-
-    Raises InputError for a problem that nothing drives or holds.
+    The deformed walls are the plan. The organ's deformed surface is predicted by the model; that of `problem` is
+    ignored. Contour noise of organ and walls is that of the problem's facts. start : equilibrium of a smaller
+    deformation on the same mesh and element. Raises InputError for a problem without a load or a support.
     """
     scene = CoupledScene(problem, SceneOptions(element=element))
     settled = scene.settle(theta, None if start is None else State(start.u, start.p))
-    found = settled.equilibrium
-    if not found.converged:
-        return Prediction(None, found, np.full(len(theta), np.nan), np.nan, str(found.reason))
-    scene.observation = SurfaceObservation.of(_as_predicted(scene, found), scene.space)
-    misfit = Misfit.of(scene, wall_response(scene, found))
-    sensitivities = scene.displacement_sensitivities(theta, found)
-    jacobian = misfit.jacobian(found.u, sensitivities)
+    equilibrium = settled.equilibrium
+    if not equilibrium.converged:
+        return Prediction(None, equilibrium, np.full(len(theta), np.nan), np.nan, str(equilibrium.reason))
+    scene.observation = SurfaceObservation.of(_as_predicted(scene, equilibrium), scene.space)
+    misfit = Misfit.of(scene, wall_response(scene, equilibrium))
+    sensitivities = scene.displacement_sensitivities(theta, equilibrium)
+    jacobian = misfit.jacobian(equilibrium.u, sensitivities)
     noise = NoiseFacts(misfit.score_covariance(jacobian), misfit.expected)
     posterior = laplace(theta, np.zeros(len(jacobian)), jacobian, scene.parameters.bounds, noise)
-    signal = scene.observation.jacobian(found.u, sensitivities)
-    motion = scene.observation.operator @ found.u
+    signal = scene.observation.jacobian(equilibrium.u, sensitivities)
+    motion = scene.observation.operator @ equilibrium.u
     return Prediction(
         posterior,
-        found,
+        equilibrium,
         np.sqrt((signal**2).mean(axis=0)),
         float(np.sqrt((motion**2).sum(axis=1).mean())),
     )
 
 
-def _as_predicted(scene: CoupledScene, found: Equilibrium) -> IdentificationProblem:
-    """The problem with the organ's deformed surface where the model says it goes."""
+def _as_predicted(scene: CoupledScene, equilibrium: Equilibrium) -> IdentificationProblem:
+    """The problem with the predicted deformed surface of the organ."""
     rest = scene.problem.organ.rest
-    moved = scene.space.interpolation(rest.points, scene.problem.regions) @ found.u
+    moved = scene.space.interpolation(rest.points, scene.problem.regions) @ equilibrium.u
     deformed = rest.with_points(rest.points + moved)
     return replace(scene.problem, organ=SurfacePair(rest, deformed))

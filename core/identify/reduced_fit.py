@@ -1,4 +1,6 @@
-"""Identification from a reduced model alone: no equilibrium is solved, so a new deformed surface costs a fraction of a second."""
+"""Identification with a reduced model alone. No equilibrium is solved; a new deformed surface takes a fraction of a
+second.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,7 @@ class ReducedFit:
         return surface + float((self._marks(v[q:]) ** 2).sum())
 
     def distance(self, theta: FloatArray) -> FloatArray:
-        """(q,) mm of the surface's points from the target at theta (t,), without weights and drawn errors."""
+        """(q,) mm, unweighted distance of the surface points from the target at theta (t,), without `error_mm`."""
         v = self._known.evaluate(theta)[: len(self.points)]
         return self.target.value_and_gradient(self.points + v)[0]
 
@@ -54,7 +56,9 @@ class ReducedFit:
         return self.linearised(self._known.evaluate(theta), self._known.gradient(theta))
 
     def linearised(self, v: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same from the points' displacements v (q + k, 3) mm and their derivatives (t, q + k, 3)."""
+        """Weighted residual and Jacobian from the points' displacements v (q + k, 3) mm and their derivatives (t, q +
+        k, 3).
+        """
         q = len(self.points)
         distance, normal = self.target.value_and_gradient(self.points + v[:q])
         if len(self.error_mm):
@@ -70,19 +74,21 @@ class ReducedFit:
         return np.asarray((self.landmarks[:, :3] + v - self.landmarks[:, 3:]).ravel() / LANDMARK_SD_MM)
 
     def fit(self, starts: FloatArray, bounds: FloatArray) -> GaussNewtonResult:
-        """The best optimum from starts (s, t) within bounds (t, 2). Raises ConvergenceError where none ends."""
+        """Best optimum over the starts (s, t) within bounds (t, 2). Raises ConvergenceError where no start gives a
+        residual.
+        """
         ends = [gauss_newton(self.linearise, start, bounds, tolerance=1e-4) for start in starts]
-        found = [end for end in ends if end is not None]
-        if not found:
+        optima = [end for end in ends if end is not None]
+        if not optima:
             raise ConvergenceError("the reduced model gives no residual; build it anew")
-        return min(found, key=lambda end: end.misfit)
+        return min(optima, key=lambda end: end.misfit)
 
-    def posterior(self, found: GaussNewtonResult, bounds: FloatArray) -> Posterior:
-        """Laplace's approximation at an optimum, see `posterior.laplace`."""
+    def posterior(self, optimum: GaussNewtonResult, bounds: FloatArray) -> Posterior:
+        """Laplace approximation of the posterior at an optimum, see `posterior.laplace`."""
         q = len(self.points)
-        back, marks = self.weighting.unwhiten_adjoint(found.jacobian[:q]), found.jacobian[q:]
+        back, marks = self.weighting.unwhiten_adjoint(optimum.jacobian[:q]), optimum.jacobian[q:]
         noise = NoiseFacts(back.T @ self.noise @ back + marks.T @ marks, self._expected)
-        return laplace(found.theta, found.residual, found.jacobian, bounds, noise)
+        return laplace(optimum.theta, optimum.residual, optimum.jacobian, bounds, noise)
 
     @property
     def _known(self) -> ReducedModel:

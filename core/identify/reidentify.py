@@ -1,7 +1,7 @@
-"""The same scene, another deformed surface: a contour of the organ was redrawn, nothing else changed.
+"""Identification of the same scene with another contour of the deformed organ.
 
-A swarm leaves its reduced model behind, and beside it what the data were weighed by. Together they answer for any deformed
-surface of the organ in a fraction of a second, with the walls where the first identification settled them.
+The swarm's reduced model and the weights of the data are stored in the case. They give the stiffness for any deformed
+surface of the organ in a fraction of a second, with the walls as the first identification settled them.
 """
 
 from __future__ import annotations
@@ -29,9 +29,11 @@ FILE = "again.npz"
 
 @dataclass(frozen=True, eq=False)
 class Again:
-    """theta (t,) as in `StiffnessParameters`, its posterior, and the reduced model's own estimate of its error at theta, mm.
+    """Result of a repeated identification.
 
-    points, moved (q, 3) mm : of the organ's surface at rest and where the model puts them; region (q,) of each.
+    theta : (t,) as in `StiffnessParameters`. posterior : of theta. model_error_mm : estimated error of the reduced
+    model at theta. points : (q, 3) mm, organ surface at rest. region : (q,) of each point. moved : (q, 3) mm, predicted
+    deformed positions.
     """
 
     theta: FloatArray
@@ -43,7 +45,7 @@ class Again:
 
 
 def scene_key(problem: IdentificationProblem, options: IdentifyOptions) -> str:
-    """Hash of all that the reduced model depends on: of the problem but for what the second scan shows of the organ and in it."""
+    """Hash of all inputs of the reduced model: the whole problem except the organ's deformed surface and landmarks."""
     arrays = problem.arrays()
     arrays["landmarks"] = problem.landmarks[:, :3]
     kept = [k for k in sorted(arrays) if not k.startswith("organ/deformed")]
@@ -53,7 +55,10 @@ def scene_key(problem: IdentificationProblem, options: IdentifyOptions) -> str:
 
 
 def keep_for_again(folder: Path, misfit: Misfit, options: IdentifyOptions, fingerprint: str) -> None:
-    """Write folder/again.npz beside the reduced model. fingerprint : that of the reduced model."""
+    """Write again.npz, the data weights, into `folder` beside the reduced model.
+
+    fingerprint : that of the reduced model. Raises InputError when the file cannot be written.
+    """
     problem = misfit.scene.problem
     arrays: dict[str, NDArray[np.generic]] = {
         "points": misfit.scene.observation.points,
@@ -68,9 +73,9 @@ def keep_for_again(folder: Path, misfit: Misfit, options: IdentifyOptions, finge
 
 
 def identify_again(folder: Path, problem: IdentificationProblem, options: IdentifyOptions) -> Again | None:
-    """The stiffness of `problem`, whose scene was identified in `folder`; None where it was another scene or left no reduced model.
+    """Stiffness of `problem` from the reduced model in `folder`; None for another scene or without a reduced model.
 
-    Boundary "contact-force" reads its forces from the deformed surface, so None.
+    Boundary "contact-force" takes its forces from the deformed surface, so its result is None.
     """
     if options.boundary != "coupled":
         return None
@@ -89,11 +94,11 @@ def identify_again(folder: Path, problem: IdentificationProblem, options: Identi
     )
     bounds = np.asarray(kept["bounds"], dtype=float)
     low, high = bounds.T
-    found = fit.fit(np.array([low + share * (high - low) for share in (0.3, 0.5, 0.7)]), bounds)
-    error = float(model.error_estimate(found.theta))
-    moved = fit.points + model.evaluate(found.theta)[: len(fit.points)]
+    optimum = fit.fit(np.array([low + share * (high - low) for share in (0.3, 0.5, 0.7)]), bounds)
+    error = float(model.error_estimate(optimum.theta))
+    moved = fit.points + model.evaluate(optimum.theta)[: len(fit.points)]
     region = np.asarray(kept["region"], dtype=np.int64)
-    return Again(found.theta, fit.posterior(found, bounds), error, fit.points, region, moved)
+    return Again(optimum.theta, fit.posterior(optimum, bounds), error, fit.points, region, moved)
 
 
 def _target(surface: Surface) -> SignedDistanceField:

@@ -1,4 +1,4 @@
-"""The figures of result.json that say how well the organ meets the deformed scan (Eqs 10 to 13 of Yang & Lin)."""
+"""Distances between the predicted and the observed deformed organ, for result.json (Eqs 10 to 13 of Yang & Lin)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from palpate.core.surfaces.triangle_tree import TriangleTree
 def misfit_figures(
     problem: IdentificationProblem, points: FloatArray, region: IntArray, moved: FloatArray
 ) -> MisfitRecord:
-    """Distances, mm, of points (q, 3) of the organ's surface after they moved to `moved` (q, 3), every point to its own region's
-    surface; rms_before_mm is that of `points` themselves. region : (q,) of each; points of one that is not seen are left out.
+    """Distances, mm, of the moved points from the deformed surface of their own region.
+
+    points : (q, 3) mm, organ surface at rest; rms_before_mm is their own distance. region : (q,) of each point; points
+    of an unobserved region are left out. moved : (q, 3) mm, points after the motion.
     """
     deformed = problem.organ.deformed
     targets = {
@@ -23,8 +25,8 @@ def misfit_figures(
         for r in problem.regions
         if (deformed.region == r).any()
     }
-    seen = np.isin(region, list(targets))
-    start, end = (surface_misfit(x[seen], region[seen], targets) for x in (points, moved))
+    observed = np.isin(region, list(targets))
+    start, end = (surface_misfit(x[observed], region[observed], targets) for x in (points, moved))
     return MisfitRecord(
         rms_mm=end.rms_mm,
         p95_mm=end.p95_mm,

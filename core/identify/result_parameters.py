@@ -1,4 +1,4 @@
-"""What result.json says of each region's stiffness."""
+"""Stiffness of each region for result.json."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from palpate.core.identify.mu_split import with_split
 from palpate.core.identify.result_record import RegionRecord
 from palpate.core.inference.posterior import Posterior
 
-# A stiffness this close to a bound (in ln G) is reported as at the bound.
+# Distance from a bound, in ln G, below which a stiffness is reported as at the bound.
 AT_BOUND = 0.02
 
 
 def parameter_facts(
     names: tuple[str, ...], parameters: StiffnessParameters, posterior: Posterior
 ) -> dict[str, RegionRecord]:
-    """By region name; posterior : of all of theta, its mean the values found."""
+    """Records by region name, from the posterior of all of theta; its mean is the identified value."""
     of_G = posterior.of(parameters.stiffness)
     G, mu = parameters.shear_moduli(posterior.mean), parameters.mu(posterior.mean)
     sd, interval = of_G.sd_kpa(), of_G.interval().tolist()

@@ -1,4 +1,4 @@
-"""What a swarm asks of the model: the misfit of many particles, from the reduced model where it can be trusted, else in full."""
+"""Misfit of many particles: from the reduced model where its error estimate is small enough, else from a full solve."""
 
 from __future__ import annotations
 
@@ -16,14 +16,18 @@ from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
 from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.worker.progress import Progress
 
-# Largest error of a reduced displacement that a swarm is given, mm: a twentieth of contour noise.
+# Largest estimated error of a reduced displacement that the swarm uses, mm: a twentieth of the contour noise (0.4 mm).
 TRUSTED_MM = 0.02
 _REDUCED = ReducedOptions(tolerance=1e-3, max_snapshots=80)
 
 
 @dataclass
 class Evaluator:
-    """misfit : of the data. executor : processes with `particles` initialised. reduced : None to solve every particle in full."""
+    """Evaluation of the swarm's particles, with a count of the work.
+
+    misfit : of the data. executor : processes in which `particle_solves.initialise` was called. reduced : None to solve
+    every particle in full. reasons : of the failed solves.
+    """
 
     misfit: Misfit
     executor: Executor
@@ -35,7 +39,7 @@ class Evaluator:
     reasons: list[str] = field(default_factory=list)
 
     def values(self, thetas: FloatArray) -> FloatArray:
-        """Misfit (m,) of thetas (m, t); inf where there is no equilibrium."""
+        """Misfit (m,) at thetas (m, t); infinite where there is no equilibrium."""
         out = np.full(len(thetas), np.inf)
         in_full = np.ones(len(thetas), dtype=bool)
         if self.reduced is not None:
@@ -52,7 +56,10 @@ class Evaluator:
         return out
 
     def build_reduced(self, bounds: FloatArray, scene: str, path: Path, progress: Progress) -> None:
-        """Take the reduced model of this scene (a hash) from `path`, or make it there from full solves."""
+        """Set the reduced model of this scene (a hash): loaded from `path`, or built from full solves and stored there.
+
+        Raises ConvergenceError when most first solves fail, InputError when the file cannot be written.
+        """
         self.reduced = ReducedModel.load(path, scene)
         if self.reduced is None:
             self.reduced = ReducedModel.build(self._snapshots, bounds, scene, _REDUCED, progress)

@@ -1,4 +1,4 @@
-"""The particle swarm over an identification's stiffnesses, checkpointed after every iteration."""
+"""Particle swarm over the stiffness parameters, with a checkpoint after every iteration."""
 
 from __future__ import annotations
 
@@ -16,13 +16,18 @@ from palpate.core.inference.swarm import Swarm, SwarmOptions
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.messages import Reporter
 
-# Thetas (m, t) -> misfits (m,), inf where there is none.
+# Misfit (m,) as a function of thetas (m, t); infinite where there is no equilibrium.
 Values = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class SwarmOutcome:
-    """theta (t,) of the best particle, its misfit, the best misfit after each iteration, and all it looked at."""
+    """Result of the swarm.
+
+    theta : (t,) of the best particle. misfit : of the best particle. history : best misfit after each iteration.
+    stop_reason : as in `Swarm.stop_reason`. evaluations : number of particles evaluated. positions, values : every
+    position and its misfit.
+    """
 
     theta: FloatArray
     misfit: float
@@ -41,9 +46,10 @@ def run_swarm(
     fingerprint: str,
     reporter: Reporter,
 ) -> SwarmOutcome:
-    """Search the parameters' bounds for the least misfit.
+    """Search for the smallest misfit within the parameters' bounds.
 
-    Goes on from `checkpoint` if it belongs to the same job (fingerprint). Raises ConvergenceError when every particle failed.
+    Continues from `checkpoint` if its fingerprint is that of this job. Raises ConvergenceError when every particle
+    failed.
     """
     bounds = parameters.bounds
     swarm_options = SwarmOptions(

@@ -1,4 +1,6 @@
-"""The swarm of an identification: a reduced model of every deformed state, in worker processes that hold its scene."""
+"""Swarm search of an identification, with a reduced model of every deformed state and worker processes that hold its
+scene.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,11 @@ def search_with_swarm(
     reporter: Reporter,
     count: Counter,
 ) -> SwarmOutcome:
-    """The swarm around the states' equilibria; files : their problems. Writes reference.npz, reduced.npz (with a number from the
-    second state on) and swarm.npz into folder, and again.npz where there is one state only.
+    """Swarm search around the states' equilibria.
+
+    files : problem file of each state. Writes reference.npz, reduced.npz (both numbered from the second state on) and
+    swarm.npz into `folder`; again.npz too where there is one state only. Raises ConvergenceError when every particle
+    failed.
     """
     parameters = states[0].scene.parameters
     evaluators: list[Evaluator] = []
@@ -44,8 +49,8 @@ def search_with_swarm(
             evaluators.append(Evaluator(state.misfit, executor))
             if options.reduced:
                 start, share = 0.3 + 0.3 * k / len(states), 0.3 / len(states)
-                told = lambda f, m, a=start, b=share: reporter.progress(a + b * f, f"reduced model: {m}")  # noqa: E731
-                evaluators[-1].build_reduced(parameters.bounds, fingerprint, folder / f"reduced{number}.npz", told)
+                report = lambda f, m, a=start, b=share: reporter.progress(a + b * f, f"reduced model: {m}")  # noqa: E731
+                evaluators[-1].build_reduced(parameters.bounds, fingerprint, folder / f"reduced{number}.npz", report)
         if options.reduced and len(states) == 1:
             keep_for_again(folder, states[0].misfit, options, fingerprint)
         outcome = run_swarm(
@@ -64,7 +69,9 @@ def _added(evaluators: Sequence[Evaluator], thetas: FloatArray) -> FloatArray:
 
 
 def _write_reference(path: Path, state: StateProblem, fingerprint: str) -> None:
-    """One file tells every process where the walls are and where to start from."""
+    """Write the file that gives every process the wall positions and the start of its solves."""
     if load_checkpoint(path, fingerprint) is None:
-        found = state.equilibrium
-        save_checkpoint(path, {"u": found.u, "p": found.p, "walls_u": state.scene.linearised_at}, fingerprint)
+        equilibrium = state.equilibrium
+        save_checkpoint(
+            path, {"u": equilibrium.u, "p": equilibrium.p, "walls_u": state.scene.linearised_at}, fingerprint
+        )

@@ -1,1 +1,1 @@
-"""A smooth map of stiffness within the organ."""
+"""Smooth stiffness map within the organ."""

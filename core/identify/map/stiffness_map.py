@@ -29,7 +29,7 @@ from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_paramet
 from palpate.core.worker.progress import Progress, silent
 
 PATCHES = 60
-# Of the local variance, what the scans must have taken away for a place to be shown.
+# Smallest reduction of the local prior variance, as a share, at which a place is shown.
 TOLD = 0.3
 _STEPS = 6
 _CLOSE = 0.03  # ln G; a smaller step ends the iteration
@@ -61,11 +61,11 @@ class StiffnessMap:
 
     @property
     def told(self) -> BoolArray:
-        """(n,) where the scans say more than the smoothness does."""
+        """(n,) patches where the data reduce the prior variance by at least TOLD."""
         return self.gain >= TOLD
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """For a file; `painted` makes a picture of them."""
+        """Arrays of the map's file; `painted` evaluates them."""
         prior = self.prior
         weights = np.linalg.solve(prior.covariance(self.patches.centres, self.patches.centres), self.ln_G - prior.mean)
         return {
@@ -93,7 +93,7 @@ def painted(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> tu
 
 
 def nearest_patch(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> IntArray:
-    """The patch (p,) whose centre is nearest to each of points (p, 3) mm."""
+    """(p,) patch with the nearest centre to each of points (p, 3) mm."""
     return np.asarray(cdist(points, np.asarray(arrays["centres"], dtype=float)).argmin(axis=1), dtype=np.int64)
 
 
@@ -101,7 +101,7 @@ def stiffness_map(
     scene: CoupledScene,
     misfit: Misfit,
     theta: FloatArray,
-    found: Equilibrium,
+    equilibrium: Equilibrium,
     scale: float = 1.0,
     count: int = PATCHES,
     progress: Progress = silent,
@@ -117,7 +117,7 @@ def stiffness_map(
     precision = np.asarray(np.linalg.inv(C), dtype=np.float64)
     body = _Body(scene, misfit, patches, scale)
     m = patches.means(_regional(scene, patches, theta), problem.mesh.volumes[patches.cells])
-    state = body.at(m, found)
+    state = body.at(m, equilibrium)
     if state is None:
         return None
     settled, stuck, steps = False, False, 0
@@ -127,7 +127,7 @@ def stiffness_map(
         H = J.T @ J + precision
         full = np.asarray(-np.linalg.solve(H, J.T @ r + precision @ (m - prior.mean)), dtype=np.float64)
         m, state, step = body.descend(m, full, state, precision, prior.mean)
-        # Where no step lowers the objective it has settled only if the one that was asked for is small.
+        # Where no step lowers the objective, the iteration has converged only if the full step is small.
         settled, stuck = bool(np.abs(step if step.any() else full).max() <= _CLOSE), not step.any()
         steps += 1
     J = body.jacobian(m, state.equilibrium)
@@ -147,11 +147,11 @@ def _judged(
 ) -> StiffnessMap:
     inverse = np.linalg.inv(J.T @ J + precision)
     R = inverse @ (J.T @ J)
-    left = np.eye(patches.n) - R
+    smoothing_error = np.eye(patches.n) - R
     noise = inverse @ body.score_covariance(J) @ inverse
-    covariance = left @ C @ left.T + noise
+    covariance = smoothing_error @ C @ smoothing_error.T + noise
     local = prior.local_covariance(patches.centres, patches.centres)
-    # Against a level that is known: differences about it are what a map is for.
+    # Variance of the differences from the common level, before and after the scans.
     share = patches.volumes / patches.volumes.sum()
     about = np.eye(patches.n) - share
     before, after = np.diag(about @ local @ about.T), np.diag(about @ covariance @ about.T)
@@ -183,20 +183,20 @@ class _Body:
         """Equilibrium for ln G (n,) of the patches; None where there is none."""
         G = np.exp(self.patches.of_cells(m))
         materials = {r: Material(MOONEY_RIVLIN, G[rows, None] * self._unit) for r, rows in self._rows.items()}
-        found = solve_equilibrium(
+        equilibrium = solve_equilibrium(
             self.scene.assembler, {**materials, TISSUE: self._tissue}, start=State(start.u, start.p)
         )
-        return _Solved(found, self.misfit.residual(found.u) / self.scale) if found.converged else None
+        return _Solved(equilibrium, self.misfit.residual(equilibrium.u) / self.scale) if equilibrium.converged else None
 
-    def jacobian(self, m: FloatArray, found: Equilibrium) -> FloatArray:
-        """Whitened derivative (q + 3 k, n) at the equilibrium `found` of ln G = m (n,)."""
+    def jacobian(self, m: FloatArray, equilibrium: Equilibrium) -> FloatArray:
+        """Whitened derivative (q + 3 k, n) at the equilibrium of ln G = m (n,)."""
         G = np.exp(self.patches.of_cells(m))
         directions: list[Direction] = []
         for j in range(self.patches.n):
             rate = np.where(self.patches.patch == j, G, 0.0)
             directions.append({r: rate[rows, None] * self._unit for r, rows in self._rows.items() if rate[rows].any()})
-        moved = direct(found.tangent, directions)
-        return self.misfit.jacobian(found.u, moved) / self.scale
+        sensitivities = direct(equilibrium.tangent, directions)
+        return self.misfit.jacobian(equilibrium.u, sensitivities) / self.scale
 
     def score_covariance(self, jacobian: FloatArray) -> FloatArray:
         """(n, n) covariance of J' r under the noise, widened."""
@@ -205,7 +205,7 @@ class _Body:
     def descend(
         self, m: FloatArray, full: FloatArray, before: _Solved, precision: FloatArray, mean: float
     ) -> tuple[FloatArray, _Solved, FloatArray]:
-        """The longest of the halved steps that lowers the objective; where none does, none is taken."""
+        """Longest of the halved steps that lowers the objective; a zero step where none does."""
 
         def objective(at: FloatArray, solved: _Solved) -> float:
             return float(solved.residual @ solved.residual + (at - mean) @ precision @ (at - mean))

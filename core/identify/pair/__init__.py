@@ -1,1 +1,1 @@
-"""Pairs that need care: moved rigidly, surfaces alone, no wall that drives."""
+"""Pairs of scans without information on stiffness: rigid motion, organ surface alone, no driving wall."""

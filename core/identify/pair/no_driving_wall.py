@@ -1,4 +1,4 @@
-"""The answer for a pair in which the organ's surface is all that is seen: how it moves inside, and no stiffness."""
+"""Result for a pair that shows only the organ's surface: its inner motion, without a stiffness."""
 
 from __future__ import annotations
 
@@ -13,41 +13,43 @@ from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem
 from palpate.core.statistics import rms
 
-# On the mesh of a case linear elements are 0.1 mm off inside the organ, these a tenth of that.
+# Element of the uniform body. On the mesh of a case its error inside the organ is 0.01 mm, that of linear elements 0.1 mm.
 ELEMENT = "p2p1"
-# Whoever predicts landmarks better by less than this share does not predict them better.
+# Smallest relative reduction of the landmark distance that counts as a better prediction.
 _BETTER = 0.1
 NEXT = "to tell it, show a wall that moved beside it (bladder, rectum, a balloon), the bone that holds it, or give a force that is known"
 
 
 def surface_is_all(problem: IdentificationProblem) -> bool:
-    """Whether nothing beside the organ is seen: no wall that drives it and no bone that holds it."""
+    """Whether the problem has neither a driving wall nor a bone that holds the organ."""
     return not problem.walls and "bone" not in problem.boundary
 
 
 def moved_by_its_surface(problem: IdentificationProblem) -> NoInformation:
-    """Prescribe the organ's surface, predict its inside. Raises ConvergenceError when the surfaces cannot be matched."""
+    """Inner motion of the organ under its prescribed surface motion. Raises ConvergenceError when the surfaces cannot
+    be matched.
+    """
     organ, vertices = problem.mesh.submesh(problem.regions)
     space = Space.of(organ, ELEMENT)
-    found = explain_surface(space, organ.boundary[0], problem.organ, problem.landmarks)
+    motion = explain_surface(space, organ.boundary[0], problem.organ, problem.landmarks)
     points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
     whole = np.zeros_like(problem.mesh.points)
-    whole[vertices] = found.u[: len(vertices)]  # mid-edge nodes follow the vertices
+    whole[vertices] = motion.u[: len(vertices)]  # mid-edge nodes follow the vertices
     return NoInformation(
         in_words=reason(len(problem.regions)),
         mesh_displacement=whole,
         points=points,
         region=region,
-        displacement=space.interpolation(points) @ found.u,
+        displacement=space.interpolation(points) @ motion.u,
         expected_mm=float(np.hypot(np.sqrt(2.0) * problem.facts.noise_sd_mm, EXTRACTION_MM)),
-        notes=(NEXT, *landmark_words(found)),
-        landmarks=landmark_figures(found),
-        surface_mm={way: round(value, 3) for way, value in found.surface_mm.items()},
+        notes=(NEXT, *landmark_words(motion)),
+        landmarks=landmark_figures(motion),
+        surface_mm={way: round(value, 3) for way, value in motion.surface_mm.items()},
     )
 
 
 def reason(regions: int) -> str:
-    """Why the organ's surface alone tells no stiffness."""
+    """Reason why the organ's surface alone does not identify a stiffness."""
     if regions == 1:
         return (
             "the organ's surface is all that is seen; any stiffness takes this shape under pressures in proportion to it, and "
@@ -59,28 +61,30 @@ def reason(regions: int) -> str:
     )
 
 
-def landmark_figures(found: SurfaceAlone) -> dict[str, LandmarkRecord] | None:
-    """Distances of the landmarks, mm, by way of moving them; None without landmarks."""
-    if not found.landmarks_mm:
+def landmark_figures(motion: SurfaceAlone) -> dict[str, LandmarkRecord] | None:
+    """Distances of the landmarks, mm, by motion model; None without landmarks."""
+    if not motion.landmarks_mm:
         return None
     return {
         way: LandmarkRecord([round(float(d), 3) for d in distances], round(rms(distances), 3))
-        for way, distances in found.landmarks_mm.items()
+        for way, distances in motion.landmarks_mm.items()
     }
 
 
-def landmark_words(found: SurfaceAlone) -> tuple[str, ...]:
-    """What the landmarks say of the model, in one line; none without landmarks."""
-    if not found.landmarks_mm:
+def landmark_words(motion: SurfaceAlone) -> tuple[str, ...]:
+    """Comparison of the motion models by their landmark distances, in one line; empty without landmarks."""
+    if not motion.landmarks_mm:
         return ()
-    left = {way: rms(found.landmarks_mm[way]) for way in WAYS}
-    count = len(found.landmarks_mm["model"])
+    rms_mm = {way: rms(motion.landmarks_mm[way]) for way in WAYS}
+    count = len(motion.landmarks_mm["model"])
     figures = (
-        f"{count} landmarks lie {left['still']:.2f} mm rms from where the deformed state shows them with both in one frame, "
-        f"{left['rigid']:.2f} after the best rigid motion of the surface, {left['affine']:.2f} after the best affine one and "
-        f"{left['model']:.2f} where a uniform body takes them"
+        f"{count} landmarks lie {rms_mm['still']:.2f} mm rms from where the deformed state shows them with both in one frame, "
+        f"{rms_mm['rigid']:.2f} after the best rigid motion of the surface, {rms_mm['affine']:.2f} after the best affine one and "
+        f"{rms_mm['model']:.2f} where a uniform body takes them"
     )
-    others = min(left["rigid"], left["affine"])
-    if left["model"] < (1.0 - _BETTER) * others:
-        return (f"{figures}: mechanics predicts them better than a motion without, by {others - left['model']:.2f} mm",)
+    others = min(rms_mm["rigid"], rms_mm["affine"])
+    if rms_mm["model"] < (1.0 - _BETTER) * others:
+        return (
+            f"{figures}: mechanics predicts them better than a motion without, by {others - rms_mm['model']:.2f} mm",
+        )
     return (f"{figures}: mechanics predicts them no better than a motion without",)

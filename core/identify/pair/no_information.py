@@ -1,4 +1,4 @@
-"""The answer for a pair of scans that tells no stiffness: the reason, and the motion of the organ."""
+"""Result for a pair of scans without information on stiffness: the reason, and the motion of the organ."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class NoInformation:
 
 
 def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair) -> NoInformation:
-    """Of a pair that a rigid motion explains."""
+    """Reason and motion of a pair that a rigid motion explains."""
     points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
     nodes = problem.mesh.points
     return NoInformation(

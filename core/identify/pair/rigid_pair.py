@@ -1,7 +1,7 @@
-"""Did the second scan deform anything, or is it the first one again, at most moved as a whole?
+"""Test for deformation between two scans, against a rigid motion of everything.
 
-The rigid motion that best takes every surface at rest onto its deformed one is found by iterated closest points, point to
-plane (Chen and Medioni 1992). What it leaves over is compared with what two contours of a body that did not change would leave.
+Iterated closest points, point to plane (Chen and Medioni 1992), give the rigid motion of all surfaces together. The
+residual distances are compared with those of two contours of an unchanged body.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
-# Some thirty independent looks at a surface: its rms scatters by 13 %, and this is two of that.
+# Largest ratio of residual to expected distance. A surface has some 30 independent points, so its rms has a standard
+# deviation of 13 %; the tolerance is two of them.
 TOLERANCE = 1.26
-# Points on each surface, about as far apart as this, mm.
+# Spacing of the points on each surface, mm.
 _SPACING_MM = 4.0
 _ROUNDS, _STILL = 60, 1e-5
-# Motions smaller than these are told as none: below what aligning on bone leaves.
+# Largest motion reported as none, below the error of an alignment on bone.
 _NO_ANGLE_DEG, _NO_SHIFT_MM = 0.3, 0.3
 
 
@@ -46,17 +47,17 @@ class RigidPair:
 
     @property
     def nothing_deformed(self) -> bool:
-        """Whether the motion explains every surface as well as contours of one unchanged body could be expected to agree."""
+        """Whether the residual distance of every surface is within TOLERANCE times that of an unchanged body."""
         return all(left <= TOLERANCE * self.expected_mm[name] for name, left in self.left_mm.items())
 
     @property
     def angle_deg(self) -> float:
-        """Of the rotation."""
+        """Angle of the rotation, degrees."""
         return float(np.degrees(np.linalg.norm(Rotation.from_matrix(self.rotation).as_rotvec())))
 
     @property
     def shift_mm(self) -> float:
-        """How far the organ's centre moves."""
+        """Displacement of the organ's centre, mm."""
         return float(np.linalg.norm(self.moved(self.centre) - self.centre))
 
     def moved(self, x: FloatArray) -> FloatArray:
@@ -65,7 +66,7 @@ class RigidPair:
 
     @property
     def in_words(self) -> str:
-        """Why nothing can be identified."""
+        """Sentence on why nothing can be identified."""
         left = max(self.left_mm.values())
         noise = f"what is left of their surfaces ({left:.2f} mm rms at most) is within the contours' own error"
         if self.angle_deg < _NO_ANGLE_DEG and self.shift_mm < _NO_SHIFT_MM:
@@ -77,20 +78,20 @@ class RigidPair:
 
 
 def rigid_pair(problem: IdentificationProblem) -> RigidPair:
-    """The rigid motion of all surfaces of a problem together, and what it leaves over."""
+    """Rigid motion of all surfaces of a problem together, with residual and expected distances."""
     parts = {name: _Part.of(pair) for name, pair in _pairs(problem)}
     rotation, shift, centre = _motion(list(parts.values()), problem.organ)
-    found = RigidPair(rotation, centre + shift - rotation @ centre, centre, {}, _expected(problem))
-    left = {name: _rms(part.met(found.moved(part.points))[1]) for name, part in parts.items()}
+    motion = RigidPair(rotation, centre + shift - rotation @ centre, centre, {}, _expected(problem))
+    residual_mm = {name: _rms(part.met(motion.moved(part.points))[1]) for name, part in parts.items()}
     if len(problem.landmarks):
-        left["landmarks"] = _rms(found.moved(problem.landmarks[:, :3]) - problem.landmarks[:, 3:])
-    return RigidPair(found.rotation, found.translation, centre, left, found.expected_mm)
+        residual_mm["landmarks"] = _rms(motion.moved(problem.landmarks[:, :3]) - problem.landmarks[:, 3:])
+    return RigidPair(motion.rotation, motion.translation, centre, residual_mm, motion.expected_mm)
 
 
 def rigid_motion(pair: SurfacePair, start: FloatArray | None = None) -> FloatArray:
-    """(4, 4) the rigid motion that takes the rest surface of one pair best onto its deformed one, mm.
+    """(4, 4) rigid motion from the rest surface of one pair onto its deformed one, mm.
 
-    start : rotation (3, 3) to begin with; none by default.
+    start : (3, 3) rotation to start from, identity by default.
     """
     rotation, shift, centre = _motion([_Part.of(pair)], pair, start)
     matrix = np.eye(4)
@@ -112,7 +113,7 @@ def _motion(
             x, distance, normal = part.met(x)
             rows.append(np.hstack([np.cross(x - centre - shift, normal), normal]))
             values.append(distance)
-        # A ball or a plane alone leaves some turn open: it is not taken.
+        # Truncated least squares: rotations that the surfaces do not determine (ball, plane) stay zero.
         step, *_ = np.linalg.lstsq(np.vstack(rows), -np.concatenate(values), rcond=1e-3)
         rotation = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation
         shift = shift + step[3:]

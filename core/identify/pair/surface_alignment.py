@@ -1,4 +1,4 @@
-"""Where to begin when two surfaces may lie in frames that have nothing to do with each other."""
+"""Rigid alignment of two surfaces in unrelated frames."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from palpate.core.surfaces.rigid_motion import transformed
 from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
-# Left over after the nearest motion, as a share of the extent: beyond it turns are tried, and taken where they leave less by
-# this factor.
+# Residual distance, as a share of the extent, above which rotations are tried, and the factor by which one must lower it.
 _NEAR, _LESS = 0.002, 0.75
 
 
 def aligned(pair: SurfacePair) -> FloatArray:
-    """(4, 4) the rigid motion that takes the deformed surface onto the one at rest.
+    """(4, 4) rigid motion from the deformed surface onto the one at rest, mm.
 
-    The nearest motion is taken where it fits; where it does not, the principal axes are tried in all their directions. Shape
-    alone cannot tell which end of a symmetric body is which.
+    The nearest motion is used where it fits. Otherwise all alignments of the principal axes are tried. The ends of a
+    symmetric body cannot be distinguished by shape.
     """
     back = SurfacePair(pair.deformed, pair.rest)
     first = rigid_motion(back)

@@ -1,7 +1,8 @@
-"""What a pair of surfaces tells when nothing beside the organ is known: how it moves inside, and nothing of its stiffness.
+"""Inner motion of an organ whose surface is the only observation.
 
-With unknown loads on its own surface an organ takes the shape that was seen at any stiffness, under loads in proportion. What
-can be computed is where its inside goes if it is one uniform body, and landmarks say how good that guess is.
+With unknown loads on its own surface an organ takes the observed shape at any stiffness, under proportional loads. The
+stiffness is therefore not identifiable. The inner motion of one uniform body is computable; landmarks measure its
+error.
 """
 
 from __future__ import annotations
@@ -21,21 +22,21 @@ from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.rigid_motion import transformed
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
-# Ways of moving the organ that are compared, the poorest first.
+# Motion models that are compared, the simplest first.
 WAYS = ("still", "rigid", "affine", "model")
-# Of the uniform body. Nearer to one half it cannot follow what two ways of scanning differ by in volume.
+# Poisson's ratio of the uniform body. Nearer to 0.5 it cannot follow the volume difference of two imaging methods.
 POISSON = 0.4
 _ROUNDS, _STILL_MM = 60, 1e-4
-# Points on the surface, about as far apart as this share of its extent.
+# Spacing of the surface points, as a share of the surface's extent.
 _SPACING = 0.06
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceAlone:
-    """u : (n, 3) mm, where the uniform body's nodes go.
+    """Motion of the uniform body and distances of every motion model.
 
-    surface_mm : way -> rms distance of the moved rest surface from the deformed one. landmarks_mm : way -> (k,) distance of each
-    moved landmark from where it was seen.
+    u : (n, 3) mm, nodal displacements. surface_mm : rms distance of the moved rest surface from the deformed one, by
+    model. landmarks_mm : (k,) distance of each moved landmark from its observed position, by model.
     """
 
     u: FloatArray
@@ -46,10 +47,10 @@ class SurfaceAlone:
 def explain_surface(
     space: Space, faces: IntArray, pair: SurfacePair, landmarks: FloatArray, poisson_ratio: float = POISSON
 ) -> SurfaceAlone:
-    """Move an organ by every one of WAYS and say what is left.
+    """Motion of an organ by every model in WAYS, with residual distances.
 
-    faces : (f, 3) of the organ's boundary. landmarks : (k, 6) mm, at rest and deformed. Raises ConvergenceError when the
-    surfaces cannot be matched.
+    faces : (f, 3) of the organ's boundary. landmarks : (k, 6) mm, at rest and deformed. Raises ConvergenceError when
+    the surfaces cannot be matched.
     """
     rigid = rigid_motion(pair)
     affine = affine_motion(pair, rigid)
@@ -64,9 +65,10 @@ def explain_surface(
 
 
 def affine_motion(pair: SurfacePair, start: FloatArray) -> FloatArray:
-    """(4, 4) the affine map that takes the rest surface best onto the deformed one, by closest points, point to plane.
+    """(4, 4) affine map of the rest surface onto the deformed one, by closest points, point to plane.
 
-    start : (4, 4) to begin with. What the surfaces leave open (a ball may turn) is not taken.
+    start : (4, 4) map to start from. Components that the surfaces do not determine (rotation of a ball) stay as in
+    `start`.
     """
     spacing = _SPACING * float(np.ptp(pair.rest.points, axis=0).max())
     points = sample_surface(pair.rest, spacing)[0]
