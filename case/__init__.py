@@ -1,1 +1,1 @@
-"""One patient's folder."""
+"""Folder of one patient (a case) and the steps that work on it."""

@@ -1,6 +1,7 @@
-"""Labels of the deformed scan that were drawn on it as `export` writes it for ITK-SNAP and 3D Slicer: moved onto the scan at rest.
+"""Coordinate frame of labels drawn on the deformed scan: the scanner's own, or the rest frame.
 
-A NIfTI or NRRD file does not say on which of the two it was drawn; its voxels do, where they are those of the scan.
+`palpate export` writes the deformed scan in the rest frame for ITK-SNAP and 3D Slicer. A NIfTI or NRRD label file does not
+name its frame. The frame follows from the voxel grid: labels lie on the grid of the scan that they were drawn on.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from palpate.imaging.contours.user_labels import UserLabels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
 
-# Two grids are one where their steps differ by less than this, mm, and their voxels by less than this share of a voxel.
+# Tolerances under which two grids count as one: voxel axes in mm, voxel centres as a share of a voxel.
 _STEP_MM, _SHARE = 1e-3, 0.02
 NOTE = "they were drawn on the scan as it was exported, moved onto the one at rest, and were taken from there"
 
 
 def lies_on(labels: Volume, grid: Volume) -> bool:
-    """Whether voxels of one volume are voxels of the other's grid, or of its continuation."""
+    """Whether the voxel centres of `labels` are voxel centres of `grid`, extended beyond its ends."""
     one, other = in_lps_order(labels), in_lps_order(grid)
     if np.abs(one.affine[:3, :3] - other.affine[:3, :3]).max() > _STEP_MM:
         return False
@@ -32,10 +33,11 @@ def lies_on(labels: Volume, grid: Volume) -> bool:
 def in_own_frame(
     labels: UserLabels, ct: Volume, deformed_to_rest: FloatArray, aligned: Volume | None = None
 ) -> UserLabels:
-    """Labels of the deformed scan in its scanner's own coordinates, wherever they were drawn; a note says when they were moved.
+    """Labels of the deformed scan in the scanner's own coordinates (LPS, mm); labels in the rest frame are moved there.
 
-    ct : as it was scanned. deformed_to_rest : (4, 4), what aligned it. aligned : another grid of the rest frame that labels may have
-    been exported on, the case's own.
+    ct : the deformed scan in the scanner's coordinates. deformed_to_rest : (4, 4) rigid transform, mm. aligned : a further
+    grid in the rest frame, such as the case's label volume. Labels that were moved carry `NOTE` in their notes. Labels on
+    none of these grids are returned unchanged.
     """
     if labels.source not in ("nifti", "itksnap", "seg.nrrd") or lies_on(labels.volume, ct):
         return labels

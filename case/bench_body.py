@@ -1,4 +1,4 @@
-"""A case that is a body on a bench (docs/case.md): its mesh from the surface, its states from their points files."""
+"""Numerical problem of a body on a bench (docs/case.md): mesh from its surface file, states from its marker files."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from palpate.core.mesh import TetMesh
 from palpate.meshing.mesh_solid import mesh_solid
 
 MESH = "body_mesh.npz"
-# Standard deviation of a marker where the case does not say, mm per axis.
+# Default standard deviation of a marker's position, mm per axis; an assumption.
 _MARKER_MM = 0.5
 
 
 def body_problem(case: CaseFolder) -> BodyProblem:
-    """Read the case; mesh its body unless that was done.
+    """The body's mesh, held faces and states. The mesh is made on the first call and kept in the case as `MESH`.
 
     Raises InputError naming the file and what is wrong with it, ConvergenceError when the mesher fails.
     """
-    found = bench_body(case)
-    mesh = _mesh(case, found.body)
-    held = _held(mesh, found.supports or (), str(case.file("case.json")))
-    states = tuple(_state(case, state) for state in found.states)
+    body = bench_body(case)
+    mesh = _mesh(case, body.body)
+    held = _held_faces(mesh, body.supports or (), str(case.file("case.json")))
+    states = tuple(_state(case, state) for state in body.states)
     bounds = case.facts.organ_shear_modulus_bounds_kpa
-    return BodyProblem(mesh, held, states, found.density_kg_m3, bounds, found.model_gravity)
+    return BodyProblem(mesh, held, states, body.density_kg_m3, bounds, body.model_gravity)
 
 
 def _state(case: CaseFolder, state: MarkerState) -> BodyState:
@@ -61,16 +61,16 @@ def _mesh(case: CaseFolder, body: str) -> TetMesh:
     return mesh
 
 
-def _held(mesh: TetMesh, supports: tuple[Support, ...], source: str) -> IntArray:
-    """(f, 3) faces whose corners all lie on a support's plane."""
+def _held_faces(mesh: TetMesh, supports: tuple[Support, ...], source: str) -> IntArray:
+    """Boundary faces (f, 3) whose corners all lie on a support's plane. source : path of case.json, for the error."""
     faces = mesh.boundary[0]
     X = mesh.points[faces]
     held = np.zeros(len(faces), dtype=bool)
     for support in supports:
         normal = np.array(support.plane_normal)
         normal = normal / max(np.abs(normal).max(), 1e-300)
-        away = (X - np.array(support.plane_point)) @ (normal / max(np.linalg.norm(normal), 1e-9))
-        held |= (np.abs(away) < support.tolerance_mm).all(axis=1)
+        distance = (X - np.array(support.plane_point)) @ (normal / max(np.linalg.norm(normal), 1e-9))
+        held |= (np.abs(distance) < support.tolerance_mm).all(axis=1)
     if not held.any():
         raise InputError(f"{source}: no face of the body lies on a support's plane; look at supports and tolerance_mm")
     return np.asarray(faces[held])

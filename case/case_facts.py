@@ -1,4 +1,4 @@
-"""The facts of a case (case.json): typed, checked, unknown keys kept."""
+"""Facts of a case (case.json): typed and checked; unknown keys are kept."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate.core.errors import InputError
 from palpate.core.files.json_types import refusal, typed
 
 Vector = tuple[float, float, float]
-# Longest acceleration that a case may state, m/s2: twice the Earth's.
+# Upper bound for the length of a stated gravity vector, m/s2: twice the Earth's.
 _GRAVITY_MAX = 20.0
 _Modulus = Annotated[float, Meta(ge=1e-3, le=1e6)]
 _Bounds = Annotated[tuple[_Modulus, _Modulus], Meta(description="two rising numbers from 0.001 to 1e+06")]
@@ -26,11 +26,12 @@ _Name = Annotated[str, Meta(pattern=r"^[^\n]*\S[^\n]*$(?!\n)", description="a na
 
 @dataclass(frozen=True)
 class CaseFacts:
-    """What case.json says (docs/case.md).
+    """Content of case.json (docs/case.md).
 
-    Moduli in kPa (small-strain shear moduli), noise in mm, gravity in m/s^2 in patient coordinates (LPS), None where
-    unknown. ``other`` keeps the keys that only some cases have (body, supports, states, density_kg_m3, model_gravity:
-    `bench_body`, `deformed_states`) and whatever else a person wrote, so that saving loses nothing.
+    Moduli are small-strain shear moduli in kPa; noise is in mm; gravity is in m/s^2 in patient coordinates (LPS), None
+    where unknown. ``other`` holds all further keys, so that saving loses nothing. They are the keys of a body on a bench and
+    of further deformed states (body, supports, states, density_kg_m3, model_gravity: `stated_files`), and keys that a person
+    added.
     """
 
     name: _Name
@@ -45,9 +46,9 @@ class CaseFacts:
 
     @classmethod
     def from_dict(cls, data: object, source: str) -> CaseFacts:
-        """The facts of a parsed case.json; absent keys take the defaults above.
+        """Facts from a parsed case.json; absent keys take the defaults of the fields.
 
-        ``source`` is the file's path. Raises InputError naming the property, its value and what is allowed.
+        ``source`` is the file's path. Raises InputError naming the property, its value and the allowed values.
         """
         if not isinstance(data, Mapping):
             raise InputError(f"{source} holds {type(data).__name__}; write one JSON object as docs/case.md shows")
@@ -63,7 +64,7 @@ class CaseFacts:
         return facts
 
     def to_dict(self) -> dict[str, object]:
-        """The JSON object of case.json, unknown keys last."""
+        """JSON object of case.json, the keys of ``other`` last."""
         own: dict[str, object] = {
             key: list(value) if isinstance(value := getattr(self, key), tuple) else value
             for key in self.__dataclass_fields__

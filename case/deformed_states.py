@@ -1,8 +1,8 @@
-"""Further deformed states of a case: their labels and landmarks beside deformed.nii.gz, named in case.json.
+"""Further deformed states of a case: label volumes and landmarks beyond those of the first pair.
 
-`states` of case.json (docs/case.md) lists them: {"name": "full bladder", "labels": "deformed_2.nii.gz",
-"landmarks": "landmarks_2.csv"}, landmarks only where there are any. The first state stays deformed.nii.gz and landmarks.csv.
-All lie in the frame of the scan at rest.
+`states` in case.json (docs/case.md) lists them: {"name": "full bladder", "labels": "deformed_2.nii.gz",
+"landmarks": "landmarks_2.csv"}; landmarks are optional. The first deformed state is deformed.nii.gz with landmarks.csv.
+All files lie in the frame of the scan at rest.
 """
 
 from __future__ import annotations
@@ -30,18 +30,24 @@ from palpate.imaging.volume import Volume
 
 
 def state_labels(case: CaseFolder, state: FurtherState) -> Volume:
-    """Labels of a further state in the rest frame, axes in LPS order. Raises InputError without an organ in them."""
-    volume = _as_given(case, state)
-    elsewhere = elsewhere_in(case, volume)
-    return volume if elsewhere is None else volume.moved(elsewhere.deformed_to_rest)
+    """Label volume of a further state in the rest frame, axes in LPS order; its rigid offset is removed.
+
+    Raises InputError when the file holds no prostate (labels 1, 2).
+    """
+    volume = _stored_labels(case, state)
+    offset = elsewhere_in(case, volume)
+    return volume if offset is None else volume.moved(offset.deformed_to_rest)
 
 
-def state_elsewhere(case: CaseFolder, state: FurtherState) -> RigidOffset | None:
-    """How a further state's labels lie elsewhere; what `state_labels` and `state_landmarks` give no longer does."""
-    return elsewhere_in(case, _as_given(case, state))
+def state_rigid_offset(case: CaseFolder, state: FurtherState) -> RigidOffset | None:
+    """Rigid offset of a further state's stored labels from the rest frame; None where they are aligned.
+
+    `state_labels` and `state_landmarks` have already removed it.
+    """
+    return elsewhere_in(case, _stored_labels(case, state))
 
 
-def _as_given(case: CaseFolder, state: FurtherState) -> Volume:
+def _stored_labels(case: CaseFolder, state: FurtherState) -> Volume:
     values = label_values(case.file("labels.txt")) if case.has("labels.txt") else None
     volume = in_lps_order(read_labels(case.file(state.labels), values))
     if not np.isin(volume.array, ORGAN_LABELS).any():
@@ -50,18 +56,20 @@ def _as_given(case: CaseFolder, state: FurtherState) -> Volume:
 
 
 def state_landmarks(case: CaseFolder, state: FurtherState) -> Landmarks | None:
-    """Matched points of a further state in the rest frame, None where it has none."""
+    """Landmarks of a further state, both sets of points in the rest frame (LPS, mm); None where it has none."""
     if state.landmarks is None:
         return None
-    marks, elsewhere = read_landmarks(case.file(state.landmarks)), state_elsewhere(case, state)
-    return marks if elsewhere is None else replace(marks, deformed=elsewhere.back(marks.deformed))
+    marks, offset = read_landmarks(case.file(state.landmarks)), state_rigid_offset(case, state)
+    return marks if offset is None else replace(marks, deformed=offset.back(marks.deformed))
 
 
 @dataclass(frozen=True)
 class NewState:
-    """What a person gives: scan is a label volume (NIfTI), or a folder with a DICOM CT and then labels drawn on it.
+    """Files of a deformed state to add.
 
-    landmarks : CSV, deformed points in this scan's own coordinates. align : False where it lies in the frame of the scan at rest already.
+    scan : NIfTI label volume, or folder of a DICOM CT. labels : contours drawn on that CT; required with a CT.
+    landmarks : CSV file, deformed points in this scan's own coordinates (LPS, mm). align : False where the scan already lies
+    in the frame of the scan at rest.
     """
 
     scan: Path
@@ -71,9 +79,11 @@ class NewState:
 
 
 def add_state(case: CaseFolder, new: NewState) -> FurtherState:
-    """Add a deformed state to a case that has been imported; the same files again change nothing.
+    """The deformed state that was added to the case; its files are written and case.json lists it.
 
-    Of a CT only the labels are kept. Raises InputError where there are no labels, no bone to align on in either, or a file cannot be read.
+    Precondition: the case has been imported. Adding the same files again changes nothing and returns the earlier state.
+    Only the labels of a CT are kept. Raises InputError when labels are missing, when CTs show no bone to align on, when a
+    file cannot be read, or when the labels equal those of the first deformed state.
     """
     drawn = new.labels or new.scan
     read = [*(files_of(drawn) if drawn.is_file() else ()), *([] if new.landmarks is None else [new.landmarks])]
@@ -100,7 +110,7 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
 
 
 def _aligned(case: CaseFolder, new: NewState) -> tuple[Volume, FloatArray]:
-    """The state's labels in its own frame, and the transform (4, 4) that brings them into the rest frame."""
+    """Labels in the state's own frame, and the rigid transform (4, 4), mm, from there into the rest frame."""
     if new.scan.is_dir():
         if new.labels is None:
             raise InputError(

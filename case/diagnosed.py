@@ -1,4 +1,4 @@
-"""What a diagnosis of the case has found."""
+"""Result of the diagnose step."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ DIAGNOSIS = "diagnosis.json"
 
 
 def read_diagnosis(case: CaseFolder) -> DiagnosisRecord:
-    """diagnosis.json. Raises InputError when it is missing or not in its form."""
+    """Content of diagnosis.json. Raises InputError when the file is missing or does not have its form."""
     return case.read(DIAGNOSIS, DiagnosisRecord, "; run `palpate diagnose` again")

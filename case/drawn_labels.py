@@ -1,4 +1,4 @@
-"""What a person drew on the scans of a case, as the import step left it."""
+"""Contours that a person drew on the scans of a case, as label volumes written by the import step."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ from palpate.segmentation.working_grid import mask_on
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """volume : the drawn labels in the rest frame, axes in LPS order. organs : masks of prostate, bladder and rectum as
-    far as drawn. bone : mask of what bone was drawn, or None. prostate_labels : 1 and 2 where the halves were drawn, or
-    None where left and right are yet to be told apart.
+    """Contours of one scan.
+
+    volume : label volume in the rest frame, axes in LPS order. organs : masks of prostate, bladder and rectum, those that
+    were drawn. bone : mask of the drawn bone, or None. prostate_labels : labels 1 and 2 on the volume's grid where the
+    halves were drawn, else None: the split into left and right is still to be made.
     """
 
     volume: Volume
@@ -32,12 +34,12 @@ class Drawn:
     prostate_labels: LabelArray | None
 
     def bone_on(self, grid: Volume) -> BoolArray:
-        """The drawn bone on a grid; nothing where none was drawn."""
+        """Mask of the drawn bone on a grid; empty where none was drawn."""
         return np.zeros(grid.array.shape, dtype=bool) if self.bone is None else mask_on(self.bone, grid)
 
 
 def drawn_labels(case: CaseFolder, state: str) -> Drawn | None:
-    """What was drawn on one state ("rest" or "deformed"); None where nothing was. Raises InputError naming a bad file."""
+    """Contours of one state ("rest" or "deformed"); None where it has none. Raises InputError naming an unreadable file."""
     name = f"{state}_user.nii.gz"
     if not case.has(name):
         return None
@@ -48,7 +50,7 @@ def drawn_labels(case: CaseFolder, state: str) -> Drawn | None:
 
 
 def drawn_of(labels: UserLabels, path: Path) -> Drawn:
-    """What a file of contours holds. path : for the message. Raises InputError when there is no prostate."""
+    """Contours of a file that was read. path : that file, for the error. Raises InputError when there is no prostate."""
     drawn = _drawn(in_lps_order(labels.volume), labels.prostate_is_split)
     if "prostate" not in drawn.organs:
         raise InputError(f"{path} holds no prostate; draw it, or say which structure it is")
@@ -56,7 +58,7 @@ def drawn_of(labels: UserLabels, path: Path) -> Drawn:
 
 
 def drawn_of_volume(labels: Volume, is_split: bool = False) -> Drawn:
-    """What a label volume holds. is_split : whether its halves of the prostate were drawn."""
+    """Contours of a label volume. is_split : whether labels 1 and 2 are drawn halves of the prostate."""
     return _drawn(in_lps_order(labels), is_split)
 
 

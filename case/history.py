@@ -1,4 +1,7 @@
-"""The commands that ran on a case, history.json: the report's provenance. No path is in it, because a folder's name may be a patient's."""
+"""Commands that ran on a case (history.json), the provenance in the report.
+
+The file holds no path, because a folder's name may be a patient's.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from palpate.case.case_folder import CaseFolder
 
 
 class Entry(TypedDict, total=False):
-    """A command that ran, with its options as they would be typed again. seconds : it took. Older files have fewer of these."""
+    """One command. date : UTC. options : as typed, without paths. seconds : run time. Older files lack some keys."""
 
     date: str
     command: str
@@ -23,20 +26,23 @@ class Entry(TypedDict, total=False):
 
 
 FILE = "history.json"
-# Commands that are kept, the last ones.
+# Number of commands that are kept; the oldest are dropped.
 _KEPT = 100
 
 
 @contextmanager
 def recorded(case: CaseFolder, command: str, options: str) -> Iterator[None]:
-    """Notes, when the block has ended well, that this command ran on the case."""
+    """Context that adds this command to history.json when its block ends without an error."""
     began = time.monotonic()
     yield
     add_entry(case, command, options, time.monotonic() - began)
 
 
 def add_entry(case: CaseFolder, command: str, options: str, seconds: float) -> None:
-    """Adds a command. options : as they would be typed again, without paths."""
+    """Append a command to history.json. options : as typed, without paths. seconds : run time.
+
+    Raises InputError when the existing file is damaged.
+    """
     entry: Entry = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": command,

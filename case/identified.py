@@ -1,4 +1,4 @@
-"""The stiffness that a case has been identified to have."""
+"""Identified stiffness of a case, from result.json."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _AGAIN = "; run `palpate identify` again"
 
 
 class KnownStiffness(msgspec.Struct, frozen=True):
-    """What who needs the stiffness alone reads of a region: G and its 95 % interval, kPa; None where unknown."""
+    """Shear modulus G of a region and its 95 % interval, kPa; None where unknown."""
 
     G_kpa: float | None = None
     ci95_kpa: tuple[float, float] | None = None
@@ -27,24 +27,27 @@ class _Stiffness(msgspec.Struct, frozen=True):
 
 
 def read_result(case: CaseFolder) -> ResultRecord:
-    """result.json as a whole. Raises InputError when it is missing or not in its form."""
-    found = case.read("result.json", ResultRecord, _AGAIN)
-    if not found.parameters:
+    """Whole content of result.json. Raises InputError when it is missing, does not have its form or has no parameters."""
+    result = case.read("result.json", ResultRecord, _AGAIN)
+    if not result.parameters:
         raise InputError(f"{case.file('result.json')} has no parameters{_AGAIN}")
-    return found
+    return result
 
 
 def identified_regions(case: CaseFolder) -> dict[str, KnownStiffness]:
-    """Of result.json, by region name (``prostate_left``). Raises InputError when it is missing or not in its form."""
+    """Stiffness by region name (``prostate_left``). Raises InputError when result.json is missing or lacks its form."""
     return case.read("result.json", _Stiffness, _AGAIN).parameters
 
 
 def identified_shear(case: CaseFolder, regions: Sequence[int]) -> dict[int, float]:
-    """G in kPa of each of the regions (label values), by result.json. Raises InputError where one is missing or no stiffness."""
-    path, found = case.file("result.json"), identified_regions(case)
+    """Shear modulus G, kPa, by region (label value).
+
+    Raises InputError when result.json is missing, lacks one of the regions, or holds a G that is not positive and finite.
+    """
+    path, known = case.file("result.json"), identified_regions(case)
     shear = {}
     for region in regions:
-        G = found.get(LABELS[region], KnownStiffness()).G_kpa
+        G = known.get(LABELS[region], KnownStiffness()).G_kpa
         if G is None:
             raise InputError(f"{path} has no stiffness for '{LABELS[region]}', which the labels hold{_AGAIN}")
         if not (math.isfinite(G) and G > 0.0):

@@ -1,4 +1,4 @@
-"""Matched points of the two states: gold seeds, calcifications, markers."""
+"""Landmarks: points inside the organ that both scans show, such as gold seeds, calcifications and markers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLUMNS = ("name", "rest_x", "rest_y", "rest_z", "deformed_x", "deformed_y", "de
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """names (n,), and the same points at rest and deformed, each (n, 3) mm in LPS."""
+    """Matched points. names : n strings. rest, deformed : (n, 3) positions of the same points, LPS mm."""
 
     names: tuple[str, ...]
     rest: FloatArray
@@ -26,10 +26,10 @@ class Landmarks:
 
 
 def read_landmarks(path: Path) -> Landmarks:
-    """The points of a CSV file in the form of docs/case.md (landmarks.csv and the points files of states).
+    """Points of a CSV file in the form of docs/case.md: landmarks.csv, or the points file of a state.
 
-    Raises InputError naming the file and the line when a column is missing, a value is no number, a name comes twice
-    or there is no point.
+    Raises InputError naming the file when it is unreadable, lacks a column, holds no point or repeats a name, and naming
+    the line too when a point has no name or a coordinate is no finite number.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
@@ -76,7 +76,7 @@ def _numbers(row: dict[str, str], path: Path, line: int) -> list[float]:
 
 
 def landmarks_csv(points: Landmarks, deformed_to_rest: FloatArray) -> str:
-    """The text of landmarks.csv, the deformed points (own frame) moved by a rigid transform (4, 4) into the rest frame."""
+    """Text of landmarks.csv. deformed_to_rest : (4, 4) rigid transform, mm, of the deformed points into the rest frame."""
     moved = transformed(deformed_to_rest, points.deformed)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""The repeatability of contours that a case has had measured: noise.json."""
+"""Contour noise measured from repeated contours: noise.json."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ FILE = "noise.json"
 
 
 def measured_noise(case: CaseFolder) -> tuple[float, float] | None:
-    """sd and correlation length mm from repeats; None where none were made. Raises InputError for a file that does not hold them."""
+    """Standard deviation and correlation length of the contour noise, mm; None where it was not measured.
+
+    Raises InputError when noise.json lacks them or holds impossible values.
+    """
     if not case.has(FILE):
         return None
     noise = case.read_json(FILE)

@@ -1,4 +1,4 @@
-"""The mesh and the surfaces of a case, as the mesh step has left them."""
+"""Mesh and surfaces of a case, written by the mesh step."""
 
 from __future__ import annotations
 
@@ -28,21 +28,27 @@ class MeshReport(MeshQuality, total=False):
 
 
 def load_meshed(case: CaseFolder) -> MeshedCase:
-    """The mesh of a case with its named boundary and quality. Raises InputError when the mesh step has not been run."""
+    """Mesh, boundary faces by name, and content of mesh.json. Raises InputError when the mesh step has not been run."""
     quality: MeshReport = case.read_json("mesh.json")
     mesh, boundary, _ = load_mesh(case.file("mesh.npz"))
     return MeshedCase(mesh, boundary, quality)
 
 
-def elsewhere_of(case: CaseFolder) -> RigidOffset | None:
-    """How the deformed scan of a meshed case lay elsewhere; its surfaces no longer do."""
+def rigid_offset_of(case: CaseFolder) -> RigidOffset | None:
+    """Rigid offset of the deformed scan that the mesh step removed; None where the scans were aligned.
+
+    The surfaces of the case are already in the rest frame. Raises InputError when mesh.json is missing or damaged.
+    """
     report: MeshReport = case.read_json("mesh.json")
-    found = report.get("laid_elsewhere")
-    return None if found is None else RigidOffset.from_dict(found)
+    entry = report.get("laid_elsewhere")
+    return None if entry is None else RigidOffset.from_dict(entry)
 
 
 def load_surfaces(case: CaseFolder, state: str) -> dict[str, Surface]:
-    """The surfaces of one state ("rest" or "deformed") by name: "organ", and the walls that the case has."""
+    """Surfaces of one state ("rest" or "deformed") by name, rest frame, mm: "organ", "bone", "bladder", "rectum".
+
+    Surfaces that the labels do not show are left out. Raises InputError when surfaces.npz is missing or damaged.
+    """
     arrays = case.read_npz("surfaces.npz")
     names = [key[len(state) + 1 : -len("_faces")] for key in arrays if key.startswith(state) and key.endswith("_faces")]
     return {n: Surface(*(arrays[f"{state}_{n}_{part}"] for part in ("points", "faces", "region"))) for n in names}

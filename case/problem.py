@@ -1,4 +1,4 @@
-"""A meshed case as numerical problems: one for the first deformed state, one for each further state."""
+"""Numerical problems of a meshed case: one for each deformed state."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import state_labels, state_landmarks
 from palpate.case.measured_noise import measured_noise
-from palpate.case.meshed import ORGAN_NAME, elsewhere_of, load_meshed, load_surfaces
+from palpate.case.meshed import ORGAN_NAME, load_meshed, load_surfaces, rigid_offset_of
 from palpate.case.stated_files import further_states
 from palpate.core.errors import InputError
 from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
@@ -18,14 +18,17 @@ from palpate.imaging.labels import LABELS
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
 
-# Standard deviation, mm, of a contour when nobody says: about what two observers of one CT differ by (DESIGN.md).
+# Default standard deviation of a contour, mm: about the difference between two observers of one CT (DESIGN.md).
 DEFAULT_NOISE_MM = 0.4
 _WALLS = ("bladder", "rectum")
 _ORGAN = (1, 2)
 
 
 def problem_of(case: CaseFolder) -> IdentificationProblem:
-    """The case's mesh, walls and organ surfaces as one numerical problem. Raises InputError when a step before is missing."""
+    """Problem of the first deformed state: mesh, walls, organ surfaces and landmarks, all in the rest frame, mm.
+
+    Raises InputError when an earlier step has not been run, or when a state shows no organ.
+    """
     meshed = load_meshed(case)
     rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
     for state, surfaces in (("rest", rest), ("deformed", deformed)):
@@ -34,9 +37,9 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
     walls = {n: SurfacePair(rest[n], deformed[n]) for n in _WALLS if n in rest and n in deformed}
     present = sorted(set(np.unique(meshed.mesh.regions).tolist()) & set(_ORGAN))
     marks = case.landmarks()
-    elsewhere = elsewhere_of(case)
-    if marks is not None and elsewhere is not None:
-        marks = replace(marks, deformed=elsewhere.back(marks.deformed))
+    offset = rigid_offset_of(case)
+    if marks is not None and offset is not None:
+        marks = replace(marks, deformed=offset.back(marks.deformed))
     landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
     return IdentificationProblem(
         meshed.mesh,
@@ -50,20 +53,27 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
 
 
 def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[IdentificationProblem]:
-    """Those of the case's further deformed states: the mesh, walls and organ at rest of the first, what each shows of itself."""
-    out = []
+    """Problems of the further deformed states.
+
+    first : problem of the first deformed state; its mesh and surfaces at rest are shared. Deformed surfaces and landmarks
+    are each state's own. Raises InputError when a file of a state is missing or holds no prostate.
+    """
+    problems = []
     for state in further_states(case):
         labels, marks = state_labels(case, state), state_landmarks(case, state)
-        seen = {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items() if name in first.walls}
-        walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in seen.items() if len(surface.faces)}
+        surfaces = {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items() if name in first.walls}
+        walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in surfaces.items() if len(surface.faces)}
         organ = SurfacePair(first.organ.rest, organ_surfaces(labels))
         landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
-        out.append(replace(first, walls=walls, organ=organ, landmarks=landmarks))
-    return out
+        problems.append(replace(first, walls=walls, organ=organ, landmarks=landmarks))
+    return problems
 
 
 def facts_of(case: CaseFolder) -> Facts:
-    """The scalars of a case that the model needs; the contours' error as stated, else as measured from repeats, else assumed."""
+    """Scalars that the model needs. Contour noise is the stated value, else the measured one, else `DEFAULT_NOISE_MM`.
+
+    Raises InputError when noise.json is damaged.
+    """
     facts = case.facts
     measured = None if facts.boundary_noise_sd_mm is not None else measured_noise(case)
     sd, length = measured or (facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM, Facts.noise_correlation_mm)
@@ -78,7 +88,7 @@ def facts_of(case: CaseFolder) -> Facts:
 
 
 def noise_source(case: CaseFolder) -> Literal["case", "repeats", "assumed"]:
-    """Where the contours' error comes from: "case" (stated), "repeats" (measured) or "assumed"."""
+    """Source of the contour noise: "case" (stated in case.json), "repeats" (measured, noise.json) or "assumed"."""
     if case.facts.boundary_noise_sd_mm is not None:
         return "case"
     return "assumed" if measured_noise(case) is None else "repeats"

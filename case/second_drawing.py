@@ -1,4 +1,4 @@
-"""Labels drawn anew on a scan of a case, brought to where the case's own lie."""
+"""Second set of contours of a scan of the case, moved into the rest frame."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ _NIFTI = (".nii", ".nii.gz")
 
 
 def redrawn_labels(case: CaseFolder, state: str, path: Path) -> Volume:
-    """Labels of the rest frame, axes in LPS order. path : of any kind that an import takes, in that scan's own coordinates or
-    as `export` has written it.
+    """Label volume in the rest frame, axes in LPS order.
 
-    Raises InputError naming the file when it is missing, unreadable or holds no organ.
+    state : "rest" or "deformed", the scan that was contoured. path : contours in any format of `palpate import`, in the
+    scan's own coordinates or in those of `palpate export`. Raises InputError naming the file when it is missing, unreadable
+    or holds no prostate, or when it is not NIfTI and the case has no CT.
     """
     if not path.is_file():
         raise InputError(f"{path} is not there; give the labels drawn on the {state} scan")

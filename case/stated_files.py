@@ -1,4 +1,7 @@
-"""Files that only some cases have: those of further deformed states and of a body on a bench, named in case.json, and noise.json."""
+"""Files that only some cases have: those that case.json names, and noise.json.
+
+case.json names the files of further deformed states and of a body on a bench.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +16,21 @@ from palpate.case.measured_noise import FILE as NOISE_FILE
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import typed
 
-# A file that lies in the case folder itself: no folder before it.
+# Name of a file directly in the case folder, without a folder before it.
 _FileName = Annotated[
     str, Meta(pattern=r"^(?!\.{1,2}$)[^/\\\x00-\x1f]+$(?!\n)", description="the name of a file in the case folder")
 ]
-# Bounds that only keep infinity and NaN out: mm, m/s2, N.
+# Bounds that only exclude infinity and NaN, for values in mm, m/s2 and N.
 _Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
 _Vector = tuple[_Number, _Number, _Number]
 _AS_SHOWN = "; write it as docs/case.md shows"
 
 
 class FurtherState(msgspec.Struct, frozen=True, omit_defaults=True):
-    """name : for people. labels, landmarks : files of the case; landmarks None where there are none.
+    """Entry of `states` in case.json: one deformed state beyond the first.
 
-    source_sha256 : of the files that it was made from, where `add_state` did.
+    labels, landmarks : names of files in the case folder; landmarks is None where there are none. name : shown to people.
+    source_sha256 : SHA-256 of the files that `add_state` read; empty for an entry written by hand.
     """
 
     labels: _FileName
@@ -36,25 +40,31 @@ class FurtherState(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Of the case, that this state consists of."""
+        """Names of the state's files in the case folder."""
         return (self.labels,) if self.landmarks is None else (self.labels, self.landmarks)
 
 
 def further_states(case: CaseFolder) -> tuple[FurtherState, ...]:
-    """Those of case.json that have labels; none for a case of one pair. Raises InputError naming what is wrong with an entry."""
+    """Further deformed states with their files checked; empty for a case of one pair.
+
+    Raises InputError naming what is wrong with an entry, or the file that is missing.
+    """
     return tuple(checked_state(case, state) for state in stated_states(case))
 
 
 def state_entries(case: CaseFolder) -> list[object]:
-    """What stands under `states` in case.json. Raises InputError where that is no list."""
-    found = case.facts.other.get("states") or []
-    if not isinstance(found, list):
+    """Unchecked entries of `states` in case.json. Raises InputError when `states` is no list."""
+    entries = case.facts.other.get("states") or []
+    if not isinstance(entries, list):
         raise InputError(f"{case.file('case.json')}: states is no list; write states as docs/case.md shows")
-    return found
+    return entries
 
 
 def stated_states(case: CaseFolder) -> list[FurtherState]:
-    """As case.json says; a state of a body on a bench has no labels and is left out."""
+    """Further deformed states as case.json states them; their files are not checked.
+
+    States of a body on a bench have no labels and are left out. Raises InputError naming what is wrong with an entry.
+    """
     source = str(case.file("case.json"))
     return [
         typed(entry, FurtherState, f"{source}: states[{k}]", "; write states as docs/case.md shows")
@@ -64,7 +74,7 @@ def stated_states(case: CaseFolder) -> list[FurtherState]:
 
 
 def checked_state(case: CaseFolder, state: FurtherState) -> FurtherState:
-    """The state, named. Raises InputError where a file is not there."""
+    """The state, with its label file's name where it had no name. Raises InputError when one of its files is missing."""
     for name in state.files:
         if not case.file(name).is_file():
             raise InputError(f"{case.file(name)} is not there, but case.json names it as a deformed state")
@@ -72,13 +82,16 @@ def checked_state(case: CaseFolder, state: FurtherState) -> FurtherState:
 
 
 def further_files(case: CaseFolder) -> list[str]:
-    """Files of further deformed states, and noise.json where the case has had the repeatability of its contours measured."""
+    """Names of the files of further deformed states, then noise.json where the case has one.
+
+    Raises InputError naming what is wrong with an entry of `states`.
+    """
     noise = [NOISE_FILE] if case.has(NOISE_FILE) else []
     return [*(name for state in further_states(case) for name in state.files), *noise]
 
 
 class Load(msgspec.Struct, frozen=True):
-    """A force in N that acts at a point of the body, mm."""
+    """Point load. at : position on the body, mm. force_n : force, N."""
 
     at: _Vector
     force_n: _Vector
@@ -86,7 +99,11 @@ class Load(msgspec.Struct, frozen=True):
 
 
 class MarkerState(msgspec.Struct, frozen=True):
-    """One state of the body. points : file of its markers, columns as landmarks.csv. gravity : m/s2. points_sd_mm : per axis."""
+    """One state of a body on a bench.
+
+    points : name of its marker file, columns as in landmarks.csv. gravity : m/s2. points_sd_mm : standard deviation of a
+    marker, mm per axis; None for the case's contour noise.
+    """
 
     name: str
     points: str
@@ -96,7 +113,7 @@ class MarkerState(msgspec.Struct, frozen=True):
 
 
 class Support(msgspec.Struct, frozen=True):
-    """Faces of the body whose corners all lie within tolerance_mm of a plane are held."""
+    """Plane that holds the body: boundary faces are fixed whose corners all lie within tolerance_mm of it. Point in mm."""
 
     plane_point: _Vector
     plane_normal: _Vector
@@ -105,7 +122,7 @@ class Support(msgspec.Struct, frozen=True):
 
 
 class BenchBody(msgspec.Struct, frozen=True):
-    """What case.json says of a body on a bench beyond `CaseFacts`. body : file of its surface (STL, OBJ, PLY)."""
+    """Keys of case.json for a body on a bench, beyond `CaseFacts`. body : name of its surface file (STL, OBJ, PLY)."""
 
     body: str
     states: Annotated[tuple[MarkerState, ...], Meta(min_length=1, description="a list of states, at least one")]
@@ -120,15 +137,15 @@ def is_body(case: CaseFolder) -> bool:
 
 
 def bench_body(case: CaseFolder) -> BenchBody:
-    """What case.json says of the body. Raises InputError naming the property that is wrong."""
+    """Description of the body in case.json. Raises InputError naming the property that is wrong."""
     source = str(case.file("case.json"))
-    found = typed(case.facts.other, BenchBody, source, _AS_SHOWN)
-    if not all(name.isprintable() for name in (found.body, *(state.points for state in found.states))):
+    body = typed(case.facts.other, BenchBody, source, _AS_SHOWN)
+    if not all(name.isprintable() for name in (body.body, *(state.points for state in body.states))):
         raise InputError(f"{source}: a file's name holds a line break; correct it")
-    return found
+    return body
 
 
 def body_inputs(case: CaseFolder) -> tuple[str, ...]:
-    """Names of the files that such a case consists of. Raises InputError when a state names no points."""
-    found = bench_body(case)
-    return "case.json", found.body, *(state.points for state in found.states)
+    """Names of the input files of a body on a bench. Raises InputError naming the property of case.json that is wrong."""
+    body = bench_body(case)
+    return "case.json", body.body, *(state.points for state in body.states)

@@ -9,9 +9,9 @@ from msgspec import UNSET, structs
 
 from palpate.case.bench_body import body_problem
 from palpate.case.case_folder import CaseFolder, file_sha256
-from palpate.case.deformed_states import state_elsewhere, state_labels
+from palpate.case.deformed_states import state_labels, state_rigid_offset
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
-from palpate.case.meshed import elsewhere_of, load_surfaces
+from palpate.case.meshed import load_surfaces, rigid_offset_of
 from palpate.case.problem import problem_of, state_problems
 from palpate.case.stated_files import further_states, is_body
 from palpate.case.steps import mesh
@@ -78,7 +78,9 @@ def run(
         given = arrays(replace(data_of(case), remeshed=remeshed(case, options.meshes - 1, part(progress, 0.2, 0.4))))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     told = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    found = _of_case(case, typed(told, DiagnosisRecord, "the worker's answer", ""), [] if body else laid_on_bones(case))
+    found = _of_case(
+        case, typed(told, DiagnosisRecord, "the worker's answer", ""), [] if body else rigid_offset_notes(case)
+    )
     case.write_json(DIAGNOSIS, found)
     DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, found.where.map))
     return found
@@ -94,11 +96,11 @@ def _of_case(case: CaseFolder, found: DiagnosisRecord, flags: list[str]) -> Diag
     )
 
 
-def laid_on_bones(case: CaseFolder) -> list[str]:
+def rigid_offset_notes(case: CaseFolder) -> list[str]:
     """A line for each deformed scan of a meshed case that lay elsewhere as a whole."""
-    first = elsewhere_of(case)
+    first = rigid_offset_of(case)
     found = [] if first is None else [first.words()]
-    further = ((state.name, state_elsewhere(case, state)) for state in further_states(case))
+    further = ((state.name, state_rigid_offset(case, state)) for state in further_states(case))
     return found + [away.words(f"the scan {name!r}") for name, away in further if away is not None]
 
 

@@ -138,7 +138,7 @@ def test_surfaces_and_points_of_all_states_come_to_lie_in_the_frame_at_rest(tmp_
     points = state_landmarks(case, further)
     assert points is not None
     np.testing.assert_allclose(points.deformed, MARK, atol=0.2)
-    first, second = diagnose.laid_on_bones(case)
+    first, second = diagnose.rigid_offset_notes(case)
     assert first.startswith("the deformed scan lay ") and "palpate import" in first
     assert second.startswith("the scan 'another day' lay ")
 
@@ -149,7 +149,7 @@ def test_a_case_that_was_imported_is_left_as_it_is(tmp_path: Path, no_mesher: No
     case.write_json("import.json", {})
     mesh_step.run(case)
     np.testing.assert_allclose(problem_of(case).landmarks[:, 3:], by(ELSEWHERE, MARK), atol=1e-9)
-    assert diagnose.laid_on_bones(case) == []
+    assert diagnose.rigid_offset_notes(case) == []
 
 
 def test_a_scan_moved_rigidly_has_no_gap(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import TypedDict
 
 from palpate import __version__
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.meshed import elsewhere_of
+from palpate.case.meshed import rigid_offset_of
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
@@ -72,7 +72,7 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
 def labels_in_rest_frame(case: CaseFolder) -> dict[str, Volume]:
     """Of both states, as far as there are any, in the frame of the scan at rest."""
     found = {state: case.labels(state) for state in STATES if case.has_labels(state)}
-    elsewhere = elsewhere_of(case) if case.has("mesh.json") else None
+    elsewhere = rigid_offset_of(case) if case.has("mesh.json") else None
     if elsewhere is not None and "deformed" in found:
         found["deformed"] = found["deformed"].moved(elsewhere.deformed_to_rest)
     return found

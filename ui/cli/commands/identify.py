@@ -101,7 +101,7 @@ def _repeat(text: str) -> tuple[str, Path]:
 
 def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, written: str = "result.json") -> list[str]:
     """What a person reads of an identification."""
-    from palpate.case.meshed import elsewhere_of
+    from palpate.case.meshed import rigid_offset_of
 
     lines = []
     for name, found in result.parameters.items():
@@ -116,6 +116,6 @@ def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, wri
     if case.has("noise.json"):
         lines.append(f"noise   {case.read_json('noise.json')['sd_mm']:.2f} mm, from contours drawn twice")
     lines += [f"says    {part}" for part in result.identifiability.verdict.split("; ")]
-    elsewhere = elsewhere_of(case) if case.has("mesh.json") else None
+    elsewhere = rigid_offset_of(case) if case.has("mesh.json") else None
     lines += [] if elsewhere is None else [f"note    {elsewhere.words()}"]
     return [*lines, f"result  {case.file(written)}"]

@@ -49,10 +49,10 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
 
 def text_of(case: CaseFolder, report: MeshReport) -> str:
     """What a person reads of a mesh."""
-    from palpate.case.meshed import elsewhere_of
+    from palpate.case.meshed import rigid_offset_of
 
     angle = report["min_dihedral_deg"]
     made = f"mesh    {case.file('mesh.vtu')}: {report['cells']} tetrahedra, smallest dihedral angle {angle:.0f}\N{DEGREE SIGN}"
-    elsewhere = elsewhere_of(case)
+    elsewhere = rigid_offset_of(case)
     notes = [*report.get("notes", ()), *([] if elsewhere is None else [elsewhere.words()])]
     return "\n".join([made, *(f"note    {note}" for note in notes)])
