@@ -18,7 +18,7 @@ from palpate.imaging.labels import LABELS
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
 
-# Default standard deviation of a contour, mm: about the difference between two observers of one CT (DESIGN.md).
+# Default standard deviation of a contour, mm. Assumed: contours that nobody checked are worse (KNOWN_ISSUES.md).
 DEFAULT_NOISE_MM = 0.4
 _WALLS = ("bladder", "rectum")
 _ORGAN = (1, 2)
