@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
+from palpate.core.matched_motion import MatchedMotion
 from palpate.core.mesh import TetMesh
 from palpate.core.surfaces.surface import Surface
 
@@ -53,7 +54,7 @@ class IdentificationProblem:
     mesh : regions 3 (tissue) and the organ's. boundary : "bone", "outer", "bladder", "rectum" -> faces (f, 3) of the mesh.
     walls : of the hollow organs, by name. organ : outer surface of the organ, faces marked by region.
     landmarks : (k, 6) mm, rest and deformed position of interior points, or (0, 6).
-    region_names : organ region id -> label name.
+    region_names : organ region id -> label name. matched : motion that the two images tell, None without images.
     """
 
     mesh: TetMesh
@@ -63,6 +64,7 @@ class IdentificationProblem:
     facts: Facts
     region_names: Mapping[int, str]
     landmarks: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
+    matched: MatchedMotion | None = None
 
     @property
     def regions(self) -> tuple[int, ...]:
@@ -83,6 +85,8 @@ class IdentificationProblem:
             for state, surface in (("rest", pair.rest), ("deformed", pair.deformed)):
                 for key in ("points", "faces", "region"):
                     out[f"{name}/{state}/{key}"] = getattr(surface, key)
+        if self.matched is not None:
+            out |= {f"matched/{key}": values for key, values in self.matched.arrays().items()}
         scalars = {"format": FORMAT, "facts": self.facts.__dict__, "region_names": dict(self.region_names)}
         out["scalars"] = np.frombuffer(json.dumps(scalars).encode(), dtype=np.uint8)
         return out
@@ -103,6 +107,7 @@ class IdentificationProblem:
             facts=facts,
             region_names={int(k): v for k, v in scalars["region_names"].items()},
             landmarks=np.asarray(data["landmarks"], dtype=float),
+            matched=_matched(data),
         )
 
     @classmethod
@@ -113,6 +118,11 @@ class IdentificationProblem:
                 return cls.from_arrays({k: data[k] for k in data.files})
         except _DAMAGED as error:
             raise InputError(f"{path}: not a readable identification problem ({error}); run identify again") from error
+
+
+def _matched(data: Mapping[str, NDArray[np.generic]]) -> MatchedMotion | None:
+    found = {key.removeprefix("matched/"): values for key, values in data.items() if key.startswith("matched/")}
+    return MatchedMotion.from_arrays(found) if found else None
 
 
 def _pair(data: Mapping[str, NDArray[np.generic]], name: str) -> SurfacePair:

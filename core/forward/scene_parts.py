@@ -100,4 +100,9 @@ def moved_observation(
     """The same observation, with operators on another space."""
     marks = observation.landmarks
     operator: sp.csr_matrix = space.interpolation(observation.points, problem.regions)
-    return replace(observation, operator=operator, landmark_operator=space.interpolation(marks[:, :3], problem.regions))
+    return replace(
+        observation,
+        operator=operator,
+        landmark_operator=space.interpolation(marks[:, :3], problem.regions),
+        motion=observation.motion.on(space),
+    )

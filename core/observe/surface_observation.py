@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.fem.space import Space
+from palpate.core.observe.motion_observation import MotionObservation
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.surface import Surface
@@ -29,7 +30,7 @@ class SurfaceObservation:
     """points : (q, 3) mm on the organ's rest surface; normals (q, 3); region (q,); area (q,) mm2 each stands for.
 
     operator : (q, n) takes nodal displacements to the points. target : signed distance of the deformed surface.
-    landmarks : (k, 6), their operator (k, n).
+    landmarks : (k, 6), their operator (k, n). motion : what the images tell of the motion; no data without images.
     """
 
     points: FloatArray
@@ -40,6 +41,7 @@ class SurfaceObservation:
     target: SignedDistanceField
     landmarks: FloatArray
     landmark_operator: sp.csr_matrix
+    motion: MotionObservation
 
     @classmethod
     def of(cls, problem: IdentificationProblem, space: Space, spacing_mm: float = 2.0) -> SurfaceObservation:
@@ -55,6 +57,7 @@ class SurfaceObservation:
             SignedDistanceField.from_surface(deformed.points, deformed.faces),
             problem.landmarks,
             space.interpolation(problem.landmarks[:, :3], problem.regions),
+            MotionObservation.of(problem.matched, space),
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Data vector of a deformed state: smooth modes of the organ's surface, landmarks, rigid motion of the bones.
+"""Data vector of a deformed state: smooth modes of the organ's surface, landmarks, matched motion, bones' motion.
 
 Contour noise is correlated over millimetres, so that 1,300 surface points are some tens of independent observations.
 The surface residual is therefore projected on the leading modes of the noise's own covariance; the remainder is finer
@@ -7,7 +7,7 @@ than any effect.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,11 +22,12 @@ from palpate.core.residual.noise_model_options import NoiseModelOptions
 @dataclass(frozen=True, eq=False)
 class DataVector:
     """What one deformed state shows. modes (q, k) : orthonormal. n_marks : landmarks. bone : None where no bones are
-    seen."""
+    seen. motion_covariance (m, m) mm2 : of the motion that the images tell, its length 0 without images."""
 
     modes: FloatArray
     n_marks: int
     bone: BoneRegistration | None
+    motion_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @classmethod
     def of(
@@ -35,7 +36,8 @@ class DataVector:
         """The modes of an observation's points."""
         values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, options.mode_length_mm))
         kept = values > options.mode_least * values[-1]
-        return cls(np.ascontiguousarray(vectors[:, kept][:, ::-1]), len(observation.landmarks), bone)
+        modes = np.ascontiguousarray(vectors[:, kept][:, ::-1])
+        return cls(modes, len(observation.landmarks), bone, observation.motion.covariance())
 
     @property
     def n_modes(self) -> int:
@@ -45,7 +47,7 @@ class DataVector:
     @property
     def n(self) -> int:
         """Length of the data vector."""
-        return self.n_modes + 3 * self.n_marks + (6 if self.bone else 0)
+        return self.motion.stop + (6 if self.bone else 0)
 
     @property
     def wider(self) -> FloatArray:
@@ -59,11 +61,17 @@ class DataVector:
         """Rows of the landmarks in the data vector."""
         return slice(self.n_modes, self.n_modes + 3 * self.n_marks)
 
+    @property
+    def motion(self) -> slice:
+        """Rows of the motion that the images tell."""
+        return slice(self.marks.stop, self.marks.stop + len(self.motion_covariance))
+
     def residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
         """Predicted minus observed data (n,), for nodal displacements u (nodes, 3) mm of the scene."""
         observed_u = scene.seen(u)
         surface = self.modes.T @ self.surface_residual(scene, u)
         parts = [surface, scene.observation.landmark_residual(observed_u).ravel()]
+        parts.append(scene.observation.motion.residual(observed_u))
         if self.bone is not None:
             parts.append(self.bone.residual(scene.composition.bone_motion))
         return np.concatenate(parts)
@@ -77,6 +85,7 @@ class DataVector:
         observed_u = scene.seen(u)
         rows = [self.modes.T @ scene.observation.jacobian(observed_u, moves)]
         rows.append(np.stack([(scene.observation.landmark_operator @ m).ravel() for m in moves], axis=1))
+        rows.append(scene.observation.motion.jacobian(moves))
         if self.bone is not None:
             rows.append(np.zeros((6, len(moves))))
         return np.vstack(rows)

@@ -65,8 +65,8 @@ class NoiseParts:
     """Parts of the covariance (n, n) mm2 of the data of all deformed states.
 
     contour : of contours as wide as the case states, one for each of `options.lengths_mm`. along : of the walls' motion
-    along themselves. own, marks : of unit variances. floor : of bone registration. offset : of 1 mm of the whole
-    contour. The scan at rest was read once: half of the variance of two readings is common to all states.
+    along themselves. own, marks : of unit variances. floor : of bone registration, and of the motion that the images
+    tell. offset : of 1 mm of the whole contour. The scan at rest was read once: half of the variance of two readings is common to all states.
     """
 
     contour: tuple[FloatArray, ...]
@@ -178,6 +178,7 @@ def _of_marks(at_rest: Sequence[FloatArray], data_vectors: Sequence[DataVector])
 
 def _floor(data: DataVector) -> FloatArray:
     out = np.zeros((data.n, data.n))
+    out[data.motion, data.motion] = data.motion_covariance
     if data.bone is not None:
         out[-6:, -6:] = data.bone.floor
     return out

@@ -1,0 +1,59 @@
+"""Motion of points between two scans, found in their images: the form in which it reaches the mechanics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.core.arrays import FloatArray, IntArray
+
+# Why a point is not used, by number.
+REASONS = (
+    "",
+    "matching back from the deformed scan leads elsewhere",
+    "the scans differ by more than their noise in its window",
+    "moves otherwise than its neighbours",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedMotion:
+    """Points that both images show.
+
+    points : (n, 3) mm in the scan at rest. moved : (n, 3) mm, their displacement to the deformed scan. precision :
+    (n, 3, 3) 1/mm2 of each displacement; a direction that the image does not tell has none. correlation_mm : errors of
+    two points a distance d apart have correlation exp(-(d / correlation_mm)^2), because their windows overlap.
+    rejected : (m, 6) mm, rest position and displacement of points that are not used. rejected_for : (m,) why, an index
+    of `REASONS`.
+    """
+
+    points: FloatArray
+    moved: FloatArray
+    precision: FloatArray
+    correlation_mm: float
+    rejected: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
+    rejected_for: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """For numpy.savez; `from_arrays` is the inverse."""
+        return {
+            "points": self.points,
+            "moved": self.moved,
+            "precision": self.precision,
+            "correlation_mm": np.array(self.correlation_mm),
+            "rejected": self.rejected,
+            "rejected_for": self.rejected_for,
+        }
+
+    @classmethod
+    def from_arrays(cls, data: Mapping[str, NDArray[np.generic]]) -> MatchedMotion:
+        """Raises KeyError when an array is missing."""
+        return cls(
+            *(np.asarray(data[key], dtype=np.float64) for key in ("points", "moved", "precision")),
+            float(np.asarray(data["correlation_mm"], dtype=np.float64)),
+            np.asarray(data["rejected"], dtype=np.float64),
+            np.asarray(data["rejected_for"], dtype=np.int64),
+        )

@@ -1,0 +1,110 @@
+"""Motion that images tell, as rows of the data vector: which directions count, their covariance, their derivative."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_case import problem
+
+from palpate.core.fem.space import Space
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.matched_motion import MatchedMotion
+from palpate.core.observe.motion_observation import MotionObservation
+from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import PLAIN, Linearisation, StateModel
+from palpate.core.residual.noise_covariance import NoiseParts
+from palpate.core.residual.noise_model_options import NoiseModelOptions
+
+THETA = np.log([30.0, 70.0])
+# In the ball, in the tissue beside it, and beyond the block, where there is no mesh.
+PLACES = np.array([[2.0, 3.0, 1.0], [-12.0, 8.0, 2.0], [4.0, 40.0, 0.0]])
+
+
+def edge(normal: np.ndarray, sd: float) -> np.ndarray:
+    """Precision (3, 3) of a point on an edge: its normal is told, what lies along it is not."""
+    return np.outer(normal, normal) / sd**2
+
+
+def matched() -> MatchedMotion:
+    tilted = np.array([0.6, 0.8, 0.0])
+    precision = np.array([np.eye(3) / 0.2**2, edge(tilted, 0.1), np.eye(3)])
+    return MatchedMotion(PLACES, np.full((3, 3), 0.5), precision, 10.0, np.ones((1, 6)), np.array([2]))
+
+
+@pytest.fixture(scope="module")
+def posed() -> IdentificationProblem:
+    return replace(problem(depth=3.0), matched=matched())
+
+
+@pytest.fixture(scope="module")
+def model(posed: IdentificationProblem) -> StateModel:
+    geometry = SharedGeometry.of(posed, "p1p1")
+    data = DataVector.of(geometry.observation, None, NoiseModelOptions())
+    return StateModel(geometry, data, Composition(posed), np.zeros(data.n))
+
+
+@pytest.fixture(scope="module")
+def solved(model: StateModel) -> Linearisation:
+    point = model.solve(PLAIN, THETA, np.zeros(0), None)
+    assert point is not None
+    return point
+
+
+def test_a_direction_without_information_is_no_datum_and_a_point_outside_the_mesh_is_none(
+    posed: IdentificationProblem,
+) -> None:
+    seen = MotionObservation.of(matched(), Space.of(posed.mesh, "p1p1"))
+    assert seen.point.tolist() == [0, 0, 0, 1]
+    np.testing.assert_allclose(np.abs(seen.direction[3]), [0.6, 0.8, 0.0], atol=1e-12)
+    np.testing.assert_allclose(seen.sd, [0.2, 0.2, 0.2, 0.1])
+
+
+def test_neighbouring_windows_err_together(posed: IdentificationProblem) -> None:
+    places = np.array([[0.0, 0, 0], [5.0, 0, 0], [0, -9.0, 0]])
+    near = replace(matched(), points=places, precision=np.tile(np.eye(3), (3, 1, 1)))
+    seen = MotionObservation.of(near, Space.of(posed.mesh, "p1p1"))
+    C = seen.covariance()
+    x = np.flatnonzero(np.abs(seen.direction[:, 0]) > 0.5)
+    assert C[x[0], x[1]] == pytest.approx(np.exp(-0.25), abs=0.01)
+    assert abs(C[x[0], x[2]]) == pytest.approx(np.exp(-0.81), abs=0.01)
+    assert np.linalg.eigvalsh(C).min() > 0.0
+
+
+def test_the_residual_is_predicted_minus_matched_along_what_is_told(
+    posed: IdentificationProblem, model: StateModel, solved: Linearisation
+) -> None:
+    rows = solved.residual[model.data.motion]
+    u = model.geometry.observation.motion.operator @ solved.equilibrium.u
+    assert rows[3] == pytest.approx(model.geometry.observation.motion.direction[3] @ (u[1] - 0.5))
+    assert model.data.n == model.data.n_modes + 4
+    without = DataVector.of(SharedGeometry.of(replace(posed, matched=None), "p1p1").observation, None, NoiseModelOptions())  # fmt: skip
+    assert without.n == model.data.n_modes
+
+
+def test_the_derivative_is_the_slope_of_the_solved_model(model: StateModel, solved: Linearisation) -> None:
+    h = np.array([0.02, 0.0])
+    ends = [model.solve(PLAIN, THETA + sign * h, np.zeros(0), solved) for sign in (1.0, -1.0)]
+    assert ends[0] is not None and ends[1] is not None
+    slope = (ends[0].residual - ends[1].residual)[model.data.motion] / 0.04
+    assert np.linalg.norm(slope) > 1e-3
+    np.testing.assert_allclose(solved.in_theta[model.data.motion, 0], slope, atol=0.03 * np.abs(slope).max())
+
+
+def test_its_covariance_is_a_part_of_the_noise(model: StateModel, solved: Linearisation) -> None:
+    noise = NoiseParts.of([solved], [model.data], NoiseModelOptions())
+    rows = model.data.motion
+    np.testing.assert_allclose(np.diag(noise.floor)[rows], [0.04, 0.04, 0.04, 0.01])
+    # A wall whose contour is off moves tissue too: those errors reach the matched rows.
+    assert np.diag(noise.contour[0])[rows].min() > 0.0
+
+
+def test_a_problem_keeps_it_in_its_file(posed: IdentificationProblem) -> None:
+    again = IdentificationProblem.from_arrays(posed.arrays()).matched
+    assert again is not None
+    np.testing.assert_array_equal(again.precision, matched().precision)
+    np.testing.assert_array_equal(again.rejected_for, [2])
+    assert IdentificationProblem.from_arrays(replace(posed, matched=None).arrays()).matched is None
