@@ -51,9 +51,8 @@ class MatchedMotion:
     @classmethod
     def from_arrays(cls, data: Mapping[str, NDArray[np.generic]]) -> MatchedMotion:
         """Raises KeyError when an array is missing."""
-        return cls(
-            *(np.asarray(data[key], dtype=np.float64) for key in ("points", "moved", "precision")),
-            float(np.asarray(data["correlation_mm"], dtype=np.float64)),
-            np.asarray(data["rejected"], dtype=np.float64),
-            np.asarray(data["rejected_for"], dtype=np.int64),
+        points, moved, precision, rejected = (
+            np.asarray(data[key], dtype=np.float64) for key in ("points", "moved", "precision", "rejected")
         )
+        reasons = np.asarray(data["rejected_for"], dtype=np.int64)
+        return cls(points, moved, precision, float(np.asarray(data["correlation_mm"]).item()), rejected, reasons)

@@ -66,7 +66,8 @@ class NoiseParts:
 
     contour : of contours as wide as the case states, one for each of `options.lengths_mm`. along : of the walls' motion
     along themselves. own, marks : of unit variances. floor : of bone registration, and of the motion that the images
-    tell. offset : of 1 mm of the whole contour. The scan at rest was read once: half of the variance of two readings is common to all states.
+    tell. offset : of 1 mm of the whole contour. The scan at rest was read once: half of the variance of two readings is
+    common to all states.
     """
 
     contour: tuple[FloatArray, ...]
