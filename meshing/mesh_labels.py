@@ -16,6 +16,7 @@ from palpate.meshing.cells import KEPT, clean_labels, face_neighbours, label_cel
 from palpate.meshing.improve import improve_cells, tangent_limits
 from palpate.meshing.interface_fit import FLOOR_DEG, Interface, fit_interfaces, interface_report, interfaces_of
 from palpate.meshing.mesh_file import Recipe, load_mesh, recipe_hash, save_mesh
+from palpate.meshing.mesh_options import MeshOptions
 from palpate.meshing.mesher_input import make_scene
 from palpate.meshing.partition import HOLE_NAMES, Partition, make_partition
 from palpate.meshing.quality import MeshQuality, describe
@@ -34,22 +35,6 @@ GOOD_VOLUME, GOOD_MEAN, GOOD_RMS = 0.015, 0.05, 0.12
 READ_SURFACES = ("organ", "bladder", "rectum")
 MESH_ATTEMPTS = 4
 _SEEDS_APART = 100
-
-
-@dataclass(frozen=True)
-class MeshOptions:
-    """What mesh is wanted.
-
-    target_tets : number of cells to aim at; not looked at when ``edge_mm`` is given. 7,000 suits quadratic elements.
-    edge_mm : wished edge on the organ's surface. far_factor : edges far away are at most this much longer.
-    grading : growth of the edge per mm of distance from the organ. seed : of the mesher's random numbers: another is another mesh.
-    """
-
-    target_tets: int = 7000
-    edge_mm: float | None = None
-    far_factor: float = 4.0
-    grading: float = 0.5
-    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,14 @@ from palpate.case.steps.sketch_summary import SketchRecord, summary_of
 from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
 from palpate.core.sketch.closing import closed
-from palpate.core.sketch.figure import SIDES, Figure, FigureOptions
+from palpate.core.sketch.figure import Figure, FigureOptions
 from palpate.core.sketch.fit import Fit, fit_keyframes
 from palpate.core.sketch.fit_walk import FitOptions
 from palpate.core.sketch.held import sides_that_stay
 from palpate.core.sketch.matching import matched
 from palpate.core.sketch.motion import Moving, animate
 from palpate.core.sketch.residual import Target
+from palpate.core.sketch.sides import SIDES
 from palpate.core.sketch.swarm_fit import swarm_fit
 from palpate.core.surfaces.triangles import normals
 from palpate.core.worker.progress import Progress, part, silent

@@ -22,7 +22,6 @@ from palpate.core.mesh import TetMesh
 from palpate.core.sketch.outline import Outline
 from palpate.core.surfaces.triangles import normals
 
-SIDES = ("bottom", "top", "left", "right")
 ELEMENT = "p2"
 # Unit of force coefficients over the first part's shear modulus.
 FORCE_UNIT = 0.05

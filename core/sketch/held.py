@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from palpate.core.sketch.figure import SIDES, held_points
+from palpate.core.sketch.figure import held_points
 from palpate.core.sketch.outline import Outline
+from palpate.core.sketch.sides import SIDES
 
 # A side is held when this share of its rim (_MOST) lies within _STAYS of every keyframe's line, in figure sizes. Points within _CORNER
 # of a side that is held already are left out: they say nothing of the next side.

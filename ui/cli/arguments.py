@@ -9,8 +9,6 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from palpate.core.worker.executors import cores
-
 N = TypeVar("N", int, float)
 
 
@@ -116,6 +114,8 @@ def no_points(args: argparse.Namespace) -> None:
 
 def workers(args: argparse.Namespace) -> int:
     """Processes to use."""
+    from palpate.core.worker.executors import cores  # here, because help needs no processes
+
     return int(args.workers or cores())
 
 

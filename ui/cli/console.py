@@ -7,12 +7,12 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout
-from typing import NoReturn, TextIO
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
-from tqdm import tqdm
-
-from palpate.core.worker.messages import encode
 from palpate.core.worker.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 # Where standard error is a file, a line is written at most this often.
 _LINE_EVERY_S = 2.0
@@ -51,6 +51,8 @@ class Console:
         if self.quiet:
             yield silent
         elif sys.stderr.isatty():
+            from tqdm import tqdm  # here, as what takes long to load: help comes at once
+
             layout = "{desc:>9} {percentage:3.0f} %|{bar:24}| {elapsed}, about {remaining} left{postfix}"
             with tqdm(total=1.0, desc=title, bar_format=layout, file=sys.stderr, dynamic_ncols=True) as bar:
                 yield _Bar(bar)
@@ -62,15 +64,21 @@ class Console:
     def result(self, data: Mapping[str, object], text: str) -> None:
         """The outcome of a command: ``data`` as JSON, or ``text`` for a person. Call it after the ``with`` block."""
         if self.as_json:
-            print(encode(data))
+            print(_as_json(data))
         elif not self.quiet:
             print(text)
 
     def error(self, message: str, exit_code: int, usage: str = "", facts: Mapping[str, object] | None = None) -> None:
         """One line on standard error; with --json the same, and what was found before, as an object on standard output."""
         if self.as_json:
-            print(encode({**(facts or {}), "error": message, "exit_code": exit_code}))
+            print(_as_json({**(facts or {}), "error": message, "exit_code": exit_code}))
         print(f"{usage}palpate: {message}", file=sys.stderr)
+
+
+def _as_json(data: Mapping[str, object]) -> str:
+    from palpate.core.worker.messages import encode  # here, because numpy takes a while to load
+
+    return encode(data)
 
 
 class _Bar:

@@ -61,23 +61,30 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser(given: Sequence[str] = ()) -> Parser:
-    """The command line: of the one command that ``given`` names, or of all.
+    """The command line: of the one command that ``given`` names, or the list of all, each without its options.
 
-    Only what is asked for is loaded, so that `doctor` can speak where a library of another command is broken.
+    Only what is asked for is loaded: `doctor` can speak where a library of another command is broken, and the list comes at once.
     """
-    wanted = [name for name in given[:1] if name in COMMANDS] or list(COMMANDS)
+    word = next((word for word in given if not word.startswith("-")), None)
+    named = word if word in COMMANDS else None
     top = Parser(prog="palpate", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"palpate {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = common()
-    for module in map(_module, wanted):
+    for module in map(_module, COMMANDS if named is None else [named]):
         sub = commands.add_parser(
             module.NAME, help=module.HELP, description=module.__doc__, parents=[shared],
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
-        module.add_arguments(sub)
+        if named is not None:
+            module.add_arguments(sub)
         sub.set_defaults(_module=module)
     return top
+
+
+def arguments(given: Sequence[str]) -> argparse.Namespace:
+    """A command line, read. Raises UsageError."""
+    return parser(given).parse_args(given)
 
 
 def one_line(text: str) -> str:
@@ -86,7 +93,7 @@ def one_line(text: str) -> str:
 
 
 def _run(given: Sequence[str], console: Console) -> int:
-    args = parser(given).parse_args(given)
+    args = arguments(given)
     with console:
         data, text = args._module.run(args, console)
     console.result(data, text)

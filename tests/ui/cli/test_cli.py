@@ -154,7 +154,7 @@ def test_a_signal_ends_with_130_and_leaves_no_process(number: signal.Signals) ->
 
 
 def seeds(*texts: str) -> argparse.Namespace:
-    return cli.parser().parse_args(["report", "x", *(f"--seed={text}" for text in texts)])
+    return cli.arguments(["report", "x", *(f"--seed={text}" for text in texts)])
 
 
 def test_seed_is_a_number_or_a_point() -> None:
@@ -180,12 +180,32 @@ def test_doctor_speaks_where_other_commands_cannot_load() -> None:
     assert "usage: palpate doctor" in done.stdout
 
 
+HELP_OF_ALL = """
+import contextlib, io, sys
+import palpate.ui.cli.main as cli
+for given in (["--help"], ["--version"], *([name, "--help"] for name in cli.COMMANDS)):
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.suppress(SystemExit):
+        cli.main(given)
+    heavy = {"scipy", "numba", "vtkmodules", "pyvista", "skimage", "SimpleITK", "pydicom", "matplotlib", "PySide6"} & set(sys.modules)
+    heavy |= {"numpy"} & set(sys.modules) if len(given) == 1 else set()
+    print(*given, len(said.getvalue()) > 10, sorted(heavy))
+"""
+
+
+def test_help_loads_no_large_library() -> None:
+    """So that it comes at once; neither does the version. One process, in which nothing was loaded before."""
+    done = subprocess.run([sys.executable, "-c", HELP_OF_ALL], capture_output=True, text=True, check=True)
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(cli.COMMANDS) + 2
+    assert [line for line in lines if not line.endswith("True []")] == []
+
+
 def test_every_command_explains_itself() -> None:
     for name in cli.COMMANDS:
         module = cli._module(name)
         assert module.__doc__ and module.HELP and name == module.NAME
         with pytest.raises(SystemExit, match="0"):
-            cli.parser().parse_args([module.NAME, "--help"])
+            cli.parser([name]).parse_args([name, "--help"])
 
 
 def test_validate_writes_what_it_tells(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

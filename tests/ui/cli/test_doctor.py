@@ -11,7 +11,6 @@ import pytest
 
 from palpate.ui import doctor
 from palpate.ui.cli import main as cli
-from palpate.ui.cli.commands import doctor as command
 from palpate.ui.pictures import offscreen
 
 
@@ -33,7 +32,7 @@ def test_an_absent_package_is_3_and_named(monkeypatch: pytest.MonkeyPatch, capfd
         return known(name)
 
     monkeypatch.setattr(metadata, "version", version)
-    monkeypatch.setattr(command, "examine", lambda progress: [doctor._packages()])
+    monkeypatch.setattr(doctor, "examine", lambda progress: [doctor._packages()])
     assert cli.main(["doctor", "--quiet"]) == 3
     assert "packages: absent: nibabel; remove .venv and run ./run again" in capfd.readouterr().err
 

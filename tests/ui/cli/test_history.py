@@ -16,7 +16,7 @@ from palpate.ui.cli.steps import record, recorded
 def test_history_holds_options_and_no_paths(tmp_path: Path) -> None:
     case = write_case(tmp_path / "case")
     line = ["import", "/scans/Doe^Jane/rest", "/scans/Doe^Jane/full", "-o", str(case.path), "--seed", "4", "--no-align"]
-    record(case, cli.parser().parse_args([*line, "--rest-labels", "/scans/Doe^Jane/rs.dcm"]), 12.34)
+    record(case, cli.arguments([*line, "--rest-labels", "/scans/Doe^Jane/rs.dcm"]), 12.34)
     (entry,) = case.read_json(history.FILE)["commands"]
     assert entry["command"] == "import" and entry["seconds"] == 12.3
     assert "--no-align" in entry["options"] and "--seed 4" in entry["options"]
@@ -25,7 +25,7 @@ def test_history_holds_options_and_no_paths(tmp_path: Path) -> None:
 
 def test_history_keeps_the_last_hundred_and_only_what_ended_well(tmp_path: Path) -> None:
     case = write_case(tmp_path / "case")
-    args = cli.parser().parse_args(["report", str(case.path)])
+    args = cli.arguments(["report", str(case.path)])
     for seconds in range(103):
         record(case, args, float(seconds))
     with pytest.raises(ConvergenceError, match="no"), recorded(case, args):

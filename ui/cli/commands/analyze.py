@@ -9,8 +9,6 @@ import argparse
 import time
 from collections.abc import Mapping
 
-from palpate.case.case_folder import CaseFolder
-from palpate.core.files.json_types import plain
 from palpate.ui.cli.commands import further_states, identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
@@ -28,11 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Runs every step."""
+    from palpate.case.case_folder import CaseFolder  # here, as all that takes long to load: help comes at once
     from palpate.case.steps import identify as identify_step
     from palpate.case.steps import mesh as mesh_step
     from palpate.case.steps.import_scans.pair import run_import
     from palpate.case.steps.segment import run_segment
     from palpate.case.steps.segment_options import SegmentOptions
+    from palpate.core.files.json_types import plain
     from palpate.ui.report import report_step
 
     began = time.monotonic()

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
-from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.errors import InputError
-from palpate.core.files.json_types import plain
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
+
+if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
+    from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 
 NAME, HELP = "diagnose", "where the model is wrong, which effect it leaves out, how far that closes the gap"
 _SHOWN = 4
@@ -35,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Diagnoses; see `diagnose_step.run`."""
-    from palpate.case.steps import diagnose  # here, because VTK takes seconds to load
+    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    from palpate.case.steps import diagnose
+    from palpate.core.files.json_types import plain
 
     no_points(args)
     if args.effects is not None and not args.effects.is_dir():

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import silent
 from palpate.ui.cli.arguments import no_points
 from palpate.ui.cli.console import Console
-from palpate.ui.doctor import Check, examine
+
+if TYPE_CHECKING:
+    from palpate.ui.doctor import Check
 
 NAME, HELP = "doctor", "what works on this machine"
 
@@ -23,6 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Examines; raises InputError naming the first thing that is needed and missing."""
+    from palpate.ui.doctor import examine  # here, because scipy takes a second to load
+
     no_points(args)
     checks = examine(silent)
     missing = [check for check in checks if check.needed and not check.works]

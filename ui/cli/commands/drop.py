@@ -10,9 +10,8 @@ import argparse
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
-from palpate.core.dynamics.drop import DropFigures
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import part
@@ -21,17 +20,20 @@ from palpate.ui.cli.arguments import no_points, number
 from palpate.ui.cli.console import Console
 from palpate.ui.words.number_words import three_figures
 
+if TYPE_CHECKING:
+    from palpate.core.dynamics.drop import DropFigures
+
+    class OrganFall(DropFigures):
+        """One organ of the film: its name there and the stiffness it fell with."""
+
+        name: str
+        G_kpa: dict[str, float]
+
+
 NAME, HELP = "drop", "a film of the organ, or of two, falling onto a dish"
 _PER_SECOND = 30.0
 # Share of the work that the simulation is.
 _SIMULATION = 0.75
-
-
-class OrganFall(DropFigures):
-    """One organ of the film: its name there and the stiffness it fell with."""
-
-    name: str
-    G_kpa: dict[str, float]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Simulates, then draws; the film appears whole or not at all."""
+    from palpate.case.case_folder import CaseFolder  # here, because all these take seconds to load
     from palpate.case.steps import drop
     from palpate.core.dynamics.drop import DropOptions
     from palpate.ui.pictures import offscreen

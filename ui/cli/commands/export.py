@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
@@ -24,6 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Exports; see `palpate.ui.export`."""
+    from palpate.case.case_folder import CaseFolder  # here, because it takes seconds to load
+
     no_points(args)
     if args.folder.exists() and not args.folder.is_dir():
         raise InputError(f"{args.folder} is a file; give a folder to write into")

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
-from palpate.case.deformed_states import NewState, add_state
 from palpate.ui.cli.arguments import UsageError
+
+if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
+    from palpate.case.deformed_states import NewState
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def states_of(args: argparse.Namespace) -> list[NewState]:
     """What a command line asks for. Raises UsageError where options do not belong together."""
+    from palpate.case.deformed_states import NewState  # here, because it takes seconds to load
+
     folders = [path for path in args.more if path.is_dir()]
     for name, given, wanted in (("labels", args.more_labels, folders), ("landmarks", args.more_landmarks, args.more)):
         if given and len(given) != len(wanted):
@@ -39,4 +44,6 @@ def states_of(args: argparse.Namespace) -> list[NewState]:
 
 def add_states(case: CaseFolder, states: list[NewState]) -> list[str]:
     """Adds them to an imported case; a line on each."""
+    from palpate.case.deformed_states import add_state
+
     return [f"state   {case.file(add_state(case, state).labels)}" for state in states]

@@ -5,18 +5,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from msgspec import UNSET
-
-from palpate.case.case_folder import STATES, CaseFolder
-from palpate.core.fem.elements import ELEMENTS
-from palpate.core.files.json_types import plain
-from palpate.core.identify.options import BOUNDARIES, METHODS, IdentifyOptions
-from palpate.core.identify.result_record import ReidentificationRecord, ResultRecord
 from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 from palpate.ui.words.number_words import three_figures
+
+if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
+    from palpate.core.identify.options import IdentifyOptions
+    from palpate.core.identify.result_record import ReidentificationRecord, ResultRecord
 
 NAME, HELP = "identify", "mesh and surfaces to stiffness with its uncertainty"
 
@@ -35,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """How to search."""
-    default = IdentifyOptions
+    from palpate.core.fem.elements import ELEMENTS  # here: not every command loads it
+    from palpate.core.identify.options import BOUNDARIES, METHODS
+    from palpate.core.identify.options import IdentifyOptions as default
+
     group = parser.add_argument_group("identification")
     group.add_argument("--method", choices=METHODS, default=default.method, help="search (default %(default)s)")
     group.add_argument("--boundary", choices=BOUNDARIES, default=default.boundary,
@@ -57,6 +59,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def options_of(args: argparse.Namespace) -> IdentifyOptions:
     """The identification options of a command line."""
+    from palpate.core.identify.options import IdentifyOptions
+
     return IdentifyOptions(
         method=args.method,
         boundary=args.boundary,
@@ -73,11 +77,9 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Identifies; see `identify_step.run` and `again_step.run`."""
-    from palpate.case.steps import (
-        identify,
-        measure_contour_noise,  # here, because VTK takes seconds to load
-        reidentify,
-    )
+    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    from palpate.case.steps import identify, measure_contour_noise, reidentify
+    from palpate.core.files.json_types import plain
 
     no_points(args)
     case = CaseFolder(args.case)
@@ -93,6 +95,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
 
 
 def _repeat(text: str) -> tuple[str, Path]:
+    from palpate.case.case_folder import STATES
+
     state, equals, path = text.partition("=")
     if not (equals and path) or state not in STATES:
         raise argparse.ArgumentTypeError(f"{text!r} is not like rest=second_drawing.nii.gz or deformed=...")
@@ -101,7 +105,10 @@ def _repeat(text: str) -> tuple[str, Path]:
 
 def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, written: str = "result.json") -> list[str]:
     """What a person reads of an identification."""
+    from msgspec import UNSET
+
     from palpate.case.meshed import rigid_offset_of
+    from palpate.core.identify.result_record import ResultRecord
 
     lines = []
     for name, found in result.parameters.items():

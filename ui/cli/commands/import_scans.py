@@ -11,16 +11,16 @@ import argparse
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
-from palpate.case.step_records import ImportRecord
-from palpate.case.steps.import_scans.options import ImportOptions
-from palpate.case.steps.import_scans.pair import run_import
-from palpate.case.steps.import_scans.rest_only import import_alone
 from palpate.ui.cli.arguments import UsageError, add_roi, no_points, roi_of
 from palpate.ui.cli.commands import further_states, import_surfaces
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
+
+if TYPE_CHECKING:
+    from palpate.case.step_records import ImportRecord
+    from palpate.case.steps.import_scans.options import ImportOptions
 
 NAME, HELP = "import", "two scans to a case folder, aligned on bone"
 
@@ -64,6 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Imports; see `run_import` and `run_surface_import`."""
+    from palpate.case.case_folder import CaseFolder  # here, because it takes seconds to load
+    from palpate.case.steps.import_scans.pair import run_import
+
     no_points(args)
     if args.deformed is None:
         return _alone(args, console)
@@ -80,6 +83,9 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
 
 def _alone(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """The scan at rest alone."""
+    from palpate.case.case_folder import CaseFolder
+    from palpate.case.steps.import_scans.rest_only import import_alone
+
     of_two = ("surfaces", "deformed_labels", "deformed_series", "landmarks", "more", "same_patient")
     for name in of_two:
         if getattr(args, name):
@@ -92,6 +98,8 @@ def _alone(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, obj
 
 def options_of(args: argparse.Namespace) -> ImportOptions:
     """The import options of a command line. Raises UsageError for a malformed ``--roi``."""
+    from palpate.case.steps.import_scans.options import ImportOptions
+
     return ImportOptions(
         name=args.name,
         series=(args.rest_series or args.series, args.deformed_series or args.series),

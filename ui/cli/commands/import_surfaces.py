@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
-from palpate.case.step_records import SurfacesRecord
 from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
+
+if TYPE_CHECKING:
+    from palpate.case.step_records import SurfacesRecord
 
 _UNFIT = ("rest_labels", "deformed_labels", "roi", "rest_series", "deformed_series", "series", "same_patient")
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Imports; see `run_surface_import`. Raises UsageError for an option that is of scans only."""
-    from palpate.case.steps.import_scans import surfaces  # here, because VTK takes seconds to load
+    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    from palpate.case.steps.import_scans import surfaces
 
     for name in _UNFIT:
         if getattr(args, name):

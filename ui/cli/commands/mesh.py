@@ -6,13 +6,13 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
-from palpate.meshing.mesh_labels import MeshOptions
+from palpate.meshing.mesh_options import MeshOptions
 from palpate.ui.cli.arguments import add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 
 if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
     from palpate.case.meshed import MeshReport
 
 NAME, HELP = "mesh", "label volumes to one conforming mesh and smooth surfaces"
@@ -38,7 +38,8 @@ def options_of(args: argparse.Namespace) -> MeshOptions:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Meshes; see `mesh_step.run`."""
-    from palpate.case.steps import mesh  # here, because VTK takes seconds to load
+    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    from palpate.case.steps import mesh
 
     no_points(args)
     case = CaseFolder(args.case)

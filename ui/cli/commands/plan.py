@@ -9,7 +9,6 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
 
@@ -40,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Plans, and draws plan.png; see `plan_step.run`."""
+    from palpate.case.case_folder import CaseFolder  # here, because it takes seconds to load
     from palpate.case.steps import plan as plan_step
     from palpate.ui.pictures.plan_curve import plan_curve
 

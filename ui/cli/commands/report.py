@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import add_case, no_points
 from palpate.ui.cli.console import Console
 
@@ -23,7 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Reports; see `report_step.run`."""
-    from palpate.ui.report import report_step  # here, because matplotlib and VTK take seconds to load
+    from palpate.case.case_folder import CaseFolder  # here, because it, matplotlib and VTK take seconds to load
+    from palpate.ui.report import report_step
 
     no_points(args)
     with console.progress(NAME) as progress:

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
-from palpate.case.step_records import OrganRecord, SegmentationRecord, SegmentedRecord
 from palpate.core.errors import InputError
-from palpate.segmentation.prompts import Prompts, parse_prompts
 from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 from palpate.ui.words.label_words import WORDS
+
+if TYPE_CHECKING:
+    from palpate.case.step_records import OrganRecord, SegmentationRecord, SegmentedRecord
+    from palpate.segmentation.prompts import Prompts
 
 NAME, HELP = "segment", "CTs to label volumes: prostate, bladder, rectum, bone, tissue"
 _SIX = "NAME=X,Y,Z;...;X,Y,Z"
@@ -47,6 +49,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
     """What was pointed at in the scan at rest and in the deformed one. Raises UsageError for a malformed point."""
+    from palpate.segmentation.prompts import parse_prompts
+
     random_seed(args)  # a word without "=" is neither a number nor a point
     try:
         rest = parse_prompts(points(args), args.extremes, args.box)
@@ -58,7 +62,8 @@ def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Segments; see `run_segment`."""
-    from palpate.case.steps.segment import run_segment  # here: it takes a second to load
+    from palpate.case.case_folder import CaseFolder  # here, because these take seconds to load
+    from palpate.case.steps.segment import run_segment
     from palpate.case.steps.segment_options import SegmentOptions
 
     options = SegmentOptions(*prompts_of(args), model=args.model)

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.core.sketch.figure import SIDES
-from palpate.core.sketch.swarm_fit import SwarmFitOptions
+from palpate.core.sketch.sides import SIDES
 from palpate.ui.cli.arguments import UsageError, no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 
@@ -85,7 +84,8 @@ def text_of(summary: SketchRecord, folder: Path) -> list[str]:
 
 
 def _options(args: argparse.Namespace) -> SketchOptions:
-    from palpate.case.steps.sketch_options import SketchOptions
+    from palpate.case.steps.sketch_options import SketchOptions  # here, because numba takes a second to load
+    from palpate.core.sketch.swarm_fit import SwarmFitOptions
 
     hold = None
     if args.hold is not None:

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.case.case_folder import CaseFolder
 from palpate.ui.cli.arguments import UsageError, add_case, no_points, whole_number
 from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
     from palpate.core.touch.body import Body
     from palpate.ui.desktop.scripting.script_runner import Command
     from palpate.ui.desktop.touch.application import Touched
@@ -46,7 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Makes the organ ready; then plays the script, or opens the window."""
-    from palpate.case.steps.touch import TouchStepOptions, body_of  # here, because VTK takes seconds to load
+    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    from palpate.case.steps.touch import TouchStepOptions, body_of
     from palpate.ui.desktop.scripting.script_runner import read_script
     from palpate.ui.desktop.touch.script import OF_THE_WINDOW, parse
 
