@@ -14,7 +14,7 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.landmarks import Landmarks, landmarks_csv, read_landmarks
-from palpate.case.rigid_offset import RigidOffset, elsewhere_in
+from palpate.case.rigid_offset import RigidOffset, rigid_offset_in
 from palpate.case.stated_files import FurtherState, checked_state, state_entries, stated_states
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -35,7 +35,7 @@ def state_labels(case: CaseFolder, state: FurtherState) -> Volume:
     Raises InputError when the file holds no prostate (labels 1, 2).
     """
     volume = _stored_labels(case, state)
-    offset = elsewhere_in(case, volume)
+    offset = rigid_offset_in(case, volume)
     return volume if offset is None else volume.moved(offset.deformed_to_rest)
 
 
@@ -44,7 +44,7 @@ def state_rigid_offset(case: CaseFolder, state: FurtherState) -> RigidOffset | N
 
     `state_labels` and `state_landmarks` have already removed it.
     """
-    return elsewhere_in(case, _stored_labels(case, state))
+    return rigid_offset_in(case, _stored_labels(case, state))
 
 
 def _stored_labels(case: CaseFolder, state: FurtherState) -> Volume:
@@ -68,8 +68,8 @@ class NewState:
     """Files of a deformed state to add.
 
     scan : NIfTI label volume, or folder of a DICOM CT. labels : contours drawn on that CT; required with a CT.
-    landmarks : CSV file, deformed points in this scan's own coordinates (LPS, mm). align : False where the scan already lies
-    in the frame of the scan at rest.
+    landmarks : CSV file, deformed points in this scan's own coordinates (LPS, mm). align : False where the scan already
+    lies in the frame of the scan at rest.
     """
 
     scan: Path
@@ -82,8 +82,8 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
     """The deformed state that was added to the case; its files are written and case.json lists it.
 
     Precondition: the case has been imported. Adding the same files again changes nothing and returns the earlier state.
-    Only the labels of a CT are kept. Raises InputError when labels are missing, when CTs show no bone to align on, when a
-    file cannot be read, or when the labels equal those of the first deformed state.
+    Only the labels of a CT are kept. Raises InputError when labels are missing, when CTs show no bone to align on, when
+    a file cannot be read, or when the labels equal those of the first deformed state.
     """
     drawn = new.labels or new.scan
     read = [*(files_of(drawn) if drawn.is_file() else ()), *([] if new.landmarks is None else [new.landmarks])]

@@ -1,7 +1,7 @@
-"""A deformed scan that lies elsewhere as a whole: case folders made by hand, whose scans nobody has aligned on bone.
+"""Rigid offset between the two label volumes of a case made by hand, whose scans nobody has aligned on bone.
 
-Where the bones moved and the edge of the drawn region with them, no part of the body that a model holds has moved against another: the
-same model, which does not care where a patient lies, seen from another frame. Where bones moved alone, something did move
+An offset is assumed where bones and the edge of the labelled region moved alike: the modelled parts of the body have
+then not moved against one another, and the model does not depend on the frame. Bones that moved alone are an effect
 (`core.diagnose.effects.bone_motion`).
 """
 
@@ -23,9 +23,10 @@ from palpate.imaging.registration.align_on_bone import align_labels
 from palpate.imaging.volume import Volume
 from palpate.meshing.smooth_distance import SmoothField, signed_distance
 
-# The region's edge may lie as far apart as this, rms mm, in scans that are aligned; contours and free edges do (1.0 mm were seen).
+# Largest rms distance of the region's edges in aligned scans, mm; contours and free edges reached 1.0 mm.
 _IN_PLACE_MM = 1.2
-# Once the bones are laid on one another, to _ON_BONE_MM, its edge must be this near, rms mm, and so much nearer than before.
+# Conditions after alignment on bone: largest residual on bone, largest rms distance of the edges, mm, and its largest
+# share of the distance before.
 _ON_BONE_MM, _NEAR_MM, _SHARE = 1.0, 1.5, 0.5
 
 
@@ -39,7 +40,9 @@ class OffsetRecord(TypedDict):
 
 @dataclass(frozen=True, eq=False)
 class RigidOffset:
-    """deformed_to_rest : (4, 4) LPS mm, rigid. shift_mm : how far it takes the organ's middle; turn_deg : by how much it turns."""
+    """deformed_to_rest : (4, 4), LPS mm, rigid. shift_mm : displacement of the organ's centre. turn_deg : angle of
+    rotation.
+    """
 
     deformed_to_rest: FloatArray
     shift_mm: float
@@ -47,11 +50,11 @@ class RigidOffset:
 
     @classmethod
     def from_dict(cls, found: OffsetRecord) -> RigidOffset:
-        """Of what `to_dict` made."""
+        """Inverse of `to_dict`."""
         return cls(np.array(found["deformed_to_rest"]), float(found["shift_mm"]), float(found["turn_deg"]))
 
     def back(self, points: FloatArray) -> FloatArray:
-        """Points (n, 3) mm of the deformed scan in the frame of the one at rest."""
+        """Points (n, 3), mm, of the deformed scan in the frame of the scan at rest."""
         return transformed(self.deformed_to_rest, points)
 
     def to_dict(self) -> OffsetRecord:
@@ -70,15 +73,17 @@ class RigidOffset:
         )
 
 
-def elsewhere_in(case: CaseFolder, deformed: Volume) -> RigidOffset | None:
-    """How a deformed state of a case lies elsewhere. None where `import` made the case: it aligns scans, or was told not to."""
+def rigid_offset_in(case: CaseFolder, deformed: Volume) -> RigidOffset | None:
+    """Rigid offset of a deformed state's labels. None for a case of `import`, which has aligned the scans or was told
+    not to.
+    """
     if case.has("import.json") or not case.has_labels("rest"):
         return None
-    return laid_elsewhere(case.labels("rest"), deformed)
+    return rigid_offset_between(case.labels("rest"), deformed)
 
 
-def laid_elsewhere(rest: Volume, deformed: Volume) -> RigidOffset | None:
-    """How two label volumes lie apart as a whole; None where they do not, or where that cannot be told."""
+def rigid_offset_between(rest: Volume, deformed: Volume) -> RigidOffset | None:
+    """Rigid offset between two label volumes; None where there is none or it cannot be determined."""
     if not ((rest.array == BONE).any() and (deformed.array == BONE).any()):
         return None
     apart = _apart(rest, deformed)
@@ -86,22 +91,23 @@ def laid_elsewhere(rest: Volume, deformed: Volume) -> RigidOffset | None:
         return None
     try:
         on_bone = align_labels(rest, deformed)
-    except InputError:  # bones that cannot be laid on one another
+    except InputError:  # bones that cannot be aligned
         return None
     matrix = on_bone.deformed_to_rest
-    left = _apart(rest, deformed.moved(matrix))
-    if on_bone.residual_mm > _ON_BONE_MM or left > min(_NEAR_MM, _SHARE * apart):
+    apart_after = _apart(rest, deformed.moved(matrix))
+    if on_bone.residual_mm > _ON_BONE_MM or apart_after > min(_NEAR_MM, _SHARE * apart):
         return None
     organ = deformed.to_lps(np.argwhere(np.isin(deformed.array, ORGAN_LABELS)).astype(np.float64))
-    found = RigidOffset(matrix, 0.0, float(np.rad2deg(Rotation.from_matrix(matrix[:3, :3]).magnitude())))
-    return replace(found, shift_mm=float(np.linalg.norm((found.back(organ) - organ).mean(axis=0))))
+    offset = RigidOffset(matrix, 0.0, float(np.rad2deg(Rotation.from_matrix(matrix[:3, :3]).magnitude())))
+    return replace(offset, shift_mm=float(np.linalg.norm((offset.back(organ) - organ).mean(axis=0))))
 
 
 def _apart(rest: Volume, deformed: Volume) -> float:
-    """rms mm between the edges of everything that has a label; 0 where the labels at rest fill their grid and have none."""
-    here, there = (SmoothField(v.with_array(signed_distance(v.array > 0, v.spacing))) for v in (rest, deformed))
-    edge = np.abs(here.grid.array) < rest.spacing.min()
+    """rms distance, mm, between the edges of the labelled regions; 0 where the labels at rest fill their grid and have
+    no edge.
+    """
+    at_rest, after = (SmoothField(v.with_array(signed_distance(v.array > 0, v.spacing))) for v in (rest, deformed))
+    edge = np.abs(at_rest.grid.array) < rest.spacing.min()
     if not edge.any():
         return 0.0
-    off = there.at(rest.to_lps(np.argwhere(edge).astype(np.float64))) - here.grid.array[edge]
-    return rms(off)
+    return rms(after.at(rest.to_lps(np.argwhere(edge).astype(np.float64))) - at_rest.grid.array[edge])

@@ -1,4 +1,4 @@
-"""Contours of a second state as a person would draw them: smooth correlated errors, each organ's its own."""
+"""Contours with the errors of a person: smooth, correlated, independent for each organ."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from palpate.imaging.volume import Volume
 from palpate.simulate.source import labels_on
 
 # What a person contours; bone and the modelled region are not.
-_DRAWN = (ORGAN_LABELS, (BLADDER,), (RECTUM,))
+_CONTOURED = (ORGAN_LABELS, (BLADDER,), (RECTUM,))
 _STEP_MM = 2.0
 
 
-def drawn_labels(
+def labels_with_contour_errors(
     labels: Callable[[FloatArray], LabelArray],
     grid: Volume,
     noise_sd_mm: float,
@@ -26,14 +26,14 @@ def drawn_labels(
 ) -> Volume:
     """Labels on a grid, their contours displaced at random.
 
-    labels : label (n,) of points (n, 3) mm. noise_sd_mm : standard deviation of the displacement along any direction, so
-    along the normal; its correlation over a distance d is exp(-d^2 / (2 correlation_mm^2)).
+    labels : label (n,) of points (n, 3) mm. noise_sd_mm : standard deviation of the displacement along any direction,
+    so along the normal; its correlation over a distance d is exp(-d^2 / (2 correlation_mm^2)).
     """
     clean = labels_on(labels, grid)
     if noise_sd_mm == 0.0:
         return clean
-    result = np.where(np.isin(clean.array, np.concatenate(_DRAWN)), SURROUNDING_TISSUE, clean.array)
-    for members in _DRAWN:
+    result = np.where(np.isin(clean.array, np.concatenate(_CONTOURED)), SURROUNDING_TISSUE, clean.array)
+    for members in _CONTOURED:
         moved = _displaced(labels, clean, members, random_field(grid, noise_sd_mm, correlation_mm, rng))
         mine = np.isin(moved, members) & (result == SURROUNDING_TISSUE)
         result[mine] = moved[mine]

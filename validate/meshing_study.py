@@ -1,7 +1,8 @@
 """Meshes of contoured scans: angles, volumes, distance from the contours, thin tissue, seconds.
 
-How far a surface lies from its label's voxels is told in voxels (each axis by its own edge) and in mm. No smooth surface lies
-within half the smallest edge of slices three times as thick: beside each mesh stands what the smooth surface itself reaches.
+How far a surface lies from its label's voxels is told in voxels (each axis by its own edge) and in mm. No smooth
+surface lies within half the smallest edge of slices three times as thick: beside each mesh stands what the smooth
+surface itself reaches.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import NotRequired, TypedDict
 import numpy as np
 from scipy import ndimage
 
-from palpate.case.drawn_labels import drawn_of_volume
+from palpate.case.contours import contours_of_volume
 from palpate.case.steps.segment import labels_of
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState
@@ -56,7 +57,9 @@ class Checks(TypedDict):
 
 
 class MeshRow(TypedDict):
-    """One mesh: its cells, its volumes against the labels', distances of its organ surface from the outline of the voxels."""
+    """One mesh: its cells, its volumes against the labels', distances of its organ surface from the outline of the
+    voxels.
+    """
 
     scan: str
     cells: int
@@ -105,14 +108,16 @@ def meshing_study(
 
 
 def _cpu_seconds() -> float:
-    """Processor time so far, that of the mesher's process included: what the clock would say on a machine with no other work."""
+    """Processor time so far, that of the mesher's process included: what the clock would say on a machine with no other
+    work.
+    """
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def labels_of_scan(scan: ContouredScan) -> Volume:
     """The labels of the modelled region: what was drawn, bone and tissue found."""
-    drawn = drawn_of_volume(scan.labels)
+    drawn = contours_of_volume(scan.labels)
     segmentation = segment_pelvis(scan.ct, drawn=drawn.organs)
     part = SegmentedState(segmentation, drawn, drawn.volume)
     normal, source = midline_normal(segmentation.scene.pelvis)

@@ -1,4 +1,4 @@
-"""The diagnose step of a case: what the model leaves out, in a worker process."""
+"""The diagnose step of a case: which effect the plain model leaves out. The computation is a job in a worker process."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ _KIND, _BODY_KIND = "palpate.core.diagnose.job:run", "palpate.core.diagnose.benc
 
 @dataclass(frozen=True)
 class DiagnoseOptions:
-    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : how many to average over.
+    """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : number of meshes to average
+    over.
 
-    numbers : that the diagnosis hangs on.
+    numbers : noise model, wall motion and decision rules.
     """
 
     effects: Path | None = None
@@ -55,10 +56,10 @@ def run(
 ) -> DiagnosisRecord:
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
-    The plain model is fitted here, with the noise model of the diagnosis: result.json is neither needed nor changed. A case that
-    has labels but no mesh yet is meshed first; a body on a bench (`bench_body`) has its own way. Nothing is done when nothing has changed.
-    do_job : who is a worker process already gives `run_inline`.
-    Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
+    The job fits the plain model with the noise model of the diagnosis; result.json is neither read nor written. A case
+    with labels and no mesh is meshed first. A body on a bench (`bench_body`) has a job of its own. The step passes over
+    a case whose inputs and options are those of the last run. do_job : runs the job; a caller in a worker process gives
+    `run_inline`. Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
     """
     options = options or DiagnoseOptions()
     body = is_body(case)
@@ -77,35 +78,35 @@ def run(
     else:
         given = arrays(replace(data_of(case), remeshed=remeshed(case, options.meshes - 1, part(progress, 0.2, 0.4))))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
-    told = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    found = _of_case(
-        case, typed(told, DiagnosisRecord, "the worker's answer", ""), [] if body else rigid_offset_notes(case)
+    answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
+    record = _of_case(
+        case, typed(answer, DiagnosisRecord, "the worker's answer", ""), [] if body else rigid_offset_notes(case)
     )
-    case.write_json(DIAGNOSIS, found)
-    DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, found.where.map))
-    return found
+    case.write_json(DIAGNOSIS, record)
+    DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, record.where.map))
+    return record
 
 
-def _of_case(case: CaseFolder, found: DiagnosisRecord, flags: list[str]) -> DiagnosisRecord:
-    """With what only the case knows; the map named as a file of the case."""
+def _of_case(case: CaseFolder, record: DiagnosisRecord, flags: list[str]) -> DiagnosisRecord:
+    """The record completed by the case: its flags, whether it is simulated, the map's path from the case folder."""
     return structs.replace(
-        found,
-        where=structs.replace(found.where, map=f"{_FOLDER}/{found.where.map}"),
-        flags=[*found.flags, *flags],
+        record,
+        where=structs.replace(record.where, map=f"{_FOLDER}/{record.where.map}"),
+        flags=[*record.flags, *flags],
         simulated=True if case.facts.other.get("simulated") else UNSET,
     )
 
 
 def rigid_offset_notes(case: CaseFolder) -> list[str]:
-    """A line for each deformed scan of a meshed case that lay elsewhere as a whole."""
+    """A line for each deformed scan of a meshed case that had a rigid offset."""
     first = rigid_offset_of(case)
-    found = [] if first is None else [first.words()]
+    notes = [] if first is None else [first.words()]
     further = ((state.name, state_rigid_offset(case, state)) for state in further_states(case))
-    return found + [away.words(f"the scan {name!r}") for name, away in further if away is not None]
+    return notes + [offset.words(f"the scan {name!r}") for name, offset in further if offset is not None]
 
 
 def data_of(case: CaseFolder) -> CaseData:
-    """What a diagnosis sees of a meshed case."""
+    """Data of a diagnosis, from a meshed case."""
     rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
     bones = SurfacePair(rest["bone"], deformed["bone"]) if "bone" in rest and "bone" in deformed else None
     first = problem_of(case)
@@ -114,13 +115,14 @@ def data_of(case: CaseFolder) -> CaseData:
 
 
 def _further_bones(case: CaseFolder, at_rest: Surface | None) -> list[SurfacePair | None]:
-    """Of every further deformed state; None where either shows none."""
-    seen = [wall_surface(state_labels(case, state), BONE) for state in further_states(case)]
-    return [SurfacePair(at_rest, bone) if at_rest is not None and len(bone.faces) else None for bone in seen]
+    """Bone surfaces of every further deformed state; None where a scan shows no bone."""
+    bones = [wall_surface(state_labels(case, state), BONE) for state in further_states(case)]
+    return [SurfacePair(at_rest, bone) if at_rest is not None and len(bone.faces) else None for bone in bones]
 
 
 def remeshed(case: CaseFolder, count: int, progress: Progress = silent) -> tuple[Remeshed, ...]:
-    """So many other meshes of the case's labels at rest, as fine as its own; none where it has a mesh but no labels.
+    """`count` further meshes of the labels at rest, as fine as the case's own; none where the case has a mesh but no
+    labels.
 
     A mesh that cannot be made is left out.
     """

@@ -1,4 +1,4 @@
-"""The identify step of a case: mesh and surfaces to stiffness, in a worker process."""
+"""The identify step of a case: mesh and surfaces to stiffness. The computation is a job in a worker process."""
 
 from __future__ import annotations
 
@@ -42,9 +42,10 @@ def run(
 ) -> ResultRecord:
     """Write result.json and identify/ of a case; return what result.json says.
 
-    Nothing is done when inputs and options are those of the last run; a run that was killed goes on from its checkpoint.
-    A case that has labels but no mesh yet is meshed first. do_job : who is a worker process already gives `run_inline`.
-    Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
+    The step passes over a case whose inputs and options are those of the last run. A run that was killed goes on from
+    its checkpoint. A case with labels and no mesh is meshed first. do_job : runs the job; a caller in a worker process
+    gives `run_inline`. Raises InputError when labels are missing, ConvergenceError when nothing could be solved,
+    Cancelled.
     """
     options = options or IdentifyOptions()
     if not case.has("mesh.json"):
@@ -55,20 +56,20 @@ def run(
         return read_result(case)
     folder = case.file("identify")
     paths = _write_problems(case, folder)
-    told = do_job(_job(case, options, paths), lambda m: _tell(m, progress))
-    result = _of_case(case, typed(told, IdentificationRecord, "the worker's answer", ""))
+    answer = do_job(_job(case, options, paths), lambda m: _tell(m, progress))
+    result = _of_case(case, typed(answer, IdentificationRecord, "the worker's answer", ""))
     case.write_json("result.json", result)
     IDENTIFY.mark_done(case, made_from)
     progress(1.0, "stiffness found")
     return result
 
 
-def _of_case(case: CaseFolder, found: IdentificationRecord) -> ResultRecord:
-    """With what only the case knows."""
-    stated = {name: getattr(found, name) for name in found.__struct_fields__}
-    misfit = msgspec.structs.replace(found.misfit, contour_noise_from=noise_source(case))
+def _of_case(case: CaseFolder, record: IdentificationRecord) -> ResultRecord:
+    """The job's record completed by the case: versions, hashes of inputs, source of the contours' noise."""
+    fields = {name: getattr(record, name) for name in record.__struct_fields__}
+    misfit = msgspec.structs.replace(record.misfit, contour_noise_from=noise_source(case))
     return ResultRecord(
-        **{**stated, "misfit": misfit},
+        **{**fields, "misfit": misfit},
         versions=versions(),
         inputs_sha256=_input_hashes(case),
         simulated=True if case.facts.other.get("simulated") else UNSET,
@@ -76,7 +77,7 @@ def _of_case(case: CaseFolder, found: IdentificationRecord) -> ResultRecord:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages that an answer depends on."""
+    """Versions of the packages that a result depends on."""
     out = {}
     for name in _PACKAGES:
         try:
@@ -87,7 +88,9 @@ def versions() -> dict[str, str]:
 
 
 def _write_problems(case: CaseFolder, folder: Path) -> dict[str, str]:
-    """problem.npz, and problem_2.npz and so on for further states; their paths by role. Those of states that are gone go too."""
+    """Write problem.npz, and problem_2.npz, ... for further states; return paths by role. Files of removed states are
+    deleted.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     first = problem_of(case)
     problems = {"problem": first}
@@ -116,7 +119,7 @@ def _job(case: CaseFolder, options: IdentifyOptions, paths: dict[str, str]) -> J
 
 
 def overall(fraction: float) -> float:
-    """The fraction of the whole step that a fraction of the worker's job stands for."""
+    """Progress of the step at a fraction of its job; the first tenth is the mesh's."""
     return 0.1 + 0.88 * float(fraction)
 
 

@@ -1,4 +1,4 @@
-"""How well contours repeat, from labels drawn a second time on the same scan: noise.json, which `identify` then goes by."""
+"""Contour noise measured from a second set of contours of the same scan: noise.json, which `identify` then uses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.measured_noise import FILE
-from palpate.case.second_drawing import redrawn_labels
+from palpate.case.second_contours import second_contours
 from palpate.core.errors import InputError
 from palpate.core.observe.repeat_contours import repeat_of
 from palpate.core.surfaces.surface import Surface
@@ -19,7 +19,7 @@ from palpate.meshing.label_surfaces import organ_surfaces
 
 
 class RepeatRecord(TypedDict):
-    """Of one state drawn twice: noise and its correlation length, how far the drawings lie apart (mm), and the second one's file."""
+    """One state contoured twice, mm: noise, its correlation length, distance of the contours; hash of the second file."""
 
     sd_mm: float
     correlation_mm: float
@@ -28,7 +28,7 @@ class RepeatRecord(TypedDict):
 
 
 class NoiseRecord(TypedDict):
-    """noise.json: standard deviation and correlation length of the contours' noise, mm, over all states, and by state."""
+    """noise.json: standard deviation and correlation length of contour noise, mm, over all states and by state."""
 
     sd_mm: float
     correlation_mm: float
@@ -36,10 +36,11 @@ class NoiseRecord(TypedDict):
 
 
 def run(case: CaseFolder, drawn: Mapping[str, Path]) -> NoiseRecord:
-    """Write noise.json and return it. drawn : state ("rest", "deformed") -> labels drawn again on its scan.
+    """Write noise.json and return it. drawn : state ("rest", "deformed") -> file of a second set of contours of its
+    scan.
 
-    Raises InputError where case.json states the noise already, the case has no labels of a state, or two drawings are not
-    of one organ.
+    Raises InputError where case.json states the noise already, the case has no labels of a state, or the two sets of
+    contours are not of one organ.
     """
     if case.facts.boundary_noise_sd_mm is not None:
         raise InputError(
@@ -47,10 +48,10 @@ def run(case: CaseFolder, drawn: Mapping[str, Path]) -> NoiseRecord:
         )
     states: dict[str, RepeatRecord] = {}
     for state, path in drawn.items():
-        first, second = _organ(case.labels(state)), _organ(redrawn_labels(case, state, path))
-        found = repeat_of(first, second)
+        first, second = _organ(case.labels(state)), _organ(second_contours(case, state, path))
+        repeat = repeat_of(first, second)
         states[state] = {
-            "sd_mm": found.sd_mm, "correlation_mm": found.correlation_mm, "apart_mm": found.apart_mm, "sha256": file_sha256(path),
+            "sd_mm": repeat.sd_mm, "correlation_mm": repeat.correlation_mm, "apart_mm": repeat.apart_mm, "sha256": file_sha256(path),
         }  # fmt: skip
     noise: NoiseRecord = {
         "sd_mm": float(np.sqrt(np.mean([s["sd_mm"] ** 2 for s in states.values()]))),
@@ -63,5 +64,5 @@ def run(case: CaseFolder, drawn: Mapping[str, Path]) -> NoiseRecord:
 
 def _organ(labels: Volume) -> Surface:
     surface = organ_surfaces(labels)
-    # As one region: sides may be drawn apart in one drawing and not in the other.
+    # As one region: the halves may be contoured in one set only.
     return Surface(surface.points, surface.faces, np.ones(len(surface.faces), dtype=np.int64))

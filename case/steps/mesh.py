@@ -10,7 +10,7 @@ import pyvista as pv
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.imported import holds_rest_alone
 from palpate.case.meshed import ORGAN_NAME, MeshReport, load_meshed
-from palpate.case.rigid_offset import elsewhere_in
+from palpate.case.rigid_offset import rigid_offset_in
 from palpate.case.steps.declarations import MESH
 from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
@@ -27,9 +27,10 @@ from palpate.meshing.partition import HOLE_NAMES
 def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> MeshReport:
     """Write mesh.npz, surfaces.npz, mesh.json and mesh.vtu of a case; return what mesh.json says.
 
-    Surfaces of both states lie in the frame of the scan at rest: where nobody has aligned the scans, that is done here (`laid_elsewhere`).
-    Nothing is done when the labels and options are those of the last run. The mesh depends on the rest labels only and
-    is kept when only the deformed ones have changed: off Linux the mesher never makes the same mesh twice.
+    Surfaces of both states are in the frame of the scan at rest. Scans that nobody has aligned are aligned here
+    (`laid_elsewhere`). The step passes over a case whose labels and options are those of the last run. The mesh depends
+    on the rest labels only and is kept when only the deformed labels have changed: outside Linux the mesher does not
+    repeat a mesh.
 
     Raises InputError when labels are missing or cannot be meshed, ConvergenceError when the mesher fails.
     """
@@ -46,9 +47,9 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         if not case.has_labels(state):
             raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")
     rest, deformed = case.labels("rest"), case.labels("deformed")
-    elsewhere = elsewhere_in(case, deformed)
-    if elsewhere is not None:
-        deformed = deformed.moved(elsewhere.deformed_to_rest)
+    offset = rigid_offset_in(case, deformed)
+    if offset is not None:
+        deformed = deformed.moved(offset.deformed_to_rest)
     progress(0.02, "smooth surfaces")
     arrays = surface_arrays("rest", rest) | surface_arrays("deformed", deformed)
     progress(0.15, "tetrahedra")
@@ -66,7 +67,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         "notes": [
             f"{s}: {n}" for s, labels in (("rest", rest), ("deformed", deformed)) for n in detached_notes(labels)
         ],
-        "laid_elsewhere": None if elsewhere is None else elsewhere.to_dict(),
+        "laid_elsewhere": None if offset is None else offset.to_dict(),
         "surface_faces": {key[: -len("_faces")]: len(a) for key, a in arrays.items() if key.endswith("_faces")},
     }
     case.write_json("mesh.json", report)
@@ -76,7 +77,8 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
 
 
 def surface_arrays(state: str, labels: Volume) -> dict[str, NumberArray]:
-    """Arrays of the surfaces of one state: STATE_NAME_points (n, 3) mm, STATE_NAME_faces (f, 3), STATE_NAME_region (f,).
+    """Arrays of the surfaces of one state: STATE_NAME_points (n, 3) mm, STATE_NAME_faces (f, 3), STATE_NAME_region
+    (f,).
 
     NAME is organ, bone, bladder or rectum; absent labels are left out. STATE_organ_rim holds the points where organ
     regions meet.

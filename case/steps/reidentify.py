@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.case.case_folder import CaseFolder, file_sha256
-from palpate.case.second_drawing import redrawn_labels
+from palpate.case.second_contours import second_contours
 from palpate.core.errors import InputError
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.mu_split import separable
@@ -42,14 +42,14 @@ class _MadeFrom(msgspec.Struct):
 def run(case: CaseFolder, path: Path, progress: Progress = silent) -> ReidentificationRecord:
     """Write again.json of a case that a swarm has identified, from labels drawn on its deformed scan, and return it.
 
-    path : of any kind that an import takes, in the deformed scan's own coordinates. Mesh, walls and weights stay those of
-    the first identification, and result.json too. seconds, cpu_seconds : from the organ's surface to the stiffness.
+    path : of any kind that an import takes, in the deformed scan's own coordinates. Mesh, walls and weights stay those
+    of the first identification, and result.json too. seconds, cpu_seconds : from the organ's surface to the stiffness.
     Raises InputError where there is no identification, it left no reduced model, the case has changed since, or the
     labels cannot be read.
     """
     options = _earlier(case)
     progress(0.1, "reading the labels")
-    labels = redrawn_labels(case, "deformed", path)
+    labels = second_contours(case, "deformed", path)
     progress(0.4, "the organ's surface")
     problem = _with_organ(IdentificationProblem.load(case.file("identify") / "problem.npz"), labels)
     progress(0.7, "stiffness")

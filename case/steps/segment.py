@@ -1,4 +1,4 @@
-"""The segment step of a case: both scans, or what a person drew on them, to label volumes."""
+"""The segment step of a case: both scans, and a person's contours of them, to label volumes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.drawn_labels import drawn_labels
+from palpate.case.contours import read_contours
 from palpate.case.imported import holds_rest_alone
 from palpate.case.step_records import SegmentationRecord, SegmentedRecord
 from palpate.case.steps.declarations import SEGMENT
@@ -26,21 +26,22 @@ from palpate.segmentation.prompts import Prompts, check_inside
 from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
 from palpate.segmentation.tissue import cropped, label_array, region_of_interest
 
-# The deformed labels reach this far beyond the region that is modelled at rest, so that every surface is whole there.
+# Margin of the deformed labels around the region that is modelled at rest: surfaces must be whole there.
 DEFORMED_ROOM_MM = 10.0
-# How far, mm, an organ may lie from where it was at rest when only the scan at rest has been clicked on.
+# Standard deviation of an organ's displacement between the scans, where only the scan at rest has a click.
 CARRIED_SD_MM = 8.0
 
 
 def run_segment(
     case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent
 ) -> SegmentationRecord:
-    """Writes rest.nii.gz, deformed.nii.gz (both in the rest frame), labels.txt and segmentation.json; returns the last.
+    """Write rest.nii.gz, deformed.nii.gz (both in the rest frame), labels.txt and segmentation.json; return the last.
 
-    STATE_bones.nii.gz (names in bones.txt) says of each bone voxel which bone it is.
+    STATE_bones.nii.gz (names in bones.txt) gives the bone of each bone voxel.
 
-    Labels that a person drew (STATE_user.nii.gz) are taken as they are; only what is missing is found. Nothing is done
-    when scans, drawn labels and options are those of the last run, or when the case came with label volumes.
+    A person's contours (STATE_user.nii.gz) are taken as they are; only missing structures are segmented. The step
+    passes over a case whose scans, contours and options are those of the last run, and over a case that came with label
+    volumes.
 
     Raises InputError when there is nothing to segment, the scans show no pelvis, or no prostate is found.
     """
@@ -62,7 +63,7 @@ def run_segment(
 
 
 def _found(case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool) -> dict[str, SegmentedState]:
-    """Both states, or where the scan at rest is alone, that one."""
+    """Segmentation of both states, or of the scan at rest where there is no other."""
     rest = _segmented(case, "rest", options.prompts, options.model, lambda f, m: progress(0.45 * f, f"rest: {m}"))
     if alone:
         return {"rest": rest}
@@ -74,13 +75,13 @@ def _found(case: CaseFolder, options: SegmentOptions, progress: Progress, alone:
 
 
 def _segmented(case: CaseFolder, state: str, prompts: Prompts, model: str | None, progress: Progress) -> SegmentedState:
-    drawn, ct = drawn_labels(case, state), case.ct(state)
+    contours, ct = read_contours(case, state), case.ct(state)
     check_inside(ct, prompts, state)
-    segmentation = segment_pelvis(ct, prompts, drawn.organs if drawn else {}, progress, model)
-    # Voxels that a person drew stay as they are; what has been found is written as finely as it was found.
-    by_hand = drawn is not None and "prostate" in drawn.organs
-    grid = drawn.volume if drawn is not None and by_hand else segmentation.scene.grid
-    return SegmentedState(segmentation, drawn, grid)
+    segmentation = segment_pelvis(ct, prompts, contours.organs if contours else {}, progress, model)
+    # A person's voxels are written unchanged, on their own grid; segmented structures on the grid of the segmentation.
+    by_hand = contours is not None and "prostate" in contours.organs
+    grid = contours.volume if contours is not None and by_hand else segmentation.scene.grid
+    return SegmentedState(segmentation, contours, grid)
 
 
 def _centroids(state: SegmentedState) -> dict[str, FloatArray]:
@@ -112,7 +113,7 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
         "bone_motion": {name: motion.to_dict() for name, motion in motions.items()},
         "notes": notes_on(states) + motion_notes(motions),
     }
-    # The report first: labels without one are taken as a person's own, and a killed run's are not.
+    # The report comes first: labels without one count as a person's own, which those of a killed run are not.
     case.write_json("segmentation.json", report)
     for state, labels in volumes.items():
         with case.atomic_path(f"{state}_bones.nii.gz") as path:
@@ -126,9 +127,11 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
 
 
 def labels_of(part: SegmentedState, plane: Plane, box: FloatArray) -> Volume:
-    """The labels of a segmented scan within a box (2, 3) mm; left and right as drawn, or divided by the plane."""
-    kept = part.drawn.prostate_labels if part.drawn is not None else None
-    sides = halves(part.prostate, plane) if kept is None else kept
+    """Labels of a segmented scan within a box (2, 3), mm. Left and right are those of the contours, else divided by the
+    plane.
+    """
+    contoured = part.contours.prostate_labels if part.contours is not None else None
+    sides = halves(part.prostate, plane) if contoured is None else contoured
     masks = {name: part.mask(name) for name in (*part.segmentation.organs, "bone") if name != "prostate"}
     body = part.mask("body")
     near = cropped(part.grid.with_array(np.arange(part.grid.array.size).reshape(part.grid.array.shape)), box)
@@ -138,12 +141,12 @@ def labels_of(part: SegmentedState, plane: Plane, box: FloatArray) -> Volume:
 
 
 def bones_of(part: SegmentedState, labels: Volume) -> Volume:
-    """Which bone (values of BONE_PARTS) each voxel labelled bone is."""
+    """Bone (values of BONE_PARTS) of each voxel that is labelled bone."""
     return labels.with_array(part.segmentation.bones.on(labels, labels.array == BONE))
 
 
 def _labels_alone(case: CaseFolder, progress: Progress, states: tuple[str, ...]) -> SegmentationRecord:
-    """Nothing to segment: label volumes that came with the case are the input of the next step."""
+    """Report of a case that came with label volumes: there is nothing to segment."""
     missing = [case.file(f"{state}_ct") for state in states if not case.has(f"{state}_ct")]
     if not all(case.has_labels(state) for state in states):
         raise InputError(f"{missing[0]} is not there and there are no label volumes; import the scans first")

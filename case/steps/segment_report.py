@@ -1,4 +1,4 @@
-"""What segmentation.json says: by which method each label was found, how large and how sure it is, and what to look at."""
+"""Content of segmentation.json: method, volume and confidence of each label, and notes for the user."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.case.case_folder import STATES
-from palpate.case.drawn_labels import Drawn
+from palpate.case.contours import Contours
 from palpate.case.step_records import SegmentedRecord
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.labels import LABELS
@@ -17,24 +17,25 @@ from palpate.segmentation.pelvis import DOUBTFUL, Segmentation
 from palpate.segmentation.prostate.halves import Plane
 from palpate.segmentation.working_grid import bounds
 
-# A prostate whose volume differs by more than this share between the states was not drawn alike: it is incompressible.
+# Largest relative change of the prostate's volume between the states without a note: the organ is incompressible.
 VOLUME_CHANGE = 0.15
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentedState:
-    """One state as segmented, what a person drew on it, and the grid that its labels are written on."""
+    """One segmented state, a person's contours of it, and the grid that its labels are written on."""
 
     segmentation: Segmentation
-    drawn: Drawn | None
+    contours: Contours | None
     grid: Volume
 
     def mask(self, name: str) -> BoolArray:
-        """An organ, "bone" or "body" on the grid that is written; voxels that a person drew as they were drawn."""
-        if self.drawn is not None and name in self.drawn.organs and self.grid is self.drawn.volume:
-            return np.asarray(self.drawn.organs[name].array)
-        found = self.segmentation.mask(name, self.grid)
-        return found | self.drawn.bone_on(self.grid) if name == "bone" and self.drawn is not None else found
+        """Mask of an organ, "bone" or "body" on the grid that is written. A person's voxels are unchanged."""
+        contours = self.contours
+        if contours is not None and name in contours.organs and self.grid is contours.volume:
+            return np.asarray(contours.organs[name].array)
+        segmented = self.segmentation.mask(name, self.grid)
+        return segmented | contours.bone_on(self.grid) if name == "bone" and contours is not None else segmented
 
     @property
     def prostate(self) -> Volume:
@@ -43,6 +44,7 @@ class SegmentedState:
 
 
 def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatArray) -> SegmentedRecord:
+    """Record of one state. labels : as written. box : (2, 3) mm, corners of the region that the labels should cover."""
     organs = part.segmentation.organs
     voxel_cc = float(np.prod(labels.spacing)) / 1000.0
     cc = {name: round(float((labels.array == value).sum()) * voxel_cc, 2) for value, name in LABELS.items() if value}
@@ -57,7 +59,9 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatA
             name: {"volume_cc": round(part.segmentation.bones.volume_cc(name), 2), "confidence": confidence}
             for name, confidence in part.segmentation.bones.confidence.items()
         },
-        "bone": {"method": "threshold" if part.drawn is None or part.drawn.bone is None else "threshold and user"},
+        "bone": {
+            "method": "threshold" if part.contours is None or part.contours.bone is None else "threshold and user"
+        },
         "volume_in_region_cc": cc,
         "split": {"point": plane.point.tolist(), "normal": plane.normal.tolist(), "source": plane.source},
         "spacing_mm": labels.spacing.tolist(),
@@ -66,7 +70,7 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatA
 
 
 def notes_on(states: Mapping[str, SegmentedRecord]) -> list[str]:
-    """What a person should look at, one line each."""
+    """Notes for the user on what to check, a line each."""
     notes = []
     for state, facts in states.items():
         for organ in ("prostate", "bladder", "rectum"):

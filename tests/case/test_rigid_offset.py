@@ -14,7 +14,7 @@ from voxel_shapes import Shape, ball, grid, paint, tube
 from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.case.deformed_states import state_labels, state_landmarks
 from palpate.case.problem import problem_of
-from palpate.case.rigid_offset import laid_elsewhere
+from palpate.case.rigid_offset import rigid_offset_between
 from palpate.case.stated_files import further_states
 from palpate.case.steps import diagnose
 from palpate.case.steps import mesh as mesh_step
@@ -82,7 +82,7 @@ def no_mesher(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_scan_that_lies_elsewhere_is_found_however_its_organs_are_filled() -> None:
-    found = laid_elsewhere(pelvis(), pelvis(2.0).moved(ELSEWHERE))
+    found = rigid_offset_between(pelvis(), pelvis(2.0).moved(ELSEWHERE))
     assert found is not None
     bone = pelvis().to_lps(np.argwhere(pelvis().array == 4))
     away = found.back(by(ELSEWHERE, bone)) - bone
@@ -104,16 +104,16 @@ def test_a_scan_that_lies_elsewhere_is_found_however_its_organs_are_filled() -> 
     ],
 )
 def test_nothing_else_is_laid_on_its_bones(deformed: Volume) -> None:
-    assert laid_elsewhere(pelvis(), deformed) is None
+    assert rigid_offset_between(pelvis(), deformed) is None
 
 
 def test_a_region_without_an_edge_and_a_scan_without_bones_tell_nothing() -> None:
     full = pelvis()
     full.array[full.array == 0] = 3
-    assert laid_elsewhere(full, full.moved(ELSEWHERE)) is None
+    assert rigid_offset_between(full, full.moved(ELSEWHERE)) is None
     soft = pelvis()
     soft.array[soft.array == 4] = 3
-    assert laid_elsewhere(soft, soft.moved(ELSEWHERE)) is None
+    assert rigid_offset_between(soft, soft.moved(ELSEWHERE)) is None
 
 
 def test_surfaces_and_points_of_all_states_come_to_lie_in_the_frame_at_rest(tmp_path: Path, no_mesher: None) -> None:

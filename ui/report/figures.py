@@ -1,4 +1,4 @@
-"""The pictures of a report: drawn from the case's files, each with its caption."""
+"""The pictures of a report: drawn from the files of a case, each with its caption."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _MAP_CAPTION = (
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Figures:
     """pictures : by name. missing : what could not be drawn and why, one line each.
 
     interactive : the view that turns and plays the deformation; empty before identification.
@@ -61,28 +61,30 @@ class Drawn:
         self.pictures[name] = Picture(path, caption, says, width)
 
 
-def draw(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], folder: Path, progress: Progress) -> Drawn:
+def draw(
+    case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], folder: Path, progress: Progress
+) -> Figures:
     """All pictures of a case, as PNG files in ``folder``. What this machine cannot draw is listed, not an error."""
     mapped = None
     if record.result.stiffness_map and case.has("identify/stiffness_map.npz"):
         mapped = case.read_npz("identify/stiffness_map.npz")
     images = _images(case, record, labels, mapped)
-    drawn = Drawn()
+    figures = Figures()
     progress(0.1, "slices")
-    _slices(drawn, images, folder, not tells_apart(record))
+    _slices(figures, images, folder, not tells_apart(record))
     if mapped is not None:
-        _map(drawn, mapped, record, images, folder)
-    drawn.pictures.update(gap_pictures(case, images, folder))
-    _search(drawn, record, folder)
+        _map(figures, mapped, record, images, folder)
+    figures.pictures.update(gap_pictures(case, images, folder))
+    _search(figures, record, folder)
     if case.has("surfaces.npz"):
         progress(0.4, "three dimensions")
-        _or_missing(drawn, "the 3D view", lambda: _anatomy(drawn, case, images, folder))
+        _or_missing(figures, "the 3D view", lambda: _anatomy(figures, case, images, folder))
     if case.has("surfaces.npz") and case.has("identify/fields.npz"):
         progress(0.7, "misfit on the organ")
-        _or_missing(drawn, "the misfit on the organ", lambda: _misfit(drawn, case, record, folder))
+        _or_missing(figures, "the misfit on the organ", lambda: _misfit(figures, case, record, folder))
     if case.has("mesh.npz") and case.has("identify/fields.npz"):
-        drawn.interactive.append(moving_view(case, images))
-    return drawn
+        figures.interactive.append(moving_view(case, images))
+    return figures
 
 
 def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], mapped: Arrays | None) -> CaseImages:
@@ -94,7 +96,7 @@ def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], 
     return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold, shared)
 
 
-def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
+def _slices(figures: Figures, images: CaseImages, folder: Path, same: bool) -> None:
     doubt = (
         " The difference of the colours is within the error: this pair does not tell which half is stiffer."
         if same
@@ -104,7 +106,7 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
     ground = "CT at rest, window 40/400 HU" if images.ct is not None else "no CT: labels at rest in grey and colour"
     told = ", ".join(f"label {label}: {three_figures(G)} kPa" for label, G in images.stiffness_kpa.items())
     says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
-    drawn.add(
+    figures.add(
         "stiffness_planes",
         folder,
         slices.stiffness_planes(images),
@@ -112,17 +114,17 @@ def _slices(drawn: Drawn, images: CaseImages, folder: Path, same: bool) -> None:
         says,
     )
     caption = "Axial slices from the organ's lower to its upper end."
-    drawn.add("stiffness_series", folder, slices.stiffness_series(images), caption, f"Six axial slices. {says}")
+    figures.add("stiffness_series", folder, slices.stiffness_series(images), caption, f"Six axial slices. {says}")
     if images.deformed is not None:
         caption = (
             "Outlines at rest (solid) and deformed (dashed) on the anatomy at rest, after alignment on bone; open where the scan or "
             "the region that is modelled ends."
         )
         says = "Slices in three planes with the outlines of organ, bladder and rectum in both states."
-        drawn.add("deformation_planes", folder, slices.deformation_planes(images), caption, says)
+        figures.add("deformation_planes", folder, slices.deformation_planes(images), caption, says)
 
 
-def _map(drawn: Drawn, mapped: Arrays, record: CaseRecord, images: CaseImages, folder: Path) -> None:
+def _map(figures: Figures, mapped: Arrays, record: CaseRecord, images: CaseImages, folder: Path) -> None:
     facts = record.result.stiffness_map
     assert facts is not None
     figure = map_planes(images, mapped)
@@ -131,10 +133,10 @@ def _map(drawn: Drawn, mapped: Arrays, record: CaseRecord, images: CaseImages, f
         blur=facts.blur_mm, factor=np.exp(facts.prior_local_sd_ln_G), length=facts.prior_length_mm,
     )  # fmt: skip
     says = "Slices in three planes with a smooth map of the shear modulus within the organ, and how well it is known."
-    drawn.add("stiffness_map", folder, figure, caption, says)
+    figures.add("stiffness_map", folder, figure, caption, says)
 
 
-def _search(drawn: Drawn, record: CaseRecord, folder: Path) -> None:
+def _search(figures: Figures, record: CaseRecord, folder: Path) -> None:
     best = [value for value in record.result.convergence if value is not None]
     noise = known(record.result.misfit.weighted_from_noise)
     if len(best) < 2:
@@ -146,30 +148,30 @@ def _search(drawn: Drawn, record: CaseRecord, folder: Path) -> None:
     if noise is not None:
         caption += f" Dotted: {noise:.0f}, what noise alone would leave on average."
     says = "A falling curve of the objective against the iteration."
-    drawn.add("convergence", folder, convergence(best, noise), caption, says, 0.6)
+    figures.add("convergence", folder, convergence(best, noise), caption, says, 0.6)
 
 
-def _anatomy(drawn: Drawn, case: CaseFolder, images: CaseImages, folder: Path) -> None:
+def _anatomy(figures: Figures, case: CaseFolder, images: CaseImages, folder: Path) -> None:
     figure = solids.anatomy(load_surfaces(case, "rest"), images.told, images.scale, images.rest)
     caption = (
         "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (brown) translucent, cut off where the "
         "region that is modelled ends."
     )
-    drawn.add("anatomy", folder, figure, caption, "Two three-dimensional views of the organ among its neighbours.")
+    figures.add("anatomy", folder, figure, caption, "Two three-dimensional views of the organ among its neighbours.")
 
 
-def _misfit(drawn: Drawn, case: CaseFolder, record: CaseRecord, folder: Path) -> None:
+def _misfit(figures: Figures, case: CaseFolder, record: CaseRecord, folder: Path) -> None:
     figure = solids.misfit(misfit_map(case, record.expected_misfit_mm))
     caption = (
         "Where the model's deformed organ lies outside (red) or inside (blue) the surface that the deformed scan shows. "
         "The points are those of the figures above. Black lines in the colour bar: what the contours' own error would leave (one standard "
         "deviation)."
     )
-    drawn.add("misfit", folder, figure, caption, "Four views of the organ coloured by signed distance in mm.")
+    figures.add("misfit", folder, figure, caption, "Four views of the organ coloured by signed distance in mm.")
 
 
-def _or_missing(drawn: Drawn, what: str, draw_it: Callable[[], None]) -> None:
+def _or_missing(figures: Figures, what: str, draw_it: Callable[[], None]) -> None:
     try:
         draw_it()
     except OffscreenError as error:
-        drawn.missing.append(f"{what}, because {error}")
+        figures.missing.append(f"{what}, because {error}")

@@ -8,7 +8,7 @@ from msgspec import UNSET
 
 from palpate.case.history import Entry
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
-from palpate.ui.report.figures import Drawn
+from palpate.ui.report.figures import Figures
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
@@ -17,16 +17,16 @@ from palpate.ui.report.summary import summary
 from palpate.ui.words.number_words import three_figures
 
 
-def document(record: CaseRecord, drawn: Drawn, date: str, version: str) -> Document:
+def document(record: CaseRecord, figures: Figures, date: str, version: str) -> Document:
     """The whole report. date : of this report, as text."""
-    pictures = drawn.pictures
+    pictures = figures.pictures
     notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
     sections = (
         Section("Summary", _summary(record, pictures)),
-        stiffness_section(record, drawn),
+        stiffness_section(record, figures),
         _fit(record, pictures),
         *([gap_section(record, pictures)] if record.diagnosis else []),
-        quality(record, drawn.missing),
+        quality(record, figures.missing),
         _provenance(record, date, version),
     )
     subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"

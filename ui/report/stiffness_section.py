@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
-from palpate.ui.report.figures import Drawn
+from palpate.ui.report.figures import Figures
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness, in_words
 from palpate.ui.words.number_words import three_figures
@@ -31,7 +31,7 @@ def limits(record: CaseRecord) -> str:
     )
 
 
-def stiffness_section(record: CaseRecord, drawn: Drawn) -> Section:
+def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
     """Values, intervals, what the pair tells, and their pictures."""
     identifiability = record.result.identifiability
     values = ", ".join(f"{v:.3g}" for v in identifiability.singular_values)
@@ -41,14 +41,15 @@ def stiffness_section(record: CaseRecord, drawn: Drawn) -> Section:
         Paragraph("What this pair can tell:"),
         Bullets(told(identifiability.verdict, record.result.parameters)),
         Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
-        *_shown(drawn.pictures, "stiffness_series", "stiffness_map", "anatomy"),
-        *drawn.interactive,
+        *_shown(figures.pictures, "stiffness_series", "stiffness_map", "anatomy"),
+        *figures.interactive,
     ]
     return Section("Stiffness", blocks)
 
 
 def told(verdict: str, names: Mapping[str, object]) -> list[str]:
-    """The parts of a verdict of result.json, in the report's words, without those that the note on G and the summary have said.
+    """The parts of a verdict of result.json, in the report's words, without those that the note on G and the summary
+    have said.
 
     names : of the regions.
     """

@@ -1,4 +1,6 @@
-"""What is drawn of a patient of the blind check: the labels of every scan, with the contours' noise, and the points in them."""
+"""What is drawn of a patient of the blind check: the labels of every scan, with the contours' noise, and the points in
+them.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.simulate.contour_errors import drawn_labels
+from palpate.simulate.contour_errors import labels_with_contour_errors
 from palpate.simulate.source import labels_on
 from palpate.validate.blind.patient import Made
 from palpate.validate.blind.recipe import Recipe
@@ -31,7 +33,9 @@ _REACH_MM = 6.0
 
 
 def write_case(recipe: Recipe, made: Made, path: Path) -> None:
-    """The case folder: labels of every state, case.json, and points where the recipe has them; each scan with errors of its own."""
+    """The case folder: labels of every state, case.json, and points where the recipe has them; each scan with errors of
+    its own.
+    """
     rng, numbers = recipe.random(9), range(2, 2 + len(made.more))
     other: dict[str, object] = {"simulated": True}
     if made.more:
@@ -79,11 +83,13 @@ def _contoured(made: Made, hidden: Simulated, state: Shown) -> Labels:
 
 
 def _drawn(recipe: Recipe, made: Made, labels: Labels, rng: np.random.Generator) -> Volume:
-    return drawn_labels(labels, made.patient.grid, recipe.noise_mm, NOISE_LENGTH_MM, rng)
+    return labels_with_contour_errors(labels, made.patient.grid, recipe.noise_mm, NOISE_LENGTH_MM, rng)
 
 
 def widened(labels: Labels, grid: Volume, offset: Callable[[FloatArray], FloatArray]) -> Labels:
-    """Labels whose organ is drawn too wide by offset (k,) mm (negative: too tight), asked with its outward normals (k, 3)."""
+    """Labels whose organ is drawn too wide by offset (k,) mm (negative: too tight), asked with its outward normals (k,
+    3).
+    """
     organ = np.isin(labels_on(labels, grid).array, ORGAN_LABELS)
     outside, inside = (ndimage.distance_transform_edt(a, sampling=grid.spacing) for a in (~organ, organ))
     distance = ndimage.gaussian_filter(outside - inside, 0.7)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.case.drawn_labels import drawn_of
+from palpate.case.contours import contours_of_file
 from palpate.case.steps.segment import labels_of
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState
@@ -31,13 +31,14 @@ class CtSource:
 
 
 def ct_source(source: CtSource, progress: Progress = silent) -> VolumeSource:
-    """The modelled region of a CT: what was drawn as it was drawn, bone and what is missing found by threshold and shape.
+    """The modelled region of a CT: what was drawn as it was drawn, bone and what is missing found by threshold and
+    shape.
 
     Raises InputError, naming the file, when the CT or the contours cannot be read or hold no prostate.
     """
     ct, facts = read_series(source.ct)
     ct = in_lps_order(ct)
-    drawn = drawn_of(read_user_labels(source.labels, ct, facts), source.labels)
+    drawn = contours_of_file(read_user_labels(source.labels, ct, facts), source.labels)
     found = segment_pelvis(ct, Prompts(), drawn.organs, progress)
     part = SegmentedState(found, drawn, drawn.volume)
     normal, origin = midline_normal(found.scene.pelvis)

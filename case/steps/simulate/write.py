@@ -15,7 +15,7 @@ from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.volume import Volume
-from palpate.simulate.contour_errors import drawn_labels
+from palpate.simulate.contour_errors import labels_with_contour_errors
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.solve import DeformedState
 from palpate.simulate.source import PhantomSource, Source, ToRest
@@ -52,7 +52,7 @@ def write_scans(pair: SimulatedPair, case: CaseFolder, progress: Progress) -> No
         rest = ct if rest is None else rest
         write_ct_series(case.file(f"{state}_ct"), ct, _identity(pair, case, number, ct))
     progress(0.95, "contours")
-    first, second = _drawn(pair, pair.to_rest, _padded(pair.source.label_grid, 6.0))
+    first, second = _contoured(pair, pair.to_rest, _padded(pair.source.label_grid, 6.0))
     for state, labels in (("rest", first), ("deformed", second)):
         with case.atomic_path(f"contours/{state}.nii.gz") as temporary:
             write_labels(temporary, labels)
@@ -62,17 +62,17 @@ def write_scans(pair: SimulatedPair, case: CaseFolder, progress: Progress) -> No
 def write_label_case(pair: SimulatedPair, case: CaseFolder, progress: Progress) -> None:
     """rest.nii.gz and deformed.nii.gz in one frame."""
     progress(0.7, "label volumes")
-    first, second = _drawn(pair, pair.warp.rest_points, pair.source.label_grid)
+    first, second = _contoured(pair, pair.warp.rest_points, pair.source.label_grid)
     case.write_labels("rest", first)
     case.write_labels("deformed", second)
 
 
-def _drawn(pair: SimulatedPair, to_rest: ToRest, second_grid: Volume) -> tuple[Volume, Volume]:
+def _contoured(pair: SimulatedPair, to_rest: ToRest, second_grid: Volume) -> tuple[Volume, Volume]:
     """Contours of both states; each state's errors are its own."""
     spec, source, rng = pair.spec, pair.source, pair.rng
     noise = (spec.contour_noise_sd_mm, spec.noise_correlation_mm, rng)
-    rest = drawn_labels(source.labels, source.label_grid, *noise)
-    return rest, drawn_labels(lambda points: source.labels(to_rest(points)), second_grid, *noise)
+    rest = labels_with_contour_errors(source.labels, source.label_grid, *noise)
+    return rest, labels_with_contour_errors(lambda points: source.labels(to_rest(points)), second_grid, *noise)
 
 
 def _identity(pair: SimulatedPair, case: CaseFolder, number: int, ct: Volume) -> SeriesIdentity:

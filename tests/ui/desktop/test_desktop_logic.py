@@ -1,4 +1,6 @@
-"""The window's logic without a window: opening, correcting, running in the worker, cancelling, and coming back after a kill."""
+"""The window's logic without a window: opening, correcting, running in the worker, cancelling, and coming back after a
+kill.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,7 @@ def controller() -> Iterator[Controller]:
 def wait(controller: Controller, seconds: float = 60.0) -> None:
     until(
         controller,
-        lambda: not (controller.reader.running or controller.jobs.running or controller.freshness.running),
+        lambda: not (controller.reader.running or controller.jobs.running or controller.out_of_date.running),
         seconds,
     )
 

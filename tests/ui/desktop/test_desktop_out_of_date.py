@@ -21,9 +21,9 @@ from palpate.case.steps.declarations import DIAGNOSE, IDENTIFY, MESH
 from palpate.core.errors import Cancelled, InputError
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.meshing.mesh_labels import MeshOptions
-from palpate.ui.desktop.session import out_of_date as freshness
+from palpate.ui.desktop.session import out_of_date as out_of_date_module
 from palpate.ui.desktop.session.open_case import OpenCase
-from palpate.ui.desktop.session.out_of_date import FileHashes, Freshness, judged
+from palpate.ui.desktop.session.out_of_date import FileHashes, OutOfDateCheck, judged
 from palpate.ui.report.declaration import REPORT
 
 
@@ -157,7 +157,7 @@ def test_results_that_do_not_say_what_they_were_made_from_are_judged_by_their_ti
 
 def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[Path] = []
-    monkeypatch.setattr(freshness, "file_sha256", lambda path: str(read.append(path)) + path.read_text())
+    monkeypatch.setattr(out_of_date_module, "file_sha256", lambda path: str(read.append(path)) + path.read_text())
     hashes, path = FileHashes(), tmp_path / "x"
     path.write_text("a")
     assert hashes(path) == hashes(path) == "Nonea" and len(read) == 1
@@ -172,7 +172,7 @@ def test_a_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_windows_thread_never_hashes_and_hears_only_of_the_open_case(case: CaseFolder) -> None:
-    opened, fresh = OpenCase(case.path), Freshness()
+    opened, fresh = OpenCase(case.path), OutOfDateCheck()
     fresh.start(opened)
     fresh.start(opened)
     assert fresh.running and fresh.reasons == {}

@@ -1,4 +1,6 @@
-"""Contours out and in again, through every form: Dice at least 0.98, position within half a voxel. ``pytest -s`` prints the table."""
+"""Contours out and in again, through every form: Dice at least 0.98, position within half a voxel. ``pytest -s`` prints
+the table.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from palpate.case.aligned_labels import NOTE, in_own_frame
 from palpate.case.case_folder import CaseFolder
-from palpate.case.second_drawing import redrawn_labels
+from palpate.case.second_contours import second_contours
 from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_workspace import read_workspace
 from palpate.imaging.contours.nifti_labels import write_labels
@@ -84,7 +86,9 @@ def fine(tmp_path_factory: pytest.TempPathFactory) -> CaseFolder:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_labels_finer_than_the_scan(form: str, fine: CaseFolder, tmp_path: Path) -> None:
-    """Of what lies on the scan's slices only: an RTSTRUCT has contours on slices, a workspace a segmentation on the scan's grid."""
+    """Of what lies on the scan's slices only: an RTSTRUCT has contours on slices, a workspace a segmentation on the
+    scan's grid.
+    """
     exporter(form).export(fine, tmp_path)
     ct = fine.ct("rest")
     wanted = fine.labels("rest") if form in ("dicom-seg", "nrrd") else labels_on(fine.labels("rest"), ct)
@@ -210,7 +214,7 @@ def test_labels_of_the_deformed_scan_come_back_to_where_they_were(
 ) -> None:
     """DICOM has them in the scan's own frame, the others moved onto the scan at rest with the scan."""
     exporter(form).export(fine, tmp_path)
-    found = redrawn_labels(fine, "deformed", tmp_path / name)
+    found = second_contours(fine, "deformed", tmp_path / name)
     assert_same(found, fine.labels("deformed"), 0.93, name)
 
 

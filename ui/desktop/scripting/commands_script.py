@@ -1,4 +1,5 @@
-"""The language that drives the window by a script, for tests and demonstrations: one command a line, words as in a shell.
+"""The language that drives the window by a script, for tests and demonstrations: one command a line, words as in a
+shell.
 
 docs/desktop.md tells all commands.
 
@@ -116,9 +117,11 @@ class Driver(Correcting):
         self._until(lambda: not (self.controller.jobs.running or self.controller.reader.running), 5.0)
 
     def do_wait(self, seconds: str = str(_SECONDS)) -> Told:
-        """Until nothing runs, and it is known which steps are out of date; then for the 3D view, if so much time is left."""
+        """Until nothing runs, and it is known which steps are out of date; then for the 3D view, if so much time is
+        left.
+        """
         began, controller = time.monotonic(), self.controller
-        running = (controller.jobs, controller.reader, controller.freshness)
+        running = (controller.jobs, controller.reader, controller.out_of_date)
         self._until(lambda: not any(one.running for one in running), float(seconds))
         return {"solid_settled": self._settle(float(seconds) - (time.monotonic() - began))}
 

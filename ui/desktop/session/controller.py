@@ -1,8 +1,8 @@
-"""The window's logic, without a toolkit: what is open, how it is shown, what is being done, and what a person may do next.
+"""The window's logic, without a toolkit: what is open, how it is shown, what is being done, and what a person may do
+next.
 
-Widgets call its methods and are told by name what has changed: "case", "labels", "results", "view", "tools", "job", "steps",
-"said".
-All calls come from one thread; work is done by `jobs.JobControl` in other processes.
+Widgets call its methods and are told by name what has changed: "case", "labels", "results", "view", "tools", "job",
+"steps", "said". All calls come from one thread; work is done by `jobs.JobControl` in other processes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from palpate.ui.desktop.session.editing import Editing
 from palpate.ui.desktop.session.jobs import JobControl
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.opening import Labels, Opening, ScanPair
-from palpate.ui.desktop.session.out_of_date import Freshness
+from palpate.ui.desktop.session.out_of_date import OutOfDateCheck
 from palpate.ui.desktop.session.read_scans import Scan
 from palpate.ui.desktop.session.recent import remember
 from palpate.ui.desktop.session.running import Running
@@ -26,7 +26,7 @@ from palpate.ui.desktop.session.running import Running
 
 class Controller:
     """case : the open case or None. scans : what has been read of its CTs. jobs : the steps. reader : reading of scans.
-    freshness : which steps are out of date.
+    out_of_date : which steps are out of date.
 
     available : commands of this version. said : the last thing a person was told.
     """
@@ -36,7 +36,7 @@ class Controller:
         self.display = Display()
         self.jobs = JobControl()
         self._opening, self._running = Opening(self), Running(self)
-        self.editing, self.freshness = Editing(self), Freshness()
+        self.editing, self.out_of_date = Editing(self), OutOfDateCheck()
         self.available = frozenset(steps.BY_COMMAND)
         self.said = ""
         self.listeners: list[Callable[[str], None]] = []
@@ -89,7 +89,7 @@ class Controller:
             control.wait(2.0)
             control.poll()
             control.state = None
-        self.freshness.forget()
+        self.out_of_date.forget()
         if self.case is not None:
             self.case.save_session()
             self.case.close()
@@ -103,7 +103,7 @@ class Controller:
     def quit(self) -> None:
         """Ends everything."""
         self.close()
-        self.freshness.close()
+        self.out_of_date.close()
         self._opening.clean_up()
 
     # What is shown
@@ -137,7 +137,7 @@ class Controller:
         """Where the case is on the way to its report."""
         path = None if self.case is None else self.case.folder.path
         edited = self.case is not None and self.case.corrections.unsaved
-        return steps.step_states(path, self.available, edited, self.freshness.reasons)
+        return steps.step_states(path, self.available, edited, self.out_of_date.reasons)
 
     def out_of_date(self, command: str) -> str:
         """Why what a step has made is out of date; empty where it is not, or there is nothing yet."""
@@ -145,7 +145,9 @@ class Controller:
         return found[0].reason if found else ""
 
     def run(self, *names: str) -> None:
-        """Runs steps one after the other in the worker; corrections are saved before. Raises InputError when they cannot run."""
+        """Runs steps one after the other in the worker; corrections are saved before. Raises InputError when they
+        cannot run.
+        """
         self._running.start(names)
 
     def cancel(self) -> None:
@@ -159,7 +161,7 @@ class Controller:
         if self.case is not None and self.case.volumes:
             self.case.save_labels()
             self.case.save_session()
-            self.freshness.start(self.case)
+            self.out_of_date.start(self.case)
             self.notify("labels")
 
     def poll(self) -> None:
@@ -168,7 +170,7 @@ class Controller:
             self._opening.told()
         if self.jobs.poll():
             self._running.told()
-        if self.freshness.poll():
+        if self.out_of_date.poll():
             self.notify("steps")
         if self.case is not None and self.case.failures:
             self.say(self.case.failures.pop())
@@ -176,7 +178,8 @@ class Controller:
     def take_in(self, done: bool, labels: bool) -> str:
         """Reads what a job has written; in words, where there is something to say.
 
-        done : whether it came to its end. labels : whether it may have written labels. Raises InputError for damaged files.
+        done : whether it came to its end. labels : whether it may have written labels. Raises InputError for damaged
+        files.
         """
         pair = self._opening.pair
         if self.case is not None:
@@ -196,7 +199,7 @@ class Controller:
     def _take(self, opened: OpenCase) -> None:
         self.case, self.display = opened, opened.display
         remember(opened.folder.path)
-        self.freshness.start(opened)
+        self.out_of_date.start(opened)
         if not opened.has_session and opened.regions:
             self._show_stiffness()
         self.notify("case")
@@ -205,7 +208,7 @@ class Controller:
         had_result = bool(case.regions)
         if labels:
             self._opening.read({})
-        self.freshness.start(case)
+        self.out_of_date.start(case)
         case.read_results()
         if case.regions and not had_result:
             self._show_stiffness()

@@ -1,7 +1,7 @@
 """Which steps of a case are out of date, as the steps themselves judge it: by the hashes of what they were made from.
 
-A copied case is as done as the one it was copied from, whatever the times of its files. Hashing is done in a thread of its own;
-a file that has kept size and time since is not read again.
+A copied case is as done as the one it was copied from, whatever the times of its files. Hashing is done in a thread of
+its own; a file that has kept size and time since is not read again.
 """
 
 from __future__ import annotations
@@ -63,13 +63,16 @@ def by_times(case: CaseFolder, step: Step) -> str:
     return f"{newer[0]} is newer" if newer else ""
 
 
-class Freshness:
-    """reasons : command -> why it is out of date, "" where it is not, as far as it is known yet. Lives in the window's thread."""
+class OutOfDateCheck:
+    """Check of the steps of an open case in a thread of its own; called from the window's thread.
+
+    reasons : command -> why it is out of date, "" where it is not; commands not yet checked are absent.
+    """
 
     def __init__(self) -> None:
         self.reasons: dict[str, str] = {}
         self._hashes = FileHashes()
-        self._thread = ThreadPoolExecutor(1, "palpate-freshness")
+        self._thread = ThreadPoolExecutor(1, "palpate-out-of-date")
         self._found: queue.Queue[tuple[int, str, str]] = queue.Queue()
         self._number, self._ended = 0, 0
 

@@ -17,22 +17,22 @@ from palpate.imaging.volume import Volume
 _NIFTI = (".nii", ".nii.gz")
 
 
-def redrawn_labels(case: CaseFolder, state: str, path: Path) -> Volume:
+def second_contours(case: CaseFolder, state: str, path: Path) -> Volume:
     """Label volume in the rest frame, axes in LPS order.
 
     state : "rest" or "deformed", the scan that was contoured. path : contours in any format of `palpate import`, in the
-    scan's own coordinates or in those of `palpate export`. Raises InputError naming the file when it is missing, unreadable
-    or holds no prostate, or when it is not NIfTI and the case has no CT.
+    scan's own coordinates or in those of `palpate export`. Raises InputError naming the file when it is missing,
+    unreadable or holds no prostate, or when it is not NIfTI and the case has no CT.
     """
     if not path.is_file():
         raise InputError(f"{path} is not there; give the labels drawn on the {state} scan")
     if case.has(f"{state}_ct"):
         ct, facts = case.series(state)
-        drawn = read_user_labels(path, ct, facts)
+        contours = read_user_labels(path, ct, facts)
         if state == "deformed":
             case_grid = case.labels(state) if case.has_labels(state) else None
-            drawn = in_own_frame(drawn, ct, case.deformed_to_rest(), case_grid)
-        volume = drawn.volume
+            contours = in_own_frame(contours, ct, case.deformed_to_rest(), case_grid)
+        volume = contours.volume
     elif path.name.lower().endswith(_NIFTI):
         volume = read_label_volume(path).volume
     else:
