@@ -43,7 +43,7 @@ def controller() -> Iterator[Controller]:
 def wait(controller: Controller, seconds: float = 60.0) -> None:
     until(
         controller,
-        lambda: not (controller.reader.running or controller.jobs.running or controller.out_of_date.running),
+        lambda: not (controller.reader.running or controller.jobs.running or controller.out_of_date_check.running),
         seconds,
     )
 

@@ -121,7 +121,7 @@ class Driver(Correcting):
         left.
         """
         began, controller = time.monotonic(), self.controller
-        running = (controller.jobs, controller.reader, controller.out_of_date)
+        running = (controller.jobs, controller.reader, controller.out_of_date_check)
         self._until(lambda: not any(one.running for one in running), float(seconds))
         return {"solid_settled": self._settle(float(seconds) - (time.monotonic() - began))}
 

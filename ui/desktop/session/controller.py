@@ -26,7 +26,7 @@ from palpate.ui.desktop.session.running import Running
 
 class Controller:
     """case : the open case or None. scans : what has been read of its CTs. jobs : the steps. reader : reading of scans.
-    out_of_date : which steps are out of date.
+    out_of_date_check : which steps are out of date.
 
     available : commands of this version. said : the last thing a person was told.
     """
@@ -36,7 +36,7 @@ class Controller:
         self.display = Display()
         self.jobs = JobControl()
         self._opening, self._running = Opening(self), Running(self)
-        self.editing, self.out_of_date = Editing(self), OutOfDateCheck()
+        self.editing, self.out_of_date_check = Editing(self), OutOfDateCheck()
         self.available = frozenset(steps.BY_COMMAND)
         self.said = ""
         self.listeners: list[Callable[[str], None]] = []
@@ -89,7 +89,7 @@ class Controller:
             control.wait(2.0)
             control.poll()
             control.state = None
-        self.out_of_date.forget()
+        self.out_of_date_check.forget()
         if self.case is not None:
             self.case.save_session()
             self.case.close()
@@ -103,7 +103,7 @@ class Controller:
     def quit(self) -> None:
         """Ends everything."""
         self.close()
-        self.out_of_date.close()
+        self.out_of_date_check.close()
         self._opening.clean_up()
 
     # What is shown
@@ -137,7 +137,7 @@ class Controller:
         """Where the case is on the way to its report."""
         path = None if self.case is None else self.case.folder.path
         edited = self.case is not None and self.case.corrections.unsaved
-        return steps.step_states(path, self.available, edited, self.out_of_date.reasons)
+        return steps.step_states(path, self.available, edited, self.out_of_date_check.reasons)
 
     def out_of_date(self, command: str) -> str:
         """Why what a step has made is out of date; empty where it is not, or there is nothing yet."""
@@ -161,7 +161,7 @@ class Controller:
         if self.case is not None and self.case.volumes:
             self.case.save_labels()
             self.case.save_session()
-            self.out_of_date.start(self.case)
+            self.out_of_date_check.start(self.case)
             self.notify("labels")
 
     def poll(self) -> None:
@@ -170,7 +170,7 @@ class Controller:
             self._opening.told()
         if self.jobs.poll():
             self._running.told()
-        if self.out_of_date.poll():
+        if self.out_of_date_check.poll():
             self.notify("steps")
         if self.case is not None and self.case.failures:
             self.say(self.case.failures.pop())
@@ -199,7 +199,7 @@ class Controller:
     def _take(self, opened: OpenCase) -> None:
         self.case, self.display = opened, opened.display
         remember(opened.folder.path)
-        self.out_of_date.start(opened)
+        self.out_of_date_check.start(opened)
         if not opened.has_session and opened.regions:
             self._show_stiffness()
         self.notify("case")
@@ -208,7 +208,7 @@ class Controller:
         had_result = bool(case.regions)
         if labels:
             self._opening.read({})
-        self.out_of_date.start(case)
+        self.out_of_date_check.start(case)
         case.read_results()
         if case.regions and not had_result:
             self._show_stiffness()
