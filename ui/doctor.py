@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from palpate.core.errors import InputError
 from palpate.core.worker.executors import cores
 from palpate.core.worker.progress import Progress, silent
+from palpate.ui import system_libraries
 
 MIN_PYTHON = (3, 11)
 MIN_MEMORY_GIB = 4.0
@@ -42,7 +43,9 @@ class Check:
 
 def examine(progress: Progress = silent) -> list[Check]:
     """All checks; none raises."""
-    looks: tuple[Callable[[], Check], ...] = (_python, _packages, _solver, _rendering, _window, _disk, _cores, _memory)
+    looks: tuple[Callable[[], Check], ...] = (
+        _python, _packages, _solver, _rendering, _libraries, _window, _disk, _cores, _memory,
+    )  # fmt: skip
     checks = []
     for done, look in enumerate(looks):
         progress(done / len(looks), look.__name__.strip("_"))
@@ -107,6 +110,15 @@ def _rendering() -> Check:
     except offscreen.OffscreenError as error:
         return Check("off-screen rendering", False, f"{error}; reports lack the 3D views", False, offscreen.REMEDY)
     return Check("off-screen rendering", True, "draws", False)
+
+
+def _libraries() -> Check:
+    """Those of the system that the window needs, told also where there is no display."""
+    absent = system_libraries.missing()
+    if not absent:
+        return Check("window's libraries", True, "all there", False)
+    why = f"absent: {', '.join(absent)}; `palpate open` and `palpate touch` need them, nothing else does"
+    return Check("window's libraries", False, why, False, system_libraries.remedy(absent))
 
 
 def _window() -> Check:

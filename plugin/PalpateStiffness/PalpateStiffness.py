@@ -134,13 +134,14 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         self._connect_parameters()
 
     def exit(self):
-        """Another module is opened; what runs goes on."""
-        self._disconnect_parameters()
+        """Another module is opened; what runs goes on, and its results are shown when it has ended."""
+        self._disconnect_gui()
 
     def on_scene_closes(self, caller, event):
         """Results belong to the scene that is being closed."""
         self.on_cancel()
-        self._disconnect_parameters()
+        self._disconnect_gui()
+        self._parameters = None
 
     def on_scene_closed(self, caller, event):
         """A new scene, new parameters."""
@@ -159,20 +160,18 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
     def on_load(self):
         """Imports the pair."""
         p = self._parameters
-        self._start(
-            self._stiffness().load_pair(p.restFolder, p.deformedFolder, self._case()),
-            self.on_show,
-        )
+        case = self._case()
+        self._start(self._stiffness().load_pair(p.restFolder, p.deformedFolder, case), lambda: self._show(case))
 
     def on_segment(self):
         """Finds the organs."""
-        p = self._parameters
-        self._start(self._stiffness().segment(self._case(), p.clicks), self.on_show)
+        case = self._case()
+        self._start(self._stiffness().segment(case, self._parameters.clicks), lambda: self._show(case))
 
     def on_identify(self):
         """Finds the stiffness."""
-        p = self._parameters
-        self._start(self._stiffness().identify(self._case(), p.method, (), p.tetrahedra), self.on_show)
+        p, case = self._parameters, self._case()
+        self._start(self._stiffness().identify(case, p.method, (), p.tetrahedra), lambda: self._show(case))
 
     def on_report(self):
         """Writes the report and opens it."""
@@ -182,7 +181,11 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
 
     def on_show(self):
         """Exports the case and shows it in the scene."""
-        pipeline, folder = self._stiffness().export(self._case())
+        self._show(self._case())
+
+    def _show(self, case):
+        """The same for a case that a step was started on, whatever the panel names by now."""
+        pipeline, folder = self._stiffness().export(case)
 
         def shown():
             self._nodes = self._stiffness().show_results(folder, self._nodes)
@@ -199,6 +202,8 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
     def on_timer(self):
         """How far is it?"""
         pipeline = self._pipeline
+        if pipeline is None:  # a last ring of a timer that has been stopped
+            return
         state = pipeline.poll()
         self.ui.progressBar.value = round(100 * pipeline.fraction)
         self.ui.statusLabel.text = pipeline.message
@@ -255,12 +260,14 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
     def _connect_parameters(self):
         if self._parameters is None:
             self._parameters = self.logic.getParameterNode()
+        if self._connections is None:
             self._connections = self._parameters.connectGui(self.ui)
 
-    def _disconnect_parameters(self):
-        if self._parameters is not None:
+    def _disconnect_gui(self):
+        """The parameters stay: a step that runs meanwhile needs them when it ends."""
+        if self._connections is not None:
             self._parameters.disconnectGui(self._connections)
-            self._parameters, self._connections = None, None
+            self._connections = None
 
 
 class PalpateStiffnessLogic(ScriptedLoadableModuleLogic):

@@ -106,6 +106,21 @@ def test_nodes_lie_where_the_case_has_them(case: CaseFolder) -> None:
     assert display.GetColorNode() is nodes.colours and display.GetApplyThreshold()
 
 
+def test_segmentations_load_as_outlines_that_hide_nothing(case: CaseFolder) -> None:
+    scene = slicer.vtkMRMLScene()
+    nodes = exported(case, StiffnessLogic(scene))
+    for state, node in nodes.segmentations.items():
+        display, segments = node.GetDisplayNode(), node.GetSegmentation()
+        assert bool(display.GetVisibility()) == (state == "rest"), "the deformed one belongs to the deformed scan"
+        assert display.GetVisibility2DOutline() and not display.GetVisibility2DFill()
+        hidden = {
+            segments.GetSegment(name).GetName()
+            for name in segments.GetSegmentIDs()
+            if not display.GetSegmentVisibility(name)
+        }
+        assert hidden == {"surrounding_tissue"}
+
+
 def test_the_scene_is_saved_and_loaded_again(case: CaseFolder, tmp_path: Path) -> None:
     scene = slicer.vtkMRMLScene()
     logic = StiffnessLogic(scene)

@@ -189,6 +189,18 @@ def test_cancel_stops(panel: Any, tmp_path: Path) -> None:
     assert not panel.timer.running and "cancelled" in panel.ui.statusLabel.text and panel.ui.reportButton.enabled
 
 
+def test_a_step_that_ends_in_another_module_shows_its_results(panel: Any, tmp_path: Path) -> None:
+    """A person changes the module while a step runs; a timer may ring once more after its end."""
+    panel._parameters.caseFolder = pair(tmp_path / "case", affine(), deformed=False).path
+    panel.ui.showButton.click()
+    panel.exit()
+    run_to_the_end(panel)
+    panel.timer.slot()
+    assert panel.shown["background"].GetName() == "CT rest" and panel.ui.showButton.enabled
+    panel.enter()
+    assert panel._connections is not None and panel._parameters.caseFolder == tmp_path / "case"
+
+
 def test_the_sample_pair_fills_in_the_folders(panel: Any) -> None:
     panel.on_sample()
     assert panel._parameters.restFolder == ROOT / "sample_dicom" / "rest"

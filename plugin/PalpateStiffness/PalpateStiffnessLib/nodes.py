@@ -14,6 +14,7 @@ from .colours import add_stiffness_colours
 STATES = ("rest", "deformed")
 STIFFNESS, MESH = "stiffness_kpa.nrrd", "mesh.vtu"
 _CT_WINDOW, _CT_LEVEL = 400.0, 40.0
+_AROUND = "surrounding_tissue"
 
 
 class LoadError(Exception):
@@ -48,7 +49,7 @@ def show(scene: Any, folder: Path) -> ResultNodes:
             nodes.segmentations[state] = _loaded(
                 scene, path, "vtkMRMLSegmentationNode", "vtkMRMLSegmentationStorageNode", f"Labels {state}"
             )
-            nodes.segmentations[state].CreateDefaultDisplayNodes()
+            _show_as_outlines(nodes.segmentations[state], state == STATES[0])
     if (folder / STIFFNESS).is_file():
         nodes.colours = add_stiffness_colours(scene, "Stiffness G, kPa")
         nodes.stiffness = _volume(scene, folder / STIFFNESS, "Stiffness G, kPa (research use only)")
@@ -88,6 +89,20 @@ def _show_as_ct(volume: Any) -> None:
     display = volume.GetDisplayNode()
     display.AutoWindowLevelOff()
     display.SetWindowLevel(_CT_WINDOW, _CT_LEVEL)
+
+
+def _show_as_outlines(segmentation: Any, visible: bool) -> None:
+    """Outlines on the slices, so that the scan is seen; the tissue all around, which would cover everything, hidden."""
+    segmentation.CreateDefaultDisplayNodes()
+    display = segmentation.GetDisplayNode()
+    display.SetVisibility(visible)
+    display.SetVisibility2DFill(False)
+    display.SetVisibility2DOutline(True)
+    segments = segmentation.GetSegmentation()
+    for index in range(segments.GetNumberOfSegments()):
+        identifier = segments.GetNthSegmentID(index)
+        if segments.GetSegment(identifier).GetName() == _AROUND:
+            display.SetSegmentVisibility(identifier, False)
 
 
 def _show_as_stiffness(volume: Any, colours: Any) -> None:

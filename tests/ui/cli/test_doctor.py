@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
-from palpate.ui import doctor
+from palpate.core.errors import InputError
+from palpate.ui import doctor, system_libraries
 from palpate.ui.cli import main as cli
+from palpate.ui.desktop.window import display_server
 from palpate.ui.pictures import offscreen
 
 
@@ -18,7 +20,7 @@ def test_this_machine_passes(capfd: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["doctor", "--json", "--quiet"]) == 0
     checks = {check["name"]: check for check in json.loads(capfd.readouterr().out)["checks"]}
     wanted = {"python", "packages", "PARDISO", "off-screen rendering", "window", "temporary folder", "cores", "memory"}
-    assert wanted == set(checks)
+    assert wanted | {"window's libraries"} == set(checks)
     assert "numpy" in checks["packages"]["found"]
     assert all(check["works"] for check in checks.values() if check["needed"])
 
@@ -59,6 +61,18 @@ def test_without_rendering_the_remedy_is_one_line(monkeypatch: pytest.MonkeyPatc
     check = doctor._rendering()
     assert not check.works and not check.needed
     assert check.remedy == "apt-get install libegl1 libgl1-mesa-dri"
+
+
+def test_what_the_window_lacks_is_told_with_the_line_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = {"libEGL.so.1", "libGL.so.1"}
+    named = system_libraries.missing(lambda name: name in there)
+    assert "libxcb-cursor0" in named and "libegl1" not in named and list(named) == sorted(named)
+    monkeypatch.setattr(system_libraries, "missing", lambda: ("libdbus-1-3", "libxcb-cursor0"))
+    check = doctor._libraries()
+    assert not check.works and not check.needed
+    assert check.remedy == "apt-get install libdbus-1-3 libxcb-cursor0"
+    with pytest.raises(InputError, match="on Debian: apt-get install libdbus-1-3 libxcb-cursor0"):
+        display_server.check(headless=False)
 
 
 def test_without_a_display_only_the_window_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

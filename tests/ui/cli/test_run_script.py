@@ -24,6 +24,7 @@ case "$1 $2" in
 "-m venv") mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
 "-m pip") sleep "${PIP_SECONDS:-0}" ;;
 "-m palpate.ui.pictures.offscreen") exit "${RENDERS:-0}" ;;
+"-m palpate.ui.system_libraries") printf '%s' "${LACKS:-}" ;;
 "-m palpate.ui.cli") printf '<%s>' "${@:3}"; printf ' in %s, safe %s' "$PWD" "$PYTHONSAFEPATH"; exit "${STATUS:-0}" ;;
 esac
 """
@@ -122,6 +123,22 @@ def test_without_rendering_it_goes_on_and_prints_one_line(project: Path, tmp_pat
     lines = [line for line in err.splitlines() if "3D" in line]
     assert len(lines) == 1 and "sudo sh -c 'apt-get update && apt-get install" in lines[0]
     assert "libegl1 libgl1-mesa-dri" in lines[0]
+
+
+def test_what_the_window_lacks_is_named_in_one_line(project: Path, tmp_path: Path) -> None:
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    (tools / "id").write_text("#!/bin/sh\necho 1000\n")
+    (tools / "id").chmod(0o755)
+    path = f"{tools}{os.pathsep}{os.environ['PATH']}"
+    status, _, err = run(project, "palpate", "doctor", LACKS="libxcb-cursor0 libegl1", RENDERS="1", PATH=path)
+    (line,) = [line for line in err.splitlines() if "apt-get install" in line]
+    assert status == 0 and "no 3D pictures and window on this machine yet" in line
+    assert line.endswith("--no-install-recommends libegl1 libgl1-mesa-dri libxcb-cursor0'")
+    _, _, err = run(project, "palpate", "doctor", LACKS="libxcb-cursor0", PATH=path)
+    assert "apt-get" not in err, "said once"
+    _, _, err = run(project, "setup", LACKS="libxcb-cursor0", PATH=path)
+    assert "no window on this machine yet" in err and err.rstrip().endswith("--no-install-recommends libxcb-cursor0'")
 
 
 @pytest.mark.parametrize("arguments", [(), ("feel",)])

@@ -14,16 +14,21 @@ from palpate.core.files.atomic import atomic_path
 _KEPT = 10
 
 
-def recent_file() -> Path:
-    """Where the list is: PALPATE_SETTINGS, else the system's place for settings."""
+def settings_folder() -> Path:
+    """Where the user's settings are: PALPATE_SETTINGS, else the system's place for them."""
     chosen = os.environ.get("PALPATE_SETTINGS")
     if chosen:
-        return Path(chosen, "recent.json")
+        return Path(chosen)
     if sys.platform == "win32":
-        return Path(os.environ.get("APPDATA", Path.home())) / "palpate" / "recent.json"
+        return Path(os.environ.get("APPDATA", Path.home())) / "palpate"
     if sys.platform == "darwin":
-        return Path.home() / "Library" / "Application Support" / "palpate" / "recent.json"
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "palpate" / "recent.json"
+        return Path.home() / "Library" / "Application Support" / "palpate"
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "palpate"
+
+
+def recent_file() -> Path:
+    """The file with the list."""
+    return settings_folder() / "recent.json"
 
 
 def recent_cases() -> list[Path]:

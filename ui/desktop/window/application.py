@@ -29,12 +29,15 @@ class Shown(TypedDict):
 def show(case: Path | None, headless: bool = False) -> Shown:
     """Opens the window and returns when it is closed: the longest stall in ms. Raises InputError when it cannot be opened."""
     window, application = new_window(headless)
+    from palpate.ui.desktop.window import geometry  # here, because the platform is chosen before
+
     if case is not None:
         window.page.open_case(case)
         if window.controller.case is None:
             reason = window.page.problem.text()
             window.shut()
             raise InputError(reason)
+    geometry.restore(window)
     window.show()
     ended = signal.signal(signal.SIGTERM, lambda *_: application.quit())
     interrupted = signal.signal(signal.SIGINT, lambda *_: application.quit())
@@ -43,6 +46,7 @@ def show(case: Path | None, headless: bool = False) -> Shown:
     finally:
         signal.signal(signal.SIGTERM, ended)
         signal.signal(signal.SIGINT, interrupted)
+        geometry.remember(window)
         longest = round(window.responsiveness.longest_ms, 1)
         if window.controller.listeners:  # ended by a signal rather than by the window's own button
             window.shut()

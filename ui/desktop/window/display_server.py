@@ -7,17 +7,18 @@ import subprocess
 import sys
 
 from palpate.core.errors import InputError
+from palpate.ui import system_libraries
 
-LIBRARIES = (
-    "libegl1 libgl1 libxkbcommon-x11-0 libxcb-cursor0 libxcb-icccm4 libxcb-keysyms1 libxcb-image0 libxcb-render-util0 "
-    "libxcb-shape0 libxcb-xinerama0 libxcb-randr0 libfontconfig1 libdbus-1-3"
-)
 _TRY = "from PySide6.QtWidgets import QApplication; QApplication([])"
 _TIMEOUT_S = 60.0
 
 
 def check(headless: bool) -> None:
     """Raises InputError with the line that helps when a window, or one without a screen, cannot be made here."""
+    absent = () if headless else system_libraries.missing()
+    if absent:
+        lacking = "libraries of the system that it needs are absent"
+        raise InputError(f"no window can be opened ({lacking}); on Debian: {system_libraries.remedy(absent)}")
     if not headless and sys.platform.startswith("linux") and not _has_screen():
         raise InputError(
             "there is no display (DISPLAY and WAYLAND_DISPLAY are not set); run it on a desktop, or with --headless"
@@ -35,7 +36,8 @@ def check(headless: bool) -> None:
         why = lines[0].strip() if lines else f"status {done.returncode}"
         if "connect to display" in why:
             raise InputError(f"no window can be opened ({why}); start it from a desktop, or correct DISPLAY")
-        raise InputError(f"no window can be opened ({why}); on Debian try: apt-get install {LIBRARIES}")
+        packages = system_libraries.remedy(tuple(sorted(set(system_libraries.WINDOW.values()))))
+        raise InputError(f"no window can be opened ({why}); on Debian try: {packages}")
 
 
 def _has_screen() -> bool:

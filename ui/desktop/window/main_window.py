@@ -27,7 +27,7 @@ from palpate.ui.desktop.panels.result_panel import ResultPanel
 from palpate.ui.desktop.panels.step_bar import StepBar
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import words_at_crosshair
-from palpate.ui.desktop.window import questions
+from palpate.ui.desktop.window import geometry, questions
 from palpate.ui.desktop.window.open_page import OpenPage
 from palpate.ui.desktop.window.responsiveness import ResponsivenessMeter
 from palpate.ui.desktop.window.views import Views
@@ -52,7 +52,7 @@ class MainWindow(QMainWindow):
         self.page = OpenPage(controller, self._opened)
         self._lay_out()
         self.setAcceptDrops(True)
-        self.resize(1500, 940)
+        geometry.fit(self)
         controller.listeners.append(self.told)
         self._timers()
         self._shortcuts()

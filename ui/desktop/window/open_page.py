@@ -99,12 +99,13 @@ class OpenPage(QWidget):
         grid.addWidget(line, len(_ROWS) + 1, 0)
         return grid
 
-    def refresh(self) -> None:
-        """Shows what is chosen, and the cases of before."""
+    def refresh(self, typing: str = "") -> None:
+        """Shows what is chosen, and the cases of before. typing : the field that a person types in, which is left as it is."""
         for name, field in self.fields.items():
             path = getattr(self.pair, name)
-            if field.text() != ("" if path is None else str(path)):
-                field.setText("" if path is None else str(path))
+            words = "" if path is None else str(path)
+            if name != typing and field.text() != words:
+                field.setText(words)
         reason = self.pair.why_not()
         self.go.setEnabled(not reason)
         self.go.setToolTip(reason or "Reads both scans and aligns them on bone")
@@ -148,7 +149,7 @@ class OpenPage(QWidget):
 
     def _typed(self, name: str, text: str) -> None:
         setattr(self.pair, name, Path(text).expanduser() if text.strip() else None)
-        self.refresh()
+        self.refresh(typing=name)
 
     def _choose(self, name: str) -> None:
         if name.endswith("_labels"):

@@ -1,0 +1,54 @@
+"""What is typed on the first page stays as it is typed; the window fits the screen, and is again where it was."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+TYPED = """
+import json, sys
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtTest import QTest
+from palpate.ui.desktop.window.application import new_window
+
+window, application = new_window(headless=True)
+from palpate.ui.desktop.window import geometry
+window.show()
+field = window.page.fields["rest"]
+QTest.keyClicks(field, "/data//scans/rest/")
+QTest.keyClick(field, Qt.Key.Key_Left)
+QTest.keyClicks(field, " ")
+told = {"text": field.text(), "path": str(window.page.pair.rest), "sizes": []}
+window.page.refresh()
+told["shown"] = field.text()
+for room in (QSize(1280, 690), QSize(3840, 2130)):
+    told["sizes"].append(geometry.first_size(room).toTuple())
+least = window.minimumSizeHint()
+told["least"] = [least.width(), least.height()]
+window.resize(780, 700)  # the screen of this platform is 800 x 800
+geometry.remember(window)
+window.shut()
+other, _ = new_window(headless=True)
+geometry.restore(other)
+told["again"] = other.size().toTuple()
+other.shut()
+sys.stdout.write(json.dumps(told))
+"""
+
+
+def test_a_path_can_be_typed_and_the_window_is_as_it_was_left(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", TYPED],
+        env=os.environ | {"PALPATE_SETTINGS": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    told = json.loads(done.stdout)
+    assert told["text"] == "/data//scans/rest /" and told["path"] == "/data/scans/rest "
+    assert told["shown"] == "/data/scans/rest "
+    (small, large) = told["sizes"]
+    assert small[0] <= 1280 and small[1] <= 690 and large == [1500, 940]
+    assert told["least"][0] <= small[0] and told["least"][1] <= small[1], "it must not be cut off by a laptop's screen"
+    assert told["again"] == [780, 700]
