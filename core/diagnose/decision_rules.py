@@ -66,7 +66,7 @@ class DecisionRules(EvidenceRules):
             "1",
             "A verdict of one name may not leave a remainder with a p-value below this, unless it predicts nearly all.",
             "The level of the gap test. The true effects of twelve cases, nine of them shared, have 0.16 to 0.94 "
-            "(docs/gap_history.md).",
+            "(gap_history.md of commit 58d590b).",
         ),
     ] = 0.05
     nearly_all: Annotated[
@@ -75,7 +75,7 @@ class DecisionRules(EvidenceRules):
             "1",
             "Share of a free field's gain on data left out from which on a remainder is laid to walls and mesh.",
             "Chosen: true strong effects were found to leave 0.4 to 0.7 mm on four cases of an older simulator "
-            "(docs/gap_history.md).",
+            "(gap_history.md of commit 58d590b).",
         ),
     ] = 0.9
     half: Annotated[
@@ -111,7 +111,7 @@ class DecisionRules(EvidenceRules):
             "1",
             "Factor on the told standard deviation of ln G.",
             "rms error of 52 effect-free cases of the blind check, seeds 12 to 14: 1.28 standard deviations "
-            "(docs/gap_history.md).",
+            "(gap_history.md of commit 58d590b).",
         ),
     ] = 1.3
     bias_least: Annotated[

@@ -246,6 +246,6 @@ class NoiseModelOptions:
             "rms error of ln G that this noise model leaves, in standard deviations; evidence is divided by its "
             "square.",
             "22 effect-free cases of the blind check's seeds 11 and 12: 1.25; 88 of seeds 9 and 11 to 14: 1.29 "
-            "(docs/gap_history.md).",
+            "(gap_history.md of commit 58d590b).",
         ),
     ] = 1.25

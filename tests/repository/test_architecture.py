@@ -20,7 +20,7 @@ PAGES = [
         "plugin/README.md",
         "sample_dicom/README.md",
     ),
-    *sorted(f"docs/{page.name}" for page in (TOP / "docs").glob("*.md")),
+    *sorted(page.relative_to(TOP).as_posix() for page in (TOP / "docs").rglob("*.md")),
 ]
 # A path that begins with a folder at the top of the repository.
 _TOPS = "|".join([*ROOMS, "docs", "tests", "plugin", "palpate", "sample_dicom", r"\.ci"])

@@ -1,6 +1,6 @@
 """The weights against the Cramer-Rao bound of the blind cases without a hidden effect, from the answers' own sensitivities.
 
-In short: no mesh and no solve. In full: `palpate identify CASE --method gauss-newton` on each, see the README.
+In short: no mesh and no solve. In full: `palpate identify CASE --method gauss-newton` on each, see docs/measured.md.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ def study() -> dict[str, Any]:
 def test_what_is_found_rises_with_the_tumour_and_is_near_what_the_half_has(study: dict[str, Any]) -> None:
     assert study["rises"] and study["correlation"]["clean"] > 0.9
     for row in study["rows"]:
-        # Coarse meshes; the full study's figures are in the README.
+        # Coarse meshes; the full study's figures are in docs/measured.md.
         assert np.abs(row["error_percent"]).max() < 12.0
         low, high = row["noisy"]["ci95_kpa"].T
         assert (low < row["effective_mu_kpa"]).all() and (high > row["effective_mu_kpa"]).all()

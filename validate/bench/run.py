@@ -61,7 +61,7 @@ class BenchTable(TypedDict):
 
 
 def run_bench(options: BenchOptions | None = None, progress: Progress = silent) -> BenchTable:
-    """Measure speed against peers, growth with size, workers and the reduced model; keys as in the README's table.
+    """Measure speed against peers, growth with size, workers and the reduced model; keys as in docs/measured.md.
 
     A peer that has no answer on a scene is in its row with the reason; one that is not here, and was not asked for by name,
     is in "skipped_peers". InputError : a peer that was asked for by name is not here, or one that is here does not run.

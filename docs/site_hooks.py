@@ -1,0 +1,59 @@
+"""Hooks of MkDocs: pages made from the program itself, and equations as MathML, which browsers show without a script.
+
+mkdocs.yml names this file. Made at every build, so that they cannot go stale: `reference/commands.md` from the parser's help,
+`known_issues.md` from the file at the top of the repository, the tree that the Python reference is read from.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+import shutil
+from pathlib import Path
+
+from commands_page import commands_page
+from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+TOP = Path(__file__).parents[1]
+ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
+API = TOP / "build" / "api"
+# Pages at the top of the repository that the site shows too: file there -> page of the site.
+BORROWED = {"KNOWN_ISSUES.md": "known_issues.md"}
+_MATH = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_startup(command: str, dirty: bool) -> None:
+    """Copy the rooms under one `palpate` folder, where the Python reference looks for them."""
+    shutil.rmtree(API, ignore_errors=True)
+    only_python = shutil.ignore_patterns("__pycache__", "*.html", "*.css")
+    shutil.copytree(TOP / "palpate", API / "palpate", ignore=only_python)
+    for room in ROOMS:
+        shutil.copytree(TOP / room, API / "palpate" / room, ignore=only_python)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made here."""
+    files.append(File.generated(config, "reference/commands.md", content=commands_page()))
+    for source, page in BORROWED.items():
+        files.append(File.generated(config, page, content=(TOP / source).read_text(encoding="utf-8")))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Point links to borrowed pages at the site's copies."""
+    for source, name in BORROWED.items():
+        markdown = re.sub(rf"\((\.\./)*{re.escape(source)}", f"({'../' * page.file.src_uri.count('/')}{name}", markdown)
+    return markdown
+
+
+def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Equations as MathML."""
+    return _MATH.sub(_mathml, html_text)
+
+
+def _mathml(found: re.Match[str]) -> str:
+    display = "block" if found[2] == "[" else "inline"
+    return convert(html.unescape(found[3]).strip(), display=display)

@@ -1,0 +1,75 @@
+"""Write docs/measured.md, and the table of docs/gap.md, from docs/measured.toml: `python docs/write_measured.py`."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+DOCS = Path(__file__).parent
+DEFAULT_PAGE = "measured.md"
+BEGIN, END = "<!-- figures: written by docs/write_measured.py -->", "<!-- end of figures -->"
+HEAD = "| what | found | command | written down |\n| --- | --- | --- | --- |"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One measured figure. commit : state of the program that was measured, as an abbreviated hash."""
+
+    what: str
+    found: str
+    command: str
+    date: date
+    commit: str
+
+    def row(self) -> str:
+        """Row of the table."""
+        command = self.command if self.command.startswith(("same", "not kept")) else f"`{self.command}`"
+        return f"| {self.what} | {self.found} | {command} | {self.date.isoformat()}, `{self.commit}` |"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """Figures under the same conditions. page : page of docs/ that holds their table. note : the conditions."""
+
+    id: str
+    title: str
+    note: str
+    figures: tuple[Figure, ...]
+    page: str = DEFAULT_PAGE
+
+    def table(self) -> str:
+        """Conditions and table, without the heading."""
+        return "\n".join([*([self.note, ""] if self.note else []), HEAD, *(figure.row() for figure in self.figures)])
+
+
+def sections(path: Path = DOCS / "measured.toml") -> list[Section]:
+    """Sections of the file of figures. Raises TypeError for a key that is missing or unknown."""
+    stated = tomllib.loads(path.read_text(encoding="utf-8"))["section"]
+    return [Section(figures=tuple(Figure(**f) for f in one.pop("figure")), **one) for one in stated]
+
+
+def written() -> dict[str, str]:
+    """Text by page, each with its tables between the two marks."""
+    parts: dict[str, list[str]] = {}
+    for one in sections():
+        own_page = one.page != DEFAULT_PAGE
+        parts.setdefault(one.page, []).append(one.table() if own_page else f"## {one.title}\n\n{one.table()}")
+        if own_page:
+            parts.setdefault(DEFAULT_PAGE, []).append(f"## {one.title}\n\nSee [the page on it]({one.page}#figures).")
+    return {page: between_marks((DOCS / page).read_text(encoding="utf-8"), "\n\n".join(p)) for page, p in parts.items()}
+
+
+def between_marks(text: str, table: str) -> str:
+    """The page's text with the table between its marks. Raises ValueError where it has none."""
+    before, _, rest = text.partition(BEGIN)
+    _, mark, after = rest.partition(END)
+    if not mark:
+        raise ValueError(f"a page has no marks {BEGIN} and {END}")
+    return f"{before}{BEGIN}\n\n{table}\n\n{END}{after}"
+
+
+if __name__ == "__main__":
+    for page, text in written().items():
+        (DOCS / page).write_text(text, encoding="utf-8")

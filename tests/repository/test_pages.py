@@ -1,0 +1,123 @@
+"""Pages of people hold to the program: figures once and from one file, links that lead somewhere, commands and code that work."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import matplotlib as mpl
+import pytest
+from phantoms import affine, labels, result
+
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.ui.cli.main import COMMANDS
+from palpate.ui.desktop.scripting.commands_script import parse
+from palpate.ui.export import names
+
+TOP = Path(__file__).parents[2]
+DOCS = TOP / "docs"
+PAGES = [TOP / "README.md", TOP / "KNOWN_ISSUES.md", *sorted(DOCS.rglob("*.md"))]
+# Made at every build of the site (docs/site_hooks.py), so they lie in no folder.
+MADE = {DOCS / "reference" / "commands.md", DOCS / "known_issues.md"}
+
+
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_pages_of_figures_are_what_their_script_writes() -> None:
+    for page, text in script("write_measured").written().items():
+        assert (DOCS / page).read_text(encoding="utf-8") == text, "run .venv/bin/python docs/write_measured.py"
+
+
+def test_a_figure_is_stated_on_one_page_only() -> None:
+    """Those long enough to be told from other numbers."""
+    for section in script("write_measured").sections():
+        for figure in section.figures:
+            stated = [p for p in PAGES if len(figure.found) > 12 and figure.found in p.read_text(encoding="utf-8")]
+            assert stated in ([], [DOCS / section.page]), figure.what
+
+
+def test_a_figure_without_its_command_is_refused(tmp_path: Path) -> None:
+    written = '[[section]]\nid = "a"\ntitle = "A"\nnote = ""\n[[section.figure]]\nwhat = "x"\nfound = "1"\ndate = 2026-01-01\n'
+    (tmp_path / "measured.toml").write_text(written)
+    with pytest.raises(TypeError, match="command"):
+        script("write_measured").sections(tmp_path / "measured.toml")
+
+
+def test_the_readme_is_short() -> None:
+    assert len((TOP / "README.md").read_text(encoding="utf-8").split()) <= 900
+
+
+def test_known_issues_are_few() -> None:
+    text = (TOP / "KNOWN_ISSUES.md").read_text(encoding="utf-8")
+    numbers = [int(number) for number in re.findall(r"^(\d+)\. ", text, re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1)) and 10 < len(numbers) <= 25
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as the site and GitHub make them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(TOP).as_posix())
+def test_links_and_pictures_lead_somewhere(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        name, _, anchor = target.partition("#")
+        there = (page.parent / name).resolve() if name else page
+        assert there in MADE or there.exists(), target
+        assert not anchor or there in MADE or anchor in anchors(there), target
+
+
+def test_the_page_of_exports_names_every_form() -> None:
+    page = (DOCS / "how_to" / "export.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `([\w-]+)` \|", page, re.MULTILINE)) == set(names())
+
+
+def test_the_page_of_commands_has_every_command_and_option() -> None:
+    page = script("commands_page").commands_page()
+    assert re.findall(r"^## (\w+)$", page, re.MULTILINE) == list(COMMANDS)
+    assert all(
+        option in page for option in ("--rest-labels FILE", "N&#124;NAME=X,Y,Z", "--to {dicom-pdf", "--workers N")
+    )
+
+
+def test_the_script_of_the_window_pictures_is_understood() -> None:
+    path = DOCS / "tutorial" / "window_pictures.txt"
+    commands = parse(path.read_text(encoding="utf-8"), str(path))
+    assert {"open", "show", "screenshot", "quit"} <= {command.name for command in commands}
+
+
+@pytest.fixture
+def demo_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A case of the name that the tutorial uses, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    case = CaseFolder.create("demo_case", CaseFacts("demo"))
+    case.write_labels("rest", labels(affine()))
+    case.write_json("result.json", result())
+    return tmp_path
+
+
+def test_the_code_of_the_python_tutorial_runs(demo_case: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (DOCS / "tutorial" / "python.md").read_text(encoding="utf-8")
+    mpl.use("Agg")
+    known: dict[str, Callable[..., object]] = {}
+    for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        if block.startswith("# not run by the tests"):  # its imports are, so that no name in it is gone
+            block = "".join(line for line in block.splitlines(keepends=True) if line.startswith("from "))
+        exec(compile(block, "docs/tutorial/python.md", "exec"), known)
+    told = capsys.readouterr().out
+    assert told.startswith("True largest displacement") and "prostate_left" in told
+    assert (demo_case / "sphere.png").stat().st_size > 10_000 and (demo_case / "labels.png").exists()
