@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
@@ -23,14 +25,24 @@ class PressureBlock:
     """
 
     def __init__(self, space: Space, weight: FloatArray, solver: str) -> None:
-        self.space = space
+        self._take(space, weight)
+        self._solver_name = solver
         self.exists = space.n_pressures > 0
-        self.compliance = np.zeros((len(space.mesh.cells), 0, 0))
-        self._weight = weight
         self._solver: SymmetricSolver | None = None
         if self.exists:
             self._pattern = Pattern.of([space.cell_pressures], np.arange(space.n_pressures))
             self._solver = make_solver(self._pattern, solver)
+
+    def on_shape(self, space: Space, weight: FloatArray) -> PressureBlock:
+        """Block of the same unknowns on a mesh with the same cells and other points: its own sums and factor, this one's structure.
+
+        Moduli are to be set before use.
+        """
+        out = copy.copy(self)
+        out._take(space, weight)
+        if self.exists:
+            out._solver = make_solver(self._pattern, self._solver_name)
+        return out
 
     def set_moduli(self, kappa: FloatArray, shear: FloatArray) -> None:
         """Bulk and shear modulus at rest (m,) kPa of every cell."""
@@ -42,6 +54,10 @@ class PressureBlock:
         values = np.zeros(len(self._pattern.indices))
         scatter(self.compliance, self._pattern.slots[0], values)
         self._solver.factorise(values)
+
+    def _take(self, space: Space, weight: FloatArray) -> None:
+        self.space, self._weight = space, weight
+        self.compliance = np.zeros((len(space.mesh.cells), 0, 0))
 
     def solve(self, b: FloatArray) -> FloatArray:
         """C^-1 b (n_p,)."""

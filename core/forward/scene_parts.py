@@ -29,11 +29,17 @@ WALL_STIFFNESS = 400.0
 
 
 def on_other_shape(assembler: Assembler, space: Space) -> Assembler:
-    """Assembler with the same structure and solver on a space whose mesh has the same cells and other points."""
+    """Assembler with the same structure and solver on a space whose mesh has the same cells and other points.
+
+    What depends on the shape is its own: weights, volume and the sums of the pressure unknowns.
+    """
     out = copy.copy(assembler)
     out.space = space
     out.total_volume = float(space.mesh.volumes.sum())
     out.weight = np.ascontiguousarray(space.mesh.volumes[:, None] * space.element.weights)
+    out.pressures = assembler.pressures.on_shape(space, out.weight)
+    if assembler.materials:
+        out.set_materials(assembler.materials)
     return out
 
 
