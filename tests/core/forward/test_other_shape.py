@@ -29,7 +29,9 @@ def test_it_has_the_energy_residual_and_tangent_of_a_new_one(element: str) -> No
     assert moved.energy(state.u, 1.0) == new.energy(state.u, 1.0)
     np.testing.assert_array_equal(moved.tangent(state, 1.0)[0], new.tangent(state, 1.0)[0])
     for name in ("r_u", "r_p", "scale"):
-        np.testing.assert_array_equal(getattr(moved.residual(state, 1.0), name), getattr(new.residual(state, 1.0), name))
+        np.testing.assert_array_equal(
+            getattr(moved.residual(state, 1.0), name), getattr(new.residual(state, 1.0), name)
+        )
     # The first one is as it was.
     p = rng.normal(size=space.n_pressures)
     again = Assembler(scene.space, first.free, first.terms)
