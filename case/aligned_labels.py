@@ -1,7 +1,7 @@
 """Coordinate frame of labels drawn on the deformed scan: the scanner's own, or the rest frame.
 
-`palpate export` writes the deformed scan in the rest frame for ITK-SNAP and 3D Slicer. A NIfTI or NRRD label file does not
-name its frame. The frame follows from the voxel grid: labels lie on the grid of the scan that they were drawn on.
+`palpate export` writes the deformed scan in the rest frame for ITK-SNAP and 3D Slicer. A NIfTI or NRRD label file does
+not name its frame. The frame follows from the voxel grid: labels lie on the grid of the scan that they were drawn on.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def in_own_frame(
 ) -> UserLabels:
     """Labels of the deformed scan in the scanner's own coordinates (LPS, mm); labels in the rest frame are moved there.
 
-    ct : the deformed scan in the scanner's coordinates. deformed_to_rest : (4, 4) rigid transform, mm. aligned : a further
-    grid in the rest frame, such as the case's label volume. Labels that were moved carry `NOTE` in their notes. Labels on
-    none of these grids are returned unchanged.
+    ct : the deformed scan in the scanner's coordinates. deformed_to_rest : (4, 4) rigid transform, mm. aligned : a
+    further grid in the rest frame, such as the case's label volume. Labels that were moved carry `NOTE` in their notes.
+    Labels on none of these grids are returned unchanged.
     """
     if labels.source not in ("nifti", "itksnap", "seg.nrrd") or lies_on(labels.volume, ct):
         return labels

@@ -29,9 +29,9 @@ class CaseFacts:
     """Content of case.json (docs/case.md).
 
     Moduli are small-strain shear moduli in kPa; noise is in mm; gravity is in m/s^2 in patient coordinates (LPS), None
-    where unknown. ``other`` holds all further keys, so that saving loses nothing. They are the keys of a body on a bench and
-    of further deformed states (body, supports, states, density_kg_m3, model_gravity: `stated_files`), and keys that a person
-    added.
+    where unknown. ``other`` holds all further keys, so that saving loses nothing. They are the keys of a body on a
+    bench and of further deformed states (body, supports, states, density_kg_m3, model_gravity: `stated_files`), and
+    keys that a person added.
     """
 
     name: _Name

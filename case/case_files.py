@@ -19,7 +19,8 @@ T = TypeVar("T")
 
 
 class CaseFiles:
-    """A folder. All writing is atomic and raises InputError naming the file where the folder is read-only or the disk full.
+    """A folder. All writing is atomic and raises InputError naming the file where the folder is read-only or the disk
+    full.
 
     path : the folder.
     """

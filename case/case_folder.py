@@ -92,7 +92,9 @@ class CaseFolder(CaseFiles):
         return read_series(self.file(f"{_known(state)}_ct"))
 
     def bones(self, state: str) -> Volume | None:
-        """Which bone (values of BONE_PARTS) each bone voxel of a state is, rest frame; None where no bone was told apart."""
+        """Which bone (values of BONE_PARTS) each bone voxel of a state is, rest frame; None where no bone was told
+        apart.
+        """
         name = f"{_known(state)}_bones.nii.gz"
         if not self.has(name):
             return None
@@ -108,7 +110,9 @@ class CaseFolder(CaseFiles):
         return self.file(name)
 
     def deformed_to_rest(self) -> FloatArray:
-        """The rigid transform (4, 4), LPS mm, that brings the deformed scan into the rest frame; identity without one."""
+        """The rigid transform (4, 4), LPS mm, that brings the deformed scan into the rest frame; identity without
+        one.
+        """
         if not self.has("alignment.json"):
             return np.eye(4)
         return np.array(self.read_json("alignment.json")["deformed_to_rest"], dtype=np.float64)
@@ -154,7 +158,9 @@ class CaseFolder(CaseFiles):
     def mark_done(
         self, step: str, inputs_sha256: str, outputs: Iterable[str], more: Mapping[str, object] | None = None
     ) -> None:
-        """Notes in state.json that the step ran to its end; call it after its last file is written. more : further keys to note."""
+        """Notes in state.json that the step ran to its end; call it after its last file is written. more : further keys
+        to note.
+        """
         entry = {"inputs_sha256": inputs_sha256, "outputs": list(outputs), "done": True, **(more or {})}
         self.write_json("state.json", {**self._state(), step: entry})
 

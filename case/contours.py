@@ -52,7 +52,9 @@ def read_contours(case: CaseFolder, state: str) -> Contours | None:
 
 
 def contours_of_file(labels: UserLabels, path: Path) -> Contours:
-    """Contours of a file that was read. path : that file, for the error. Raises InputError when there is no prostate."""
+    """Contours of a file that was read. path : that file, for the error. Raises InputError when there is no
+    prostate.
+    """
     contours = _contours(in_lps_order(labels.volume), labels.prostate_is_split)
     if "prostate" not in contours.organs:
         raise InputError(f"{path} holds no prostate; draw it, or say which structure it is")

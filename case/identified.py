@@ -27,7 +27,9 @@ class _Stiffness(msgspec.Struct, frozen=True):
 
 
 def read_result(case: CaseFolder) -> ResultRecord:
-    """Whole content of result.json. Raises InputError when it is missing, does not have its form or has no parameters."""
+    """Whole content of result.json. Raises InputError when it is missing, does not have its form or has no
+    parameters.
+    """
     result = case.read("result.json", ResultRecord, _AGAIN)
     if not result.parameters:
         raise InputError(f"{case.file('result.json')} has no parameters{_AGAIN}")
@@ -42,7 +44,8 @@ def identified_regions(case: CaseFolder) -> dict[str, KnownStiffness]:
 def identified_shear(case: CaseFolder, regions: Sequence[int]) -> dict[int, float]:
     """Shear modulus G, kPa, by region (label value).
 
-    Raises InputError when result.json is missing, lacks one of the regions, or holds a G that is not positive and finite.
+    Raises InputError when result.json is missing, lacks one of the regions, or holds a G that is not positive and
+    finite.
     """
     path, known = case.file("result.json"), identified_regions(case)
     shear = {}

@@ -28,8 +28,8 @@ class Landmarks:
 def read_landmarks(path: Path) -> Landmarks:
     """Points of a CSV file in the form of docs/case.md: landmarks.csv, or the points file of a state.
 
-    Raises InputError naming the file when it is unreadable, lacks a column, holds no point or repeats a name, and naming
-    the line too when a point has no name or a coordinate is no finite number.
+    Raises InputError naming the file when it is unreadable, lacks a column, holds no point or repeats a name, and
+    naming the line too when a point has no name or a coordinate is no finite number.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
@@ -76,7 +76,9 @@ def _numbers(row: dict[str, str], path: Path, line: int) -> list[float]:
 
 
 def landmarks_csv(points: Landmarks, deformed_to_rest: FloatArray) -> str:
-    """Text of landmarks.csv. deformed_to_rest : (4, 4) rigid transform, mm, of the deformed points into the rest frame."""
+    """Text of landmarks.csv. deformed_to_rest : (4, 4) rigid transform, mm, of the deformed points into the rest
+    frame.
+    """
     moved = transformed(deformed_to_rest, points.deformed)
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

@@ -15,8 +15,8 @@ ORGAN_NAME = "organ"
 class MeshReport(MeshQuality, total=False):
     """mesh.json: the mesh's quality, then what the mesh step adds to it.
 
-    inputs_sha256, mesh_sha256 : of what it was made from, and of mesh.npz. options : by name. laid_elsewhere : null where the deformed
-    scan lay in place. surface_faces : number of triangles by STATE_NAME.
+    inputs_sha256, mesh_sha256 : of what it was made from, and of mesh.npz. options : by name. laid_elsewhere : null
+    where the deformed scan lay in place. surface_faces : number of triangles by STATE_NAME.
     """
 
     inputs_sha256: str

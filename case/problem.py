@@ -55,8 +55,8 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
 def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[IdentificationProblem]:
     """Problems of the further deformed states.
 
-    first : problem of the first deformed state; its mesh and surfaces at rest are shared. Deformed surfaces and landmarks
-    are each state's own. Raises InputError when a file of a state is missing or holds no prostate.
+    first : problem of the first deformed state; its mesh and surfaces at rest are shared. Deformed surfaces and
+    landmarks are each state's own. Raises InputError when a file of a state is missing or holds no prostate.
     """
     problems = []
     for state in further_states(case):

@@ -29,8 +29,8 @@ _AS_SHOWN = "; write it as docs/case.md shows"
 class FurtherState(msgspec.Struct, frozen=True, omit_defaults=True):
     """Entry of `states` in case.json: one deformed state beyond the first.
 
-    labels, landmarks : names of files in the case folder; landmarks is None where there are none. name : shown to people.
-    source_sha256 : SHA-256 of the files that `add_state` read; empty for an entry written by hand.
+    labels, landmarks : names of files in the case folder; landmarks is None where there are none. name : shown to
+    people. source_sha256 : SHA-256 of the files that `add_state` read; empty for an entry written by hand.
     """
 
     labels: _FileName
@@ -74,7 +74,9 @@ def stated_states(case: CaseFolder) -> list[FurtherState]:
 
 
 def checked_state(case: CaseFolder, state: FurtherState) -> FurtherState:
-    """The state, with its label file's name where it had no name. Raises InputError when one of its files is missing."""
+    """The state, with its label file's name where it had no name. Raises InputError when one of its files is
+    missing.
+    """
     for name in state.files:
         if not case.file(name).is_file():
             raise InputError(f"{case.file(name)} is not there, but case.json names it as a deformed state")
@@ -101,8 +103,8 @@ class Load(msgspec.Struct, frozen=True):
 class MarkerState(msgspec.Struct, frozen=True):
     """One state of a body on a bench.
 
-    points : name of its marker file, columns as in landmarks.csv. gravity : m/s2. points_sd_mm : standard deviation of a
-    marker, mm per axis; None for the case's contour noise.
+    points : name of its marker file, columns as in landmarks.csv. gravity : m/s2. points_sd_mm : standard deviation of
+    a marker, mm per axis; None for the case's contour noise.
     """
 
     name: str
@@ -113,7 +115,9 @@ class MarkerState(msgspec.Struct, frozen=True):
 
 
 class Support(msgspec.Struct, frozen=True):
-    """Plane that holds the body: boundary faces are fixed whose corners all lie within tolerance_mm of it. Point in mm."""
+    """Plane that holds the body: boundary faces are fixed whose corners all lie within tolerance_mm of it. Point in
+    mm.
+    """
 
     plane_point: _Vector
     plane_normal: _Vector
@@ -146,6 +150,8 @@ def bench_body(case: CaseFolder) -> BenchBody:
 
 
 def body_inputs(case: CaseFolder) -> tuple[str, ...]:
-    """Names of the input files of a body on a bench. Raises InputError naming the property of case.json that is wrong."""
+    """Names of the input files of a body on a bench. Raises InputError naming the property of case.json that is
+    wrong.
+    """
     body = bench_body(case)
     return "case.json", body.body, *(state.points for state in body.states)

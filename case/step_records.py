@@ -1,4 +1,6 @@
-"""What the steps' JSON files hold: import.json, surfaces.json, alignment.json, segmentation.json and state.json (docs/case.md)."""
+"""What the steps' JSON files hold: import.json, surfaces.json, alignment.json, segmentation.json and state.json
+(docs/case.md).
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,8 @@ from typing import NotRequired, TypedDict
 
 
 class ImportRecord(TypedDict, total=False):
-    """import.json. sources_sha256 : of what was imported, by state. residual_mm : of the alignment on bone, rms; None without one.
+    """import.json. sources_sha256 : of what was imported, by state. residual_mm : of the alignment on bone, rms; None
+    without one.
 
     An import that was cut short has left the first two keys alone; one of surfaces notes no residual.
     """
@@ -18,7 +21,8 @@ class ImportRecord(TypedDict, total=False):
 
 
 class SurfacesRecord(TypedDict):
-    """surfaces.json: what a pair of closed surfaces tells. volume_cc : by state. surface_rms_mm, landmarks : by way of moving the inside.
+    """surfaces.json: what a pair of closed surfaces tells. volume_cc : by state. surface_rms_mm, landmarks : by way of
+    moving the inside.
 
     landmarks : distances, mm; None without landmarks. cannot_tell, next, in_words, notes : for a person.
     landmarks_as_given_rms_mm : as the files have them, before the alignment.
@@ -37,8 +41,8 @@ class SurfacesRecord(TypedDict):
 
 
 class AlignmentRecord(TypedDict, total=False):
-    """alignment.json. deformed_to_rest : rigid, (4, 4), LPS mm. residual_mm : rms on bone, of parts of the pelvis beside; None where
-    no alignment was made. unmatched, overlap : as in `Alignment`.
+    """alignment.json. deformed_to_rest : rigid, (4, 4), LPS mm. residual_mm : rms on bone, of parts of the pelvis
+    beside; None where no alignment was made. unmatched, overlap : as in `Alignment`.
     """
 
     deformed_to_rest: list[list[float]]
@@ -50,7 +54,9 @@ class AlignmentRecord(TypedDict, total=False):
 
 
 class OrganRecord(TypedDict):
-    """How an organ was found, how sure that is, 0 to 1, and its volume, cc; a file made by hand may tell the method alone."""
+    """How an organ was found, how sure that is, 0 to 1, and its volume, cc; a file made by hand may tell the method
+    alone.
+    """
 
     method: str
     confidence: NotRequired[float]
@@ -73,7 +79,9 @@ class SplitRecord(TypedDict):
 
 
 class SegmentedRecord(TypedDict, total=False):
-    """One state in segmentation.json. volume_in_region_cc : of the labels as written. source : of labels that came with the case, alone."""
+    """One state in segmentation.json. volume_in_region_cc : of the labels as written. source : of labels that came with
+    the case, alone.
+    """
 
     organs: dict[str, OrganRecord]
     bones: dict[str, BoneRecord]
@@ -95,7 +103,9 @@ class SegmentationRecord(TypedDict, total=False):
 
 
 class StepRecord(TypedDict, total=False):
-    """One step in state.json. outputs : files that it wrote. inputs : SHA-256 by file that it read. program : what identifies it."""
+    """One step in state.json. outputs : files that it wrote. inputs : SHA-256 by file that it read. program : what
+    identifies it.
+    """
 
     inputs_sha256: str
     outputs: list[str]

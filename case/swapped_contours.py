@@ -19,11 +19,13 @@ _LOW_HU, _HIGH_HU = -150.0, 250.0
 _MOST_VOXELS = 20_000
 # Smallest number of voxels in which the contours of the two scans must differ for a comparison.
 _LEAST_VOXELS = 200
-# Ratio of the grey-value distances, other scan to own scan, below which contours look exchanged; required in both states.
+# Ratio of the grey-value distances, other scan to own scan, below which contours look exchanged; required in both
+# states.
 _BETTER = 0.9
 # Structures of nearly one grey value. The rectum is not one: its content has all of them, so only its gas is used.
 _GROUPS = (ORGAN_LABELS, (BLADDER,))
-# Gas is below this HU; its share above this looks exchanged. Measured shares: 0 and 0.08 right, 0.26 and 0.38 exchanged.
+# Gas is below this HU; its share above this looks exchanged. Measured shares: 0 and 0.08 right, 0.26 and 0.38
+# exchanged.
 _GAS_HU, _MUCH_GAS = -300.0, 0.2
 
 
@@ -31,9 +33,10 @@ def swapped_note(scans: Mapping[str, Volume], labels: Mapping[str, Volume], defo
     """Warning when each scan's grey values fit the other scan's contours better than its own; else None.
 
     scans, labels : CT (HU) and label volume by state, each in its own scan's patient coordinates (LPS, mm).
-    deformed_to_rest : (4, 4) rigid transform, mm. Only voxels where the two sets of contours differ are compared. Voxels
-    that only the rest contours call bladder must look like bladder at rest and not in the deformed scan. A scan's own
-    contours of the rectum must contain its gas. None also where one state has no contours, or where they hardly differ.
+    deformed_to_rest : (4, 4) rigid transform, mm. Only voxels where the two sets of contours differ are compared.
+    Voxels that only the rest contours call bladder must look like bladder at rest and not in the deformed scan. A
+    scan's own contours of the rectum must contain its gas. None also where one state has no contours, or where they
+    hardly differ.
     """
     if not all(state in labels for state in STATES):
         return None
@@ -83,7 +86,8 @@ def _grey_distances(
 def _gas_outside_contour(
     scans: Mapping[str, Volume], labels: Mapping[str, Volume], states: tuple[str, str], matrix: FloatArray
 ) -> float:
-    """Share of gas in a scan's voxels that only the other scan's contours call rectum; 0 where the contours hardly differ.
+    """Share of gas in a scan's voxels that only the other scan's contours call rectum; 0 where the contours hardly
+    differ.
 
     matrix : (4, 4), the other scan's frame to the frame of `states[0]`.
     """
@@ -103,6 +107,8 @@ def _gas_outside_contour(
 
 
 def _at(volume: Volume, points: FloatArray, outside: float) -> FloatArray:
-    """Values of the nearest voxels at points (n, 3), LPS mm, clipped to the compared range of HU; `outside` beyond the volume."""
+    """Values of the nearest voxels at points (n, 3), LPS mm, clipped to the compared range of HU; `outside` beyond the
+    volume.
+    """
     values = ndimage.map_coordinates(volume.array, volume.to_index(points).T, order=0, mode="constant", cval=outside)
     return np.clip(values.astype(float), _LOW_HU, _HIGH_HU)

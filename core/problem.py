@@ -1,4 +1,4 @@
-"""Everything numerical that identification needs of a case, as plain arrays: it travels to the worker as one file."""
+"""Numerical problem of a case as plain arrays; the worker process reads it from one file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DAMAGED: tuple[type[Exception], ...] = (InputError, *DAMAGED_ARCHIVE)
 
 @dataclass(frozen=True, eq=False)
 class SurfacePair:
-    """One anatomical surface as the two scans show it, in one frame."""
+    """One anatomical surface in both scans, in one frame."""
 
     rest: Surface
     deformed: Surface
@@ -34,8 +34,9 @@ class Facts:
     """Scalars of a case.
 
     tissue_shear_modulus_kpa, tissue_poisson_ratio : of the surrounding tissue. bounds_kpa : of every region's G.
-    noise_sd_mm, noise_correlation_mm : of one contour, along its normal. outer_fixed : whether the outer surface is held.
-    organ_poisson_ratio : fixes the organ's bulk modulus relative to its G; not identified. voxel_mm : for reports.
+    noise_sd_mm, noise_correlation_mm : of one contour, along its normal. outer_fixed : whether the outer surface is
+    held. organ_poisson_ratio : fixes the organ's bulk modulus relative to its G; not identified. voxel_mm : for
+    reports.
     """
 
     tissue_shear_modulus_kpa: float = 20.0
@@ -49,12 +50,12 @@ class Facts:
 
 @dataclass(frozen=True, eq=False)
 class IdentificationProblem:
-    """A mesh at rest, what drives it and what it must look like.
+    """A mesh at rest, the walls that drive it, and the observed surfaces of the organ.
 
-    mesh : regions 3 (tissue) and the organ's. boundary : "bone", "outer", "bladder", "rectum" -> faces (f, 3) of the mesh.
-    walls : of the hollow organs, by name. organ : outer surface of the organ, faces marked by region.
-    landmarks : (k, 6) mm, rest and deformed position of interior points, or (0, 6).
-    region_names : organ region id -> label name. matched : motion that the two images tell, None without images.
+    mesh : regions 3 (tissue) and the organ's. boundary : "bone", "outer", "bladder", "rectum" -> faces (f, 3) of the
+    mesh. walls : of the hollow organs, by name. organ : outer surface of the organ, faces marked by region. landmarks :
+    (k, 6) mm, rest and deformed position of interior points, or (0, 6). region_names : organ region id -> label name.
+    matched : motion that the two images tell, None without images.
     """
 
     mesh: TetMesh
@@ -133,5 +134,6 @@ def _pair(data: Mapping[str, NDArray[np.generic]], name: str) -> SurfacePair:
     return SurfacePair(rest, deformed)
 
 
-# The problem of one deformed state, and the bones' surfaces at rest and in that state, None where they were not segmented.
+# The problem of one deformed state, and the bones' surfaces at rest and in that state, None where they were not
+# segmented.
 StateData = tuple[IdentificationProblem, SurfacePair | None]

@@ -1,4 +1,6 @@
-"""The steps that work on a case, in the order of the way from two scans to a report. The report's own is `ui.report.declaration`."""
+"""Declarations of the steps, in the order in which a case goes through them. That of the report is
+`ui.report.declaration`.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ _MORE = "`noise.json`; labels and landmarks of further deformed states"
 
 
 class _MadeFrom(msgspec.Struct):
-    """Of result.json, what it was made from; results made by hand need not say."""
+    """Hashes of inputs in result.json; absent in results made by hand."""
 
     inputs_sha256: dict[str, str] = {}
 
@@ -30,10 +32,10 @@ def _scene_or_body(case: CaseFolder, reads: tuple[str, ...]) -> tuple[str, ...]:
     return body_inputs(case) if is_body(case) else _with_further_files(case, reads)
 
 
-def _told_by_the_result(case: CaseFolder) -> Mapping[str, str] | None:
-    """Hashes that result.json holds; without those of the labels, which act through mesh and surfaces."""
-    known = case.read("result.json", _MadeFrom).inputs_sha256 if case.has("result.json") else {}
-    return {name: sha for name, sha in known.items() if name not in _LABELS} or None
+def _hashes_of_the_result(case: CaseFolder) -> Mapping[str, str] | None:
+    """Hashes in result.json without those of the labels, which act through mesh and surfaces only."""
+    hashes = case.read("result.json", _MadeFrom).inputs_sha256 if case.has("result.json") else {}
+    return {name: sha for name, sha in hashes.items() if name not in _LABELS} or None
 
 
 SIMULATE = Step(
@@ -86,7 +88,7 @@ IDENTIFY = Step(
     _MORE,
     has_job=True,
     inputs_of=_with_further_files,
-    record=_told_by_the_result,
+    record=_hashes_of_the_result,
 )
 DIAGNOSE = Step(
     "diagnose",

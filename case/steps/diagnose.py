@@ -1,4 +1,6 @@
-"""The diagnose step of a case: which effect the plain model leaves out. The computation is a job in a worker process."""
+"""The diagnose step of a case: which effect the plain model leaves out. The computation is a job in a worker
+process.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Organs of cases with the stiffness that was identified, let fall onto a dish each."""
+"""Fall of the organs of cases onto dishes, with the identified stiffness."""
 
 from __future__ import annotations
 
@@ -54,27 +54,28 @@ def organ_of(case: CaseFolder, name: str) -> IdentifiedOrgan:
 
 
 def run(cases: Sequence[CaseFolder], options: DropOptions | None = None, progress: Progress = silent) -> Dropped:
-    """Let the organ of each case fall onto a dish; all dishes are alike, wide enough for the widest organ.
+    """Fall of the organ of each case onto a dish of its own. All dishes have one size, wide enough for the widest
+    organ.
 
     Raises InputError where a case is not identified, ConvergenceError where a motion cannot be followed.
     """
     options = options or DropOptions()
     organs = [organ_of(case, chr(ord("A") + k)) for k, case in enumerate(cases)]
-    on, drops = dish_for([organ.mesh for organ in organs]), list[Drop]()
+    dish, drops = dish_for([organ.mesh for organ in organs]), list[Drop]()
     with one_thread():
         for k, organ in enumerate(organs):
             share = part(progress, k / len(organs), (k + 1) / len(organs))
-            told = _named(share, organ.name) if len(organs) > 1 else share
+            named = _named(share, organ.name) if len(organs) > 1 else share
             try:
-                drops.append(drop(organ.mesh, organ.materials, on, options, told))
+                drops.append(drop(organ.mesh, organ.materials, dish, options, named))
             except ConvergenceError as error:
                 raise ConvergenceError(f"organ {organ.name}: {error}; drop it from less height") from error
-    return Dropped(tuple(organs), tuple(drops), on)
+    return Dropped(tuple(organs), tuple(drops), dish)
 
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
-    """Organs, what came of each, and the dish that they all fell onto."""
+    """Organs, the fall of each, and the shape of their dishes."""
 
     organs: tuple[IdentifiedOrgan, ...]
     drops: tuple[Drop, ...]

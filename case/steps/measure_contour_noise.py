@@ -19,7 +19,9 @@ from palpate.meshing.label_surfaces import organ_surfaces
 
 
 class RepeatRecord(TypedDict):
-    """One state contoured twice, mm: noise, its correlation length, distance of the contours; hash of the second file."""
+    """One state contoured twice, mm: noise, its correlation length, distance of the contours; hash of the second
+    file.
+    """
 
     sd_mm: float
     correlation_mm: float

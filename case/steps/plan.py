@@ -1,4 +1,6 @@
-"""What a second scan would tell, from the scan at rest alone: a planned deformation, grown step by step."""
+"""Plan of a second scan: predicted precision of the stiffness for a deformation of growing amount, from the scan at
+rest alone.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.simulate.wall_motion import MovedWall
 from palpate.simulate.walls import BladderSpec, RectumSpec, moved_walls
 
-# What can be planned: name -> unit, amounts tried when none are given, and words.
+# Deformations by name: unit, default amounts, description.
 DEFORMATIONS: Mapping[str, tuple[str, tuple[float, ...], str]] = {
     "balloon": ("mm", (2.0, 4.0, 6.0, 8.0), "growth of the rectum's radius by a balloon beside the prostate"),
     "emptying": ("mm", (2.0, 4.0, 6.0, 8.0), "loss of the rectum's radius as gas and stool leave"),
@@ -35,12 +37,12 @@ DEFORMATIONS: Mapping[str, tuple[str, tuple[float, ...], str]] = {
     "pressure": ("kPa", (2.0, 5.0, 10.0, 15.0), "pressure in the rectum beyond that of the scan at rest"),
     "posture": ("degrees", (45.0, 90.0, 135.0, 180.0), "turn of the patient about the long axis"),
 }
-# Assumed where no stiffness has been identified or given: the tissue's own.
+# Source of the assumed stiffness where none is given or identified.
 _FROM_TISSUE = "the surrounding tissue's stiffness"
 
 
 class NoRow(TypedDict):
-    """An amount without an equilibrium."""
+    """Row of an amount without an equilibrium."""
 
     amount: float
     sd_ln_G: None
@@ -48,7 +50,9 @@ class NoRow(TypedDict):
 
 
 class PredictedRow(TypedDict):
-    """One amount: by region the standard deviation of ln G, its 95 % interval (kPa) and the signal (mm); motion of the organ, mm."""
+    """Row of one amount. By region: standard deviation of ln G, 95 % interval (kPa), signal (mm). organ_motion_mm : of
+    the surface.
+    """
 
     amount: float
     sd_ln_G: dict[str, float]
@@ -58,7 +62,7 @@ class PredictedRow(TypedDict):
     singular_values: list[float]
 
 
-class _Told(TypedDict):
+class _DeformationRecord(TypedDict):
     deformation: str
     what: str
     unit: str
@@ -69,8 +73,8 @@ class _Told(TypedDict):
     research_use: bool
 
 
-class PlanRecord(_Told):
-    """plan.json: what is assumed, the deformation, and a row an amount, the last of which may have no equilibrium."""
+class PlanRecord(_DeformationRecord):
+    """plan.json: assumptions, deformation, and a row for each amount; the last row may have no equilibrium."""
 
     case: str
     assumed_G_kpa: dict[str, float]
@@ -80,9 +84,9 @@ class PlanRecord(_Told):
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """deformation : see DEFORMATIONS. amounts : ascending, in its unit. stiffness_kpa : label name -> G that the prediction assumes.
+    """deformation : key of DEFORMATIONS. amounts : ascending, in its unit. stiffness_kpa : label name -> assumed G.
 
-    noise_sd_mm : of one contour; the case's own figure when None.
+    noise_sd_mm : of one contour; None for that of the case.
     """
 
     deformation: str = "balloon"
@@ -96,12 +100,12 @@ class PlanOptions:
 def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress = silent) -> PlanRecord:
     """Write plan.json of a case and return it: the predicted standard deviation of ln G by region and amount.
 
-    Only rest.nii.gz is needed. Raises InputError when it is missing or the plan asks for what it does not show,
+    Needs rest.nii.gz only. Raises InputError when it is missing or lacks an organ that the deformation acts on,
     ConvergenceError when not even the smallest amount has an equilibrium.
     """
     options = options or PlanOptions()
     made_from = PLAN.made_from(case, asdict(options))
-    unit, amounts = _asked(options)
+    unit, amounts = _unit_and_amounts(options)
     if not case.has_labels("rest"):
         raise InputError(f"{case.file('rest.nii.gz')} is not there; segment the scan at rest first")
     labels = case.labels("rest")
@@ -113,10 +117,10 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
     rows, last = list[PredictedRow | NoRow](), None
     for k, amount in enumerate(amounts):
         progress(0.2 + 0.8 * k / len(amounts), f"{options.deformation} {amount:g} {unit}")
-        problem, found = _predicted(case, labels, meshed, names, options, amount, theta, last)
-        rows.append(_row(amount, found, list(names.values())))
-        last = found.equilibrium if found.posterior is not None else last
-        if found.posterior is None:
+        problem, prediction = _predicted(case, labels, meshed, names, options, amount, theta, last)
+        rows.append(_row(amount, prediction, list(names.values())))
+        last = prediction.equilibrium if prediction.posterior is not None else last
+        if prediction.posterior is None:
             break
     if rows[0]["sd_ln_G"] is None:
         raise ConvergenceError(
@@ -124,7 +128,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
         )
     plan: PlanRecord = {
         "case": case.facts.name, "assumed_G_kpa": stiffness, "assumed_from": source,
-        "noise_sd_mm": problem.facts.noise_sd_mm, **_told(options, rows, list(names.values())),
+        "noise_sd_mm": problem.facts.noise_sd_mm, **_deformation_record(options, rows, list(names.values())),
     }  # fmt: skip
     case.write_json("plan.json", plan)
     PLAN.mark_done(case, made_from)
@@ -132,8 +136,10 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
     return plan
 
 
-def _asked(options: PlanOptions) -> tuple[str, tuple[float, ...]]:
-    """Unit and amounts of a plan. Raises InputError for one that makes no sense."""
+def _unit_and_amounts(options: PlanOptions) -> tuple[str, tuple[float, ...]]:
+    """Unit and amounts of a plan. Raises InputError for an unknown deformation and for amounts that are not
+    ascending.
+    """
     if options.deformation not in DEFORMATIONS:
         raise InputError(f"{options.deformation!r} cannot be planned; choose one of {', '.join(DEFORMATIONS)}")
     unit, usual, _ = DEFORMATIONS[options.deformation]
@@ -143,8 +149,8 @@ def _asked(options: PlanOptions) -> tuple[str, tuple[float, ...]]:
     return unit, amounts
 
 
-def _told(options: PlanOptions, rows: list[PredictedRow | NoRow], names: list[str]) -> _Told:
-    """What plan.json says of the deformation."""
+def _deformation_record(options: PlanOptions, rows: list[PredictedRow | NoRow], names: list[str]) -> _DeformationRecord:
+    """Part of plan.json on the deformation."""
     unit, _, words = DEFORMATIONS[options.deformation]
     return {
         "deformation": options.deformation,
@@ -159,6 +165,9 @@ def _told(options: PlanOptions, rows: list[PredictedRow | NoRow], names: list[st
 
 
 def _stiffness(case: CaseFolder, options: PlanOptions, names: list[str]) -> tuple[dict[str, float], str]:
+    """Assumed G, kPa, by label name, and its source. Raises InputError where the given names are not those of the
+    organ.
+    """
     if options.stiffness_kpa is not None:
         wrong = set(names) ^ set(options.stiffness_kpa)
         if wrong:
@@ -167,9 +176,9 @@ def _stiffness(case: CaseFolder, options: PlanOptions, names: list[str]) -> tupl
             )
         return {name: float(options.stiffness_kpa[name]) for name in names}, "given"
     if case.has("result.json"):
-        found = {name: region.G_kpa for name, region in identified_regions(case).items() if region.G_kpa is not None}
-        if set(names) <= set(found):
-            return {name: found[name] for name in names}, "result.json"
+        known = {name: region.G_kpa for name, region in identified_regions(case).items() if region.G_kpa is not None}
+        if set(names) <= set(known):
+            return {name: known[name] for name in names}, "result.json"
     return dict.fromkeys(names, case.facts.tissue_shear_modulus_kpa), _FROM_TISSUE
 
 
@@ -177,22 +186,24 @@ def _predicted(
     case: CaseFolder, labels: Volume, meshed: MeshedCase, names: Mapping[int, str], options: PlanOptions, amount: float,
     theta: FloatArray, last: Equilibrium | None,
 ) -> tuple[IdentificationProblem, Prediction]:  # fmt: skip
-    """The walls where the deformation takes them, by their stated motion or by its cause, and what contours would tell then."""
+    """Problem whose walls have moved by one amount, as stated or under the stated load, and the prediction of the
+    posterior.
+    """
     problem = _problem(case, labels, meshed, names, options, amount)
     if options.deformation in LOADS:
-        moved = loaded(problem, theta, LOADS[options.deformation](case, problem, amount), options.element, last)
-        if not moved.equilibrium.converged:
-            nothing = np.full(len(theta), np.nan)
-            return problem, Prediction(None, moved.equilibrium, nothing, np.nan, moved.equilibrium.reason)
-        problem = moved.problem
+        under_load = loaded(problem, theta, LOADS[options.deformation](case, problem, amount), options.element, last)
+        if not under_load.equilibrium.converged:
+            no_signal = np.full(len(theta), np.nan)
+            return problem, Prediction(None, under_load.equilibrium, no_signal, np.nan, under_load.equilibrium.reason)
+        problem = under_load.problem
     return problem, predict(problem, theta, last, options.element)
 
 
 def _problem(
     case: CaseFolder, labels: Volume, meshed: MeshedCase, names: Mapping[int, str], options: PlanOptions, amount: float
 ) -> IdentificationProblem:
-    moved = {} if options.deformation in LOADS else _moved(labels, options.deformation, amount)
-    walls = {name: _pair(wall) for name, wall in moved.items()}
+    moved_walls_by_name = {} if options.deformation in LOADS else _moved(labels, options.deformation, amount)
+    walls = {name: _pair(wall) for name, wall in moved_walls_by_name.items()}
     organ = organ_surfaces(labels)
     facts = facts_of(case)
     if options.noise_sd_mm is not None:
@@ -201,7 +212,9 @@ def _problem(
 
 
 def _moved(labels: Volume, deformation: str, amount: float) -> dict[str, MovedWall]:
-    """Walls of a deformation; the bladder gives off or takes in nine tenths of what the rectum changes by."""
+    """Moved walls of a deformation. The bladder's volume changes by nine tenths of the rectum's change, with the other
+    sign.
+    """
     has_bladder = bool((labels.array == BLADDER).any())
     if deformation == "bladder":
         still = RectumSpec(inflate_mm=0.0) if (labels.array == RECTUM).any() else None
@@ -213,32 +226,31 @@ def _moved(labels: Volume, deformation: str, amount: float) -> dict[str, MovedWa
 
 def _pair(wall: MovedWall) -> SurfacePair:
     rest = wall.surface
-    moved = rest.points + wall.motion.displacement(rest.points)
-    return SurfacePair(rest, rest.with_points(moved))
+    return SurfacePair(rest, rest.with_points(rest.points + wall.motion.displacement(rest.points)))
 
 
-def _row(amount: float, found: Prediction, names: list[str]) -> PredictedRow | NoRow:
-    if found.posterior is None:
-        return {"amount": amount, "sd_ln_G": None, "reason": found.reason}
+def _row(amount: float, prediction: Prediction, names: list[str]) -> PredictedRow | NoRow:
+    if prediction.posterior is None:
+        return {"amount": amount, "sd_ln_G": None, "reason": prediction.reason}
     return {
         "amount": amount,
-        "sd_ln_G": dict(zip(names, found.posterior.sd.tolist(), strict=True)),
-        "ci95_kpa": dict(zip(names, found.posterior.interval().tolist(), strict=True)),
-        "signal_mm": dict(zip(names, found.signal_mm.tolist(), strict=True)),
-        "organ_motion_mm": found.motion_mm,
-        "singular_values": found.posterior.singular_values.tolist(),
+        "sd_ln_G": dict(zip(names, prediction.posterior.sd.tolist(), strict=True)),
+        "ci95_kpa": dict(zip(names, prediction.posterior.interval().tolist(), strict=True)),
+        "signal_mm": dict(zip(names, prediction.signal_mm.tolist(), strict=True)),
+        "organ_motion_mm": prediction.motion_mm,
+        "singular_values": prediction.posterior.singular_values.tolist(),
     }
 
 
 def _verdict(rows: list[PredictedRow | NoRow], names: list[str], deformation: str, unit: str) -> str:
-    """In words: from which amount on each region is known to a fifth."""
+    """Smallest amount, in words, at which the standard deviation of ln G of each region is below 0.2."""
     parts = []
     for name in names:
         assert name in LABEL_VALUES
-        found = [(row["amount"], row["sd_ln_G"][name]) for row in rows if row["sd_ln_G"] is not None]
-        enough = [amount for amount, sd in found if sd < 0.2]
-        best = min(sd for _, sd in found)
-        told = f"known to 22 % or better from {enough[0]:g} {unit} on" if enough else (
+        predicted = [(row["amount"], row["sd_ln_G"][name]) for row in rows if row["sd_ln_G"] is not None]
+        enough = [amount for amount, sd in predicted if sd < 0.2]
+        best = min(sd for _, sd in predicted)
+        words = f"known to 22 % or better from {enough[0]:g} {unit} on" if enough else (
             f"never better than a factor of {np.exp(best):.1f} in this range")  # fmt: skip
-        parts.append(f"{name.replace('_', ' ')}: {told}")
+        parts.append(f"{name.replace('_', ' ')}: {words}")
     return f"{deformation}: " + "; ".join(parts)

@@ -1,4 +1,4 @@
-"""Planned deformations that are stated by their cause: pressure in the rectum, and gravity that turns with the patient."""
+"""Planned deformations stated by their load: pressure in the rectum, and gravity that turns with the patient."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from palpate.core.forward.known_loads import Loads
 from palpate.core.problem import IdentificationProblem
 from palpate.core.surfaces.triangles import area_vectors, areas
 
-# 1 kg/m3 weighs this much, kPa/mm, for each m/s2.
+# Weight of 1 kg/m3 in kPa/mm, per m/s2.
 _WEIGHT = 1e-6
 _DENSITY = 1050.0
 _SUPINE = (0.0, 9.81, 0.0)
 
 
 def rectal_pressure(case: CaseFolder, problem: IdentificationProblem, amount: float) -> Loads:
-    """amount kPa more in the rectum than in the scan at rest. Raises InputError without a rectum."""
+    """Pressure in the rectum, `amount` kPa above that of the scan at rest. Raises InputError without a rectum."""
     faces = problem.boundary.get("rectum")
     if faces is None or not len(faces):
         raise InputError(f"{case.file('rest.nii.gz')} holds no rectum (label 6) for the pressure to act in; draw it")
@@ -33,9 +33,10 @@ def rectal_pressure(case: CaseFolder, problem: IdentificationProblem, amount: fl
 
 
 def turned_gravity(case: CaseFolder, problem: IdentificationProblem, amount: float) -> Loads:
-    """The patient turned by amount degrees about the long axis; urine presses on the bladder's wall, the rectum holds gas.
+    """Gravity after a turn of the patient by `amount` degrees about the long axis. Urine loads the bladder's wall; the
+    rectum holds gas.
 
-    Gravity of the scan at rest is the case's, supine where it does not say.
+    Gravity of the scan at rest is that of the case, supine where the case states none.
     """
     before = np.array(case.facts.gravity_rest or _SUPINE)
     angle = np.radians(amount)
@@ -55,7 +56,9 @@ def turned_gravity(case: CaseFolder, problem: IdentificationProblem, amount: flo
 
 
 def _hydrostatic(points: FloatArray, faces: IntArray, change: FloatArray) -> FloatArray:
-    """(f, 3) kPa on faces (f, 3) of the mesh: a fluid's pressure whose weight changes by `change` (3,) kPa/mm, none at its middle."""
+    """Traction (f, 3), kPa, on faces (f, 3): pressure of a fluid whose weight changes by `change` (3,) kPa/mm, zero at
+    its centroid.
+    """
     X = points[faces]
     vector, area = area_vectors(X), areas(X)[:, None]
     centre = X.mean(axis=1)

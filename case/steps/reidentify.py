@@ -1,4 +1,4 @@
-"""Identification again from other contours of the deformed organ: the scene is known, only its data are new."""
+"""Identification from a second set of contours of the deformed organ. The scene is known; only the data are new."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces
 
-# What of a case the scene was made from: with another of them it is another scene.
+# Files that determine the scene.
 _SCENE = ("mesh.npz", "case.json")
 
 
 class _MadeFrom(msgspec.Struct):
-    """Of result.json, what the first identification was made from and how; earlier versions do not say how."""
+    """Inputs and options of the first identification in result.json; earlier versions left out the options."""
 
     inputs_sha256: dict[str, str] = {}
     options: IdentifyOptions | None = None
 
 
 def run(case: CaseFolder, path: Path, progress: Progress = silent) -> ReidentificationRecord:
-    """Write again.json of a case that a swarm has identified, from labels drawn on its deformed scan, and return it.
+    """Write again.json of a case that a swarm has identified, from new labels of its deformed scan, and return it.
 
-    path : of any kind that an import takes, in the deformed scan's own coordinates. Mesh, walls and weights stay those
-    of the first identification, and result.json too. seconds, cpu_seconds : from the organ's surface to the stiffness.
-    Raises InputError where there is no identification, it left no reduced model, the case has changed since, or the
-    labels cannot be read.
+    path : labels in any format of `palpate import`, in the deformed scan's own coordinates. Mesh, walls, weights and
+    result.json stay those of the first identification. seconds, cpu_seconds : from the organ's surface to the
+    stiffness. Precondition: the case was identified by a swarm and has not changed since. Raises InputError where it
+    was not, and for labels that cannot be read.
     """
     options = _earlier(case)
     progress(0.1, "reading the labels")
@@ -79,7 +79,7 @@ def run(case: CaseFolder, path: Path, progress: Progress = silent) -> Reidentifi
 
 
 def _earlier(case: CaseFolder) -> IdentifyOptions:
-    """Options of the first identification, once it is sure that it stands for the case as it is now."""
+    """Options of the first identification. Raises InputError where the case has changed since."""
     if not (case.has("result.json") and case.has(f"identify/{FILE}")):
         raise _no_model(case)
     made = case.read("result.json", _MadeFrom, "; run `palpate identify` first")
@@ -100,15 +100,14 @@ def _no_model(case: CaseFolder) -> InputError:
 
 def _with_organ(problem: IdentificationProblem, labels: Volume) -> IdentificationProblem:
     """The problem with the organ's deformed surface from these labels."""
-    drawn = organ_surfaces(labels)
-    region = drawn.region
-    if set(np.unique(region).tolist()) != set(
-        problem.regions
-    ):  # drawn whole: sides as the nearest of the earlier contours
+    surface = organ_surfaces(labels)
+    region = surface.region
+    if set(np.unique(region).tolist()) != set(problem.regions):
+        # Contoured as a whole: each face takes the region of the nearest face of the earlier contours.
         before = problem.organ.deformed
         nearest = cKDTree(before.points[before.faces].mean(axis=1))
-        region = before.region[nearest.query(drawn.points[drawn.faces].mean(axis=1))[1]]
-    deformed = Surface(drawn.points, drawn.faces, region)
+        region = before.region[nearest.query(surface.points[surface.faces].mean(axis=1))[1]]
+    deformed = Surface(surface.points, surface.faces, region)
     return replace(problem, organ=SurfacePair(problem.organ.rest, deformed))
 
 

@@ -1,4 +1,4 @@
-"""Drawn keyframes to a moving figure: read, mesh the first, fit stiffness and forces, move."""
+"""From drawn keyframes to a moving figure: mesh of the first keyframe, fit of stiffness and forces, motion."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.drawings.drawing import Drawing, read_drawing
 from palpate.meshing.extrude import mesh_figure
 
-# Cells of a figure of one colour, whose shape alone matters, and of one of several: measured, a ratio found with 600 is off by 11 %
-# and with 1,500 by 4 %.
+# Number of cells of a figure of one colour, and of several. A ratio is off by 11 % with 600 cells and by 4 % with 1,500
+# (measured).
 _CELLS, _CELLS_OF_PARTS = 600, 1500
 # Steps along the observed rim, in figure sizes.
 _SPACING = 0.01
@@ -37,7 +37,9 @@ _SPACING = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """What came of it. drawings : as read. figure, fit, moving : see core.sketch. summary : sketch.json."""
+    """Result of the step. drawings : as read. figure, fit, moving : see `core.sketch`. summary : content of
+    sketch.json.
+    """
 
     drawings: tuple[Drawing, ...]
     figure: Figure
@@ -47,8 +49,11 @@ class Sketch:
 
 
 def run_sketch(keys: Sequence[Path], options: SketchOptions | None = None, progress: Progress = silent) -> Sketch:
-    """Nothing is written. Raises InputError (file, what, remedy) for drawings that are no keyframes of one figure,
-    ConvergenceError where the figure cannot be brought to them."""
+    """Moving figure of keyframes `keys`; no file is written.
+
+    Raises InputError (file, what, remedy) for drawings that are not keyframes of one figure, ConvergenceError where the
+    figure cannot reach them.
+    """
     options = options or SketchOptions()
     began = time.perf_counter()
     progress(0.0, "reading the drawings")
@@ -62,7 +67,7 @@ def run_sketch(keys: Sequence[Path], options: SketchOptions | None = None, progr
     rim = first.outline.resampled(_SPACING * first.outline.size)
     figure = Figure(mesh, rim, FigureOptions(held, options.poisson_ratio))
     fit_options = FitOptions(options.line_error)
-    # Where there is no ratio to find, forces need not be few.
+    # Without a ratio to find, a low degree serves as start: the springs of `closed` do the rest.
     highest = options.highest_degree if len(figure.parts) > 1 else min(1, options.highest_degree)
     fit = fit_keyframes(figure, targets, fit_options, highest, part(progress, 0.1, 0.6))
     swarm = None

@@ -12,9 +12,10 @@ from palpate.core.sketch.swarm_fit import SwarmFitOptions
 class SketchOptions:
     """size_mm : of the figure in the first keyframe. hold : sides that do not move, None to see from the keyframes.
 
-    poisson_ratio : of all parts. line_error : of the drawn lines, in figure sizes. cells : of the mesh, about; None for what serves.
-    pull_n_per_mm : the known total force on the figure in the second keyframe, N per mm of its thickness; without it stiffness is
-    relative. swarm : options of the paper's search; None for Gauss-Newton alone. motion : of the film.
+    poisson_ratio : of all parts. line_error : of the drawn lines, in figure sizes. cells : of the mesh, about; None for
+    what serves. pull_n_per_mm : the known total force on the figure in the second keyframe, N per mm of its thickness;
+    without it stiffness is relative. swarm : options of the paper's search; None for Gauss-Newton alone. motion : of
+    the film.
     """
 
     size_mm: float = 100.0

@@ -1,4 +1,4 @@
-"""What is told of a figure drawn in keyframes: how well each is met, ratios of stiffness, forces, and both in words."""
+"""Content of sketch.json: misfit of each keyframe, ratios of stiffness, forces, and a summary in words."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from palpate.core.sketch.outline import Outline, hausdorff
 from palpate.core.statistics import rms
 from palpate.imaging.drawings.drawing import Drawing
 
-# A ratio whose standard deviation (of ln) is larger than this is not told.
+# Largest standard deviation of ln ratio of a ratio that is told.
 UNTOLD_SD = 0.7
 
 

@@ -1,7 +1,7 @@
-"""One declaration a step: its name, what it reads and writes of a case, its options, and the function that runs it.
+"""Declaration of a step: its name, the files it reads and writes, its options' type, and the function that runs it.
 
-Every question about a step is answered from its declaration: whether it has been done on these inputs (the step passes over), and whether
-what it left in the case was made from what now lies there (the window's "out of date").
+Two questions are answered from it. Has the step been done on these inputs? Then it passes over them. Was its result
+made from the files that are now in the case? If not, the window marks it "out of date".
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ def _no_record(case: CaseFolder) -> Mapping[str, str] | None:
 
 @dataclass(frozen=True)
 class MadeFrom:
-    """Inputs of a run. sha256 : of files, options and program together. files : SHA-256 by name, of those that are there."""
+    """Inputs of a run. sha256 : of files, options and program together. files : SHA-256 by name, of the files that
+    exist.
+    """
 
     sha256: str
     files: Mapping[str, str]
@@ -38,11 +40,12 @@ class MadeFrom:
 
 @dataclass(frozen=True)
 class Step:
-    """name : of the command. title : what it does, in a few words. reads : files and folders of the case; empty for a step that reads
-    from outside it, as an import does. writes : its main result first. options, run : "palpate.module:name", loaded when asked for,
-    because VTK takes seconds. reads_also : what only some cases have, in words. has_job : `run` takes `do_job`, which does its sums.
-    inputs_of : `reads` and what is read of one case beside. program : identifies what of the program shows in the result. record :
-    hashes of inputs that the result itself holds; they take precedence over those of state.json.
+    """name : of the command. title : description in a few words. reads : files and folders of the case; empty for a
+    step that reads from outside the case, as an import does. writes : main result first. options, run :
+    "palpate.module:name", imported on demand, because VTK takes seconds. reads_also : in words, files that only some
+    cases have. has_job : whether `run` takes `do_job`. inputs_of : `reads` and further inputs of one case. program :
+    identifier of the code that shows in the result. record : hashes of inputs in the result itself; they take
+    precedence over those of state.json.
     """
 
     name: str
@@ -59,11 +62,13 @@ class Step:
 
     @property
     def result(self) -> str:
-        """The file that is there when the step has run."""
+        """Main result; it exists when the step has run."""
         return self.writes[0]
 
     def inputs(self, case: CaseFolder) -> tuple[str, ...]:
-        """Names of the files and folders that the step reads of this case. Raises InputError for a bad entry of case.json."""
+        """Names of the files and folders that the step reads of this case. Raises InputError for a bad entry of
+        case.json.
+        """
         return self.inputs_of(case, self.reads)
 
     def options_type(self) -> type:
@@ -77,7 +82,7 @@ class Step:
         return _loaded(self.run)
 
     def made_from(self, case: CaseFolder, options: object, hash_of: Hash = file_sha256) -> MadeFrom:
-        """What the step would run on now. options : JSON-able form of all options that change the result."""
+        """Inputs of a run on the case as it is. options : JSON-able form of all options that change the result."""
         known: dict[Path, str] = {}
 
         def once(path: Path) -> str:
@@ -88,9 +93,9 @@ class Step:
         return MadeFrom(case.inputs_sha256(names, [options, program] if program else options, once), files)
 
     def is_done(self, case: CaseFolder, made_from: MadeFrom) -> bool:
-        """Whether the step ran to its end on exactly this and its outputs are still there.
+        """Whether the step ran to its end on these inputs and its outputs still exist.
 
-        Cases of earlier versions did not note the hash of each file; this is made good here.
+        Cases of earlier versions lack the hash of each file; it is noted here.
         """
         done = case.step_is_done(self.name, made_from.sha256)
         if done and self._recorded(case) is None:
@@ -99,15 +104,15 @@ class Step:
         return done
 
     def mark_done(self, case: CaseFolder, made_from: MadeFrom, outputs: Iterable[str] | None = None) -> None:
-        """Notes that the step ran to its end; call it after the last file is written. outputs : `writes` by default."""
+        """Note that the step ran to its end. Precondition: all files are written. outputs : `writes` by default."""
         more = {"inputs": dict(made_from.files), "program": self.program()}
         case.mark_done(self.name, made_from.sha256, self.writes if outputs is None else outputs, more)
 
     def out_of_date(self, case: CaseFolder, hash_of: Hash = file_sha256) -> str | None:
-        """Why the step's result was not made from what lies in the case now; "" where it was; None where the case does not say.
+        """Reason why the result was not made from the files that are now in the case; "" where it was, None where that
+        is unknown.
 
-        Options do not count: a result made with other options is a result. hash_of : the hash of one file. Raises InputError for
-        damaged files.
+        Options do not count. hash_of : hash of one file. Raises InputError for damaged files.
         """
         recorded = self._recorded(case)
         if recorded is None or not self.reads:
@@ -120,7 +125,7 @@ class Step:
         return "" if noted.get("program", "") == self.program() else "the program has been changed since"
 
     def _recorded(self, case: CaseFolder) -> Mapping[str, str] | None:
-        """Hash by name of the files that the result was made from."""
+        """Hashes by name of the files that the result was made from; None where unknown."""
         noted = case.step_record(self.name).get("inputs")
         return self.record(case) or (noted if isinstance(noted, Mapping) else None)
 

@@ -1,4 +1,4 @@
-"""What is touched of a case: its organ alone, with the stiffness that was identified, on a mesh of its own."""
+"""Body of a touch session: the organ of a case, with the identified stiffness, on a mesh of its own."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from palpate.imaging.labels import LABELS, ORGAN_LABELS, OUTSIDE, SURROUNDING_TI
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 
-# The mesher wants tissue around the organ; what it makes of it is thrown away.
+# Thickness of the tissue around the organ that the mesher needs; its cells are dropped.
 _AROUND_MM = 14.0
-# Volume of a cell over the cube of the edge asked for, in the mesher's meshes.
+# Mean volume of a cell over the cube of the requested edge, in the mesher's meshes (measured).
 _CELL = 0.094
 
 
 @dataclass(frozen=True)
 class TouchStepOptions:
-    """tets : about how many the organ is made of. support : what holds it, see `core.touch.body.SUPPORTS`."""
+    """tets : approximate number of tetrahedra of the organ. support : key of `core.touch.body.SUPPORTS`."""
 
     tets: int = 4000
     support: str = "bed"
 
 
 def body_of(case: CaseFolder, options: TouchStepOptions | None = None, progress: Progress = silent) -> Body:
-    """The organ of a case at rest, ready to be touched; its mesh is kept in the case's folder `touch`.
+    """Organ of a case at rest as a body to touch. Its mesh is kept in the case's folder `touch`.
 
-    Raises InputError when the case has no stiffness or no labels at rest, or when they do not fit each other; ConvergenceError when the
-    mesher fails.
+    Raises InputError when the case has no stiffness or no labels at rest, or when they do not fit each other;
+    ConvergenceError when the mesher fails.
     """
     options = options or TouchStepOptions()
     if options.support not in SUPPORTS:
@@ -66,7 +66,9 @@ def body_of(case: CaseFolder, options: TouchStepOptions | None = None, progress:
 
 
 def organ_in_tissue(labels: Volume) -> Volume:
-    """The organ with a shell of tissue around it and nothing else, cropped."""
+    """Labels of the organ and of a shell of tissue around it, cropped. Raises InputError when there is no organ
+    voxel.
+    """
     organ = np.isin(labels.array, ORGAN_LABELS)
     if not organ.any():
         raise InputError("the labels at rest hold no organ voxel (labels 1, 2); segment the scan at rest again")
@@ -84,5 +86,5 @@ def organ_in_tissue(labels: Volume) -> Volume:
 
 def _intervals(case: CaseFolder, regions: list[int]) -> dict[int, tuple[float, float]]:
     named = identified_regions(case)
-    found = {r: named[LABELS[r]].ci95_kpa for r in regions}
-    return {r: interval for r, interval in found.items() if interval is not None}
+    intervals = {r: named[LABELS[r]].ci95_kpa for r in regions}
+    return {r: interval for r, interval in intervals.items() if interval is not None}

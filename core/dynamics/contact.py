@@ -1,13 +1,15 @@
-"""Contact of a body's surface nodes with rigid surfaces, and friction: potentials and collision checks of the IPC toolkit.
+"""Contact of a body's surface nodes with rigid surfaces, and friction: potentials and collision checks of the IPC
+toolkit.
 
-Li et al. 2020, Incremental potential contact (ACM Trans. Graph. 39:49), per area as in Li et al. 2023, Convergent incremental potential
-contact. In a layer of thickness d0 before a wall the pressure at distance d = x d0 is
+Li et al. 2020, Incremental potential contact (ACM Trans. Graph. 39:49), per area as in Li et al. 2023, Convergent
+incremental potential contact. In a layer of thickness d0 before a wall the pressure at distance d = x d0 is
 
     p = -(stiffness / 4) d/dx [ -(x^2 - 1)^2 ln x^2 ],
 
-nothing at the layer's edge, about the stiffness at half its thickness and without bound at the wall, so that a wall is never
-crossed. Nodes meet the wall's faces; where the wall is flat or hollow, what lies between nodes on the body's facets is then
-free of it too. A node's area is that of all its faces: pass only the faces that can meet the wall where a body has edges.
+nothing at the layer's edge, about the stiffness at half its thickness and without bound at the wall, so that a wall is
+never crossed. Nodes meet the wall's faces; where the wall is flat or hollow, what lies between nodes on the body's
+facets is then free of it too. A node's area is that of all its faces: pass only the faces that can meet the wall where
+a body has edges.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ _KEEP_AWAY = ipctk.AdditiveCCD()  # the toolkit's default takes seconds where ed
 class Layer:
     """thickness mm and stiffness kPa of the layer before a wall; half way into it the pressure is about the stiffness.
 
-    friction : Coulomb's coefficient. sticking : mm/s, slower than this a contact counts as sticking and friction falls to zero.
+    friction : Coulomb's coefficient. sticking : mm/s, slower than this a contact counts as sticking and friction falls
+    to zero.
     """
 
     thickness: float
@@ -96,7 +99,9 @@ class Contact:
         return self._spread(self._barrier.gradient(self._collisions(x), self._mesh, x))
 
     def hessian(self, u: FloatArray) -> Entries:
-        """Rows, columns and values (mN/mm) over displacement unknowns, positive semi-definite; no two nodes are coupled."""
+        """Rows, columns and values (mN/mm) over displacement unknowns, positive semi-definite; no two nodes are
+        coupled.
+        """
         x = self._positions(u)
         H = self._barrier.hessian(self._collisions(x), self._mesh, x, ipctk.PSDProjectionMethod.CLAMP)
         return self._entries(H)
@@ -132,8 +137,8 @@ class Contact:
             return self._kept[1]
         collisions = ipctk.NormalCollisions()
         collisions.use_area_weighting = True
-        # Every triangle near a node presses on it: twice along an edge between two, but smoothly. The sets that count a node once
-        # jump there, and Newton does not converge.
+        # Every triangle near a node presses on it: twice along an edge between two, but smoothly. The sets that count a
+        # node once jump there, and Newton does not converge.
         collisions.collision_set_type = ipctk.NormalCollisions.IPC
         collisions.build(self._mesh, x, self.layer.thickness)
         self._kept = (x, collisions)

@@ -31,10 +31,11 @@ _ROOM, _HOLLOW = 1.6, 1.6
 
 @dataclass(frozen=True)
 class DropOptions:
-    """height : mm that the organ falls until it touches the dish. seconds : of motion. frames : a second of motion, kept for a film.
+    """height : mm that the organ falls until it touches the dish. seconds : of motion. frames : a second of motion,
+    kept for a film.
 
-    dt : s, longest time step. damping : s, see `viscosity`. density : kg/m3. friction : Coulomb's coefficient on the dish.
-    layer : mm and kPa of the layer in which the dish presses back, see `contact`. element : see `fem.elements`.
+    dt : s, longest time step. damping : s, see `viscosity`. density : kg/m3. friction : Coulomb's coefficient on the
+    dish. layer : mm and kPa of the layer in which the dish presses back, see `contact`. element : see `fem.elements`.
     """
 
     height: float = 30.0
@@ -58,7 +59,8 @@ class DropFigures(FallFigures):
 
 @dataclass(frozen=True, eq=False)
 class Drop:
-    """Result of a fall: points (frames, n, 3) mm of the organ's surface at times (frames,) s, +z up, the dish's lowest point at 0.
+    """Result of a fall: points (frames, n, 3) mm of the organ's surface at times (frames,) s, +z up, the dish's lowest
+    point at 0.
 
     faces : (f, 3) outwards, regions (f,) of them. figures : plain values, see `drop`.
     energies : by name and "time_s", after every step (steps + 1,), mN mm.
@@ -87,12 +89,11 @@ def drop(
 ) -> Drop:
     """Let an organ fall, its z axis upright, its middle above the dish's.
 
-    figures: fall_mm, fall_time_s and the time's relative error against the closed form; impact_speed_mm_s; rebound_mm, how high the
-    lowest point comes back above the layer;
-    flattest, the least height relative to that at rest; deepest_penetration_mm and nearest_mm, of all corners, edges and faces;
-    energy_growth, what tissue and friction took up and what is left unaccounted for, relative to the energy of the fall; steps and
-    seconds it took.
-    Raises InputError for options that make no sense, ConvergenceError where the motion cannot be followed.
+    figures: fall_mm, fall_time_s and the time's relative error against the closed form; impact_speed_mm_s; rebound_mm,
+    how high the lowest point comes back above the layer; flattest, the least height relative to that at rest;
+    deepest_penetration_mm and nearest_mm, of all corners, edges and faces; energy_growth, what tissue and friction took
+    up and what is left unaccounted for, relative to the energy of the fall; steps and seconds it took. Raises
+    InputError for options that make no sense, ConvergenceError where the motion cannot be followed.
     """
     options = options or DropOptions()
     _check(options)
@@ -144,7 +145,9 @@ def _body(
 
 
 def _clearance(points: FloatArray, on: RigidSurface) -> float:
-    """How far points (n, 3) could go straight down until one touches the dish, mm; outside its rim there is nothing to touch."""
+    """How far points (n, 3) could go straight down until one touches the dish, mm; outside its rim there is nothing to
+    touch.
+    """
     height = LinearNDInterpolator(on.points[:, :2], on.points[:, 2])(points[:, :2])
     return float(np.min(np.where(np.isnan(height), np.inf, points[:, 2] - height)))
 

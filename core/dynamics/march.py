@@ -1,4 +1,6 @@
-"""Time integration. A step that gains energy or has no minimum is repeated with half its length, at last by backward Euler."""
+"""Time integration. A step that gains energy or has no minimum is repeated with half its length, at last by backward
+Euler.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +16,19 @@ from palpate.core.errors import ConvergenceError
 
 _NEWTON = 1e-10  # tolerance of a stage's minimum, relative to the energy scale
 _ROUNDING = 1e-9  # relative to the energy scale, per step
-# Number of halvings after which backward Euler takes the step: first order, but it dissipates energy where the other scheme may gain some.
+# Number of halvings after which backward Euler takes the step: first order, but it dissipates energy where the other
+# scheme may gain some.
 _HALVINGS = 3
 _PATIENCE = 4  # good steps after which a halved one is doubled again
 
 
 @dataclass(frozen=True)
 class MarchOptions:
-    """dt : s, the longest step. energy_tolerance : how far above its lowest value so far the mechanical energy may ever be, relative
-    to `Ledger.scale`. shortest : s, below which a march gives up. scheme : see `schemes`.
+    """dt : s, the longest step. energy_tolerance : how far above its lowest value so far the mechanical energy may ever
+    be, relative to `Ledger.scale`. shortest : s, below which a march gives up. scheme : see `schemes`.
 
-    load : fraction of the load of the assembler's terms by time; a load that changes does work, so then energy is not watched.
+    load : fraction of the load of the assembler's terms by time; a load that changes does work, so then energy is not
+    watched.
     """
 
     dt: float
@@ -66,9 +70,11 @@ class Ledger:
 
     @property
     def unaccounted(self) -> float:
-        """Share of the scale that was lost beyond what viscosity and friction are booked with: what the time steps took.
+        """Share of the scale that was lost beyond what viscosity and friction are booked with: what the time steps
+        took.
 
-        Both are summed by the steps' own quadrature, which is too high where speeds change within a step, so it may be negative.
+        Both are summed by the steps' own quadrature, which is too high where speeds change within a step, so it may be
+        negative.
         """
         return (self.energies[0].total - self.energies[-1].total - self.viscous - self.friction) / self.scale
 
@@ -122,7 +128,8 @@ def _full(time: float) -> float:
 def _too_much(after: Energies, ledger: Ledger, options: MarchOptions) -> bool:
     if options.load is not None:
         return not np.isfinite(after.total)
-    # A step may use up at most half of the remaining energy tolerance: with none remaining, rounding alone would stop the march.
+    # A step may use up at most half of the remaining energy tolerance: with none remaining, rounding alone would stop
+    # the march.
     above = (ledger.energies[-1].total - ledger.lowest) / ledger.scale
     allowed = max(0.5 * (options.energy_tolerance - above), min(_ROUNDING, options.energy_tolerance))
     return not after.total <= ledger.energies[-1].total + allowed * ledger.scale

@@ -27,7 +27,9 @@ class Mass:
 
     @classmethod
     def of(cls, space: Space, density: float | Mapping[int, float]) -> Mass:
-        """Mass of a density in kg/mm3, one for all or one for each region. Raises InputError when one is missing or not positive."""
+        """Mass of a density in kg/mm3, one for all or one for each region. Raises InputError when one is missing or not
+        positive.
+        """
         points, weights = quadrature(5)  # exact to degree 5; the product of two quadratics is of degree 4
         N = shape_functions(space.element.degree, points)
         unit = np.einsum("q,qa,qb->ab", weights, N, N)

@@ -18,7 +18,9 @@ class Motion:
 
 @dataclass(frozen=True)
 class Energies:
-    """mN mm (1e-6 J). elastic includes the assembler's terms; gravity is zero at rest; contact is the layer's before a wall."""
+    """mN mm (1e-6 J). elastic includes the assembler's terms; gravity is zero at rest; contact is the layer's before a
+    wall.
+    """
 
     kinetic: float
     elastic: float
@@ -35,9 +37,9 @@ class Energies:
 class Stage:
     """One implicit stage of a step: U = base + h V with M (V - velocity) = h force(U, V).
 
-    h : s. base (n, 3) mm, velocity (n, 3) mm/s. load : of the assembler's terms.
-    damping : (nnz,) upper triangle of the damping matrix, or nothing. friction_from : (n, 3) mm displacements at which friction's
-    normal force and directions are taken, None without friction.
+    h : s. base (n, 3) mm, velocity (n, 3) mm/s. load : of the assembler's terms. damping : (nnz,) upper triangle of the
+    damping matrix, or nothing. friction_from : (n, 3) mm displacements at which friction's normal force and directions
+    are taken, None without friction.
     """
 
     h: float

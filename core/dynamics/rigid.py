@@ -50,10 +50,11 @@ def plane(point: ArrayLike, normal: ArrayLike, reach: float = 1000.0) -> RigidSu
 
 
 def dish(lowest: ArrayLike, radius: float, rim: float, rings: int = 14) -> RigidSurface:
-    """The inside of a spherical cap, hollow upwards (+z): `lowest` (3,) mm is its lowest point, rim mm its radius at the rim.
+    """The inside of a spherical cap, hollow upwards (+z): `lowest` (3,) mm is its lowest point, rim mm its radius at
+    the rim.
 
-    radius : mm, of the sphere, larger than the rim. Ring k has 6 k corners, all on the sphere; the faces are those of their convex
-    hull, so that the inside is convex as the sphere's is.
+    radius : mm, of the sphere, larger than the rim. Ring k has 6 k corners, all on the sphere; the faces are those of
+    their convex hull, so that the inside is convex as the sphere's is.
     """
     centre = np.asarray(lowest, dtype=float) + [0.0, 0.0, radius]
     tilt = np.concatenate([np.full(max(1, 6 * k), k / rings) for k in range(rings + 1)]) * np.arcsin(rim / radius)

@@ -1,8 +1,8 @@
 """Implicit time steps made of stages that are each one backward Euler step from a shifted base.
 
-sdirk2 : two stages, second order, L-stable (Alexander 1977, SIAM J. Numer. Anal. 14:1006). For linear elasticity its energy never
-grows; an oscillation of angular frequency w loses the share 0.0074 (w dt)^4 of its energy a step. Constant forces are exact.
-backward-euler : one stage, first order; loses the share (w dt)^2 a step.
+sdirk2 : two stages, second order, L-stable (Alexander 1977, SIAM J. Numer. Anal. 14:1006). For linear elasticity its
+energy never grows; an oscillation of angular frequency w loses the share 0.0074 (w dt)^4 of its energy a step. Constant
+forces are exact. backward-euler : one stage, first order; loses the share (w dt)^2 a step.
 """
 
 from __future__ import annotations
@@ -74,7 +74,9 @@ def take_step(
 
 
 def _damping(body: MovingBody, motion: Motion, ahead: float) -> FloatArray | None:
-    """The damping matrix at the predicted displacement; at the old one it would brake a rotating body, an error of first order."""
+    """The damping matrix at the predicted displacement; at the old one it would brake a rotating body, an error of
+    first order.
+    """
     return None if body.viscosity is None else body.viscosity.values(motion.u + ahead * motion.v)
 
 

@@ -59,7 +59,8 @@ def _newton_direction(
 ) -> State | None:
     """Step of displacements and pressures; where the matrix has directions of negative curvature, of the projected one.
 
-    The pressure in the matrix is the last step's linear prediction, as in `energy`: the present one is blown up by the bulk modulus.
+    The pressure in the matrix is the last step's linear prediction, as in `energy`: the present one is blown up by the
+    bulk modulus.
     """
     a = body.assembler
     others = body.curvature(stage, friction, state.u)

@@ -1,7 +1,8 @@
-"""A body in motion: its assembler, mass, gravity, damping and contact, and the potential that one implicit stage minimises.
+"""A body in motion: its assembler, mass, gravity, damping and contact, and the potential that one implicit stage
+minimises.
 
-A stage of backward Euler or of a diagonally implicit Runge-Kutta method is the minimum of (Kane et al. 2000, Int. J. Numer. Meth.
-Engng 49:1295; Li et al. 2020, Incremental potential contact)
+A stage of backward Euler or of a diagonally implicit Runge-Kutta method is the minimum of (Kane et al. 2000, Int. J.
+Numer. Meth. Engng 49:1295; Li et al. 2020, Incremental potential contact)
 
     J(U) = |U - aim|^2_M / (2 h^2) + elastic + gravity + contact + h dissipation((U - base) / h).
 """
@@ -26,8 +27,8 @@ from palpate.core.fem.state import State
 class MovingBody:
     """A body whose materials are set on its assembler before.
 
-    density : kg/mm3, one or one a region. gravity : (3,) mm/s2. damping : s, see `viscosity`. contact : with rigid bodies.
-    Unknowns that the assembler does not hold free stay where they are.
+    density : kg/mm3, one or one a region. gravity : (3,) mm/s2. damping : s, see `viscosity`. contact : with rigid
+    bodies. Unknowns that the assembler does not hold free stay where they are.
     """
 
     def __init__(
@@ -106,7 +107,9 @@ class MovingBody:
         return g
 
     def curvature(self, stage: Stage, friction: Friction | None, u: FloatArray) -> FloatArray:
-        """d2J/dU2 without the elastic part, upper triangle (nnz,) of the kept unknowns; contact and friction made semi-definite."""
+        """d2J/dU2 without the elastic part, upper triangle (nnz,) of the kept unknowns; contact and friction made
+        semi-definite.
+        """
         values = self._mass_values / stage.h**2
         if stage.damping is not None:
             values += stage.damping / stage.h
@@ -117,7 +120,9 @@ class MovingBody:
         return values
 
     def elastic_force(self, u: FloatArray, load: float) -> tuple[State, FloatArray]:
-        """The state with its balanced pressure, and the internal forces (n, 3) mN with those of the assembler's terms."""
+        """The state with its balanced pressure, and the internal forces (n, 3) mN with those of the assembler's
+        terms.
+        """
         state = State(u, self.assembler.balanced_pressure(u))
         return state, self.assembler.residual(state, load).r_u.reshape(-1, 3)
 

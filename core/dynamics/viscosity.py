@@ -1,7 +1,8 @@
 """Stiffness-proportional damping without drag on rotation: sigma = 2 beta G d, with d the rate of deformation.
 
-For small strains it is the stiffness-proportional part of Rayleigh damping, C = beta K, on the shear: a mode of angular frequency w
-has the damping ratio beta w / 2. Written with Edot = sym(F' Fdot), a rigid motion dissipates nothing, however fast it turns.
+For small strains it is the stiffness-proportional part of Rayleigh damping, C = beta K, on the shear: a mode of angular
+frequency w has the damping ratio beta w / 2. Written with Edot = sym(F' Fdot), a rigid motion dissipates nothing,
+however fast it turns.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Residual and tangent of the equilibrium of a hyperelastic body (Eq 2 of Yang & Lin), mixed or displacement-only.
 
-The functional is  integral W(F) + p g(F) - p^2 / (2 kappa) dV  + terms, stationary in u and p. Eliminating p at fixed u gives the
-energy E(u) that a stable equilibrium minimises; the matrix [[K, B], [B', -C]] of the mixed form has the same Newton step.
+The functional is  integral W(F) + p g(F) - p^2 / (2 kappa) dV  + terms, stationary in u and p. Eliminating p at fixed u
+gives the energy E(u) that a stable equilibrium minimises; the matrix [[K, B], [B', -C]] of the mixed form has the same
+Newton step.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ _REST_STRAIN = 1e-4  # forces are never compared with less than this strain's ov
 class Assembler:
     """Assembles one space with its terms and constrained unknowns; materials may change at no symbolic cost.
 
-    free : (3 n,) True for displacement unknowns that are solved for; they lead the kept unknowns. n_free : their number.
-    total_volume : mm3. kappa : (m,) kPa of every cell. materials : the last ones given.
+    free : (3 n,) True for displacement unknowns that are solved for; they lead the kept unknowns. n_free : their
+    number. total_volume : mm3. kappa : (m,) kPa of every cell. materials : the last ones given.
 
     Raises InputError for materials that do not fit the mesh and for loads that have no energy under these constraints.
     """
@@ -118,7 +119,9 @@ class Assembler:
         return float(total)
 
     def residual(self, state: State, load: float, slopes: FloatArray | None = None) -> Residual:
-        """Out-of-balance of a state under a fraction of the load. slopes : `pressure_slopes` of the factor, for a state with q."""
+        """Out-of-balance of a state under a fraction of the load. slopes : `pressure_slopes` of the factor, for a state
+        with q.
+        """
         F = self.deformation_gradients(state.u)
         r_u, scale = np.zeros_like(state.u), np.zeros_like(state.u)
         b = np.zeros(self.space.n_pressures)
@@ -144,10 +147,11 @@ class Assembler:
     def tangent(
         self, state: State, load: float, along: FloatArray | None = None, project: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Upper-triangle values of the kept matrix and its product (kept,) with `along` (3 n,), the move of constrained unknowns.
+        """Upper-triangle values of the kept matrix and its product (kept,) with `along` (3 n,), the move of constrained
+        unknowns.
 
-        project : replace each point's d2psi/dFdF and each term's stiffness by the nearest positive semi-definite one, which
-        makes the step a descent direction of the energy (Teran et al. 2005).
+        project : replace each point's d2psi/dFdF and each term's stiffness by the nearest positive semi-definite one,
+        which makes the step a descent direction of the energy (Teran et al. 2005).
         """
         F = self.deformation_gradients(state.u)
         matrix = KeptMatrix(self.pattern, self.space.n_displacements + self.space.n_pressures, along)
@@ -193,7 +197,9 @@ class Assembler:
         kernels.tangent_blocks(A, v.G, e.Np, e.dN, inverse, self.weight, cells, self.pressures.compliance, out)
 
     def add_internal_force(self, stress: FloatArray, cells: IntArray, out: FloatArray, scale: FloatArray) -> None:
-        """Adds what stress (k, q, 3, 3) kPa in `cells` pulls on nodes to out (n, 3) mN, and its size to scale (n, 3)."""
+        """Adds what stress (k, q, 3, 3) kPa in `cells` pulls on nodes to out (n, 3) mN, and its size to scale (n,
+        3).
+        """
         space = self.space
         kernels.add_internal_force(
             stress, cells, space.cell_nodes, space.element.dN, space.inverse_jacobians, self.weight, out, scale

@@ -1,11 +1,11 @@
 """The contact-force boundary: Eq 9 of Yang & Lin, MaterialCloning.
 
-Step 1: the equilibrium of the tissue alone, with the observed displacement u_s prescribed on the organ's surface. Step 2: the
-reaction f = K u_s of the tissue, with its sign reversed, as a dead load on the organ alone.
+Step 1: the equilibrium of the tissue alone, with the observed displacement u_s prescribed on the organ's surface. Step
+2: the reaction f = K u_s of the tissue, with its sign reversed, as a dead load on the organ alone.
 
-A dead load leaves the organ's rigid motion undetermined, and a compressive one turns the organ over. Hence a hold: the mean
-displacement and rotation of a dozen surface points equal those of u_s. Limits: noise in u_s enters f undamped, and a soft organ can
-still be unstable, which the inertia of the tangent shows.
+A dead load leaves the organ's rigid motion undetermined, and a compressive one turns the organ over. Hence a hold: the
+mean displacement and rotation of a dozen surface points equal those of u_s. Limits: noise in u_s enters f undamped, and
+a soft organ can still be unstable, which the inertia of the tangent shows.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.loads import nodal_force
 from palpate.core.fem.terms.wall import SlidingWall
 
-# Number of points whose mean motion is held; stiffness of that hold relative to a typical shear modulus times the organ's size.
+# Number of points whose mean motion is held; stiffness of that hold relative to a typical shear modulus times the
+# organ's size.
 _HELD_POINTS = 12
 _HOLD = 100.0
 
@@ -49,8 +50,8 @@ def tissue_reaction(
 ) -> FloatArray:
     """Force (k, 3) mN of the deformed tissue on the organ at the shared nodes: -f of Eq 9.
 
-    held : nodes of the tissue that do not move (bone, outer surface). walls : of hollow organs, brought to where they were seen
-    within `rounds` linearisations. Raises ConvergenceError when the tissue has no equilibrium.
+    held : nodes of the tissue that do not move (bone, outer surface). walls : of hollow organs, brought to where they
+    were seen within `rounds` linearisations. Raises ConvergenceError when the tissue has no equilibrium.
     """
     free = np.ones((tissue.n_nodes, 3), dtype=bool)
     free[motion.nodes] = False
@@ -71,10 +72,11 @@ def tissue_reaction(
 
 @dataclass(frozen=True, eq=False)
 class RigidHold:
-    """Energy 1/2 stiffness |c|^2, c the six differences of mean displacement and rotation of some nodes from wanted ones.
+    """Energy 1/2 stiffness |c|^2, c the six differences of mean displacement and rotation of some nodes from wanted
+    ones.
 
-    nodes : (k,). rows : (6, 3 k) orthonormal rigid motions of these nodes. target : (3 k,) mm, whose rigid part is wanted.
-    stiffness : mN/mm.
+    nodes : (k,). rows : (6, 3 k) orthonormal rigid motions of these nodes. target : (3 k,) mm, whose rigid part is
+    wanted. stiffness : mN/mm.
     """
 
     nodes: IntArray
@@ -107,7 +109,8 @@ class RigidHold:
 def organ_terms(organ: Space, motion: InterfaceMotion, force: FloatArray, modulus: float) -> list[Term]:
     """Load and rigid hold of the organ alone.
 
-    motion : with node indices of the organ. force : (k, 3) mN at the motion's nodes. modulus : a typical shear modulus, kPa.
+    motion : with node indices of the organ. force : (k, 3) mN at the motion's nodes. modulus : a typical shear modulus,
+    kPa.
     """
     x = organ.nodes[motion.nodes]
     chosen = _spread(x, _HELD_POINTS)

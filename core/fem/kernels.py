@@ -10,7 +10,9 @@ from palpate.core.arrays import BoolArray, FloatArray, IntArray
 
 @njit(cache=True)
 def deformation_gradients(u: FloatArray, conn: IntArray, dN: FloatArray, inverse: FloatArray, F: FloatArray) -> None:
-    """F (m, q, 3, 3) = 1 + du/dX of nodal u (n, 3), connectivity (m, k), reference gradients (q, k, 3), dxi/dX (m, 3, 3)."""
+    """F (m, q, 3, 3) = 1 + du/dX of nodal u (n, 3), connectivity (m, k), reference gradients (q, k, 3), dxi/dX (m, 3,
+    3).
+    """
     for e in range(conn.shape[0]):
         for q in range(dN.shape[0]):
             for i in range(3):
@@ -44,7 +46,9 @@ def add_internal_force(
     out: FloatArray,
     magnitude: FloatArray,
 ) -> None:
-    """out (n, 3) += sum_q w P : dN/dX over cells (m,), stress (m, q, 3, 3); magnitude += |contribution|, a residual's scale."""
+    """out (n, 3) += sum_q w P : dN/dX over cells (m,), stress (m, q, 3, 3); magnitude += |contribution|, a residual's
+    scale.
+    """
     grad = np.empty((dN.shape[1], 3))
     for k in range(cells.shape[0]):
         e = cells[k]
@@ -145,8 +149,9 @@ def tangent_blocks(
 ) -> None:
     """blocks (m, 3 k + np, 3 k + np) of cells (m,): upper triangle of [[B^T A B, B^T G Np], [., -compliance]].
 
-    Unknowns are ordered component by component (i, a), then pressures, so that the inner loops run along memory; entries
-    below the diagonal are not to be read. A (m, q, 9, 9), G (m, q, 3, 3); inverse, weight, compliance for all cells of the mesh.
+    Unknowns are ordered component by component (i, a), then pressures, so that the inner loops run along memory;
+    entries below the diagonal are not to be read. A (m, q, 9, 9), G (m, q, 3, 3); inverse, weight, compliance for all
+    cells of the mesh.
     """
     k = dN.shape[1]
     grad = np.empty((3, k))

@@ -1,7 +1,9 @@
-"""Deterministic conforming meshes of simple bodies: boxes, a sphere in a cube, a thick sphere. For studies, benchmarks and tests.
+"""Deterministic conforming meshes of simple bodies: boxes, a sphere in a cube, a thick sphere. For studies, benchmarks
+and tests.
 
-All are made of hexahedra split into six tetrahedra each; a face's diagonal starts at its vertex of lowest index (Dompierre et
-al. 1999, How to subdivide pyramids, prisms and hexahedra into tetrahedra), so neighbours agree whatever the block they come from.
+All are made of hexahedra split into six tetrahedra each; a face's diagonal starts at its vertex of lowest index
+(Dompierre et al. 1999, How to subdivide pyramids, prisms and hexahedra into tetrahedra), so neighbours agree whatever
+the block they come from.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ _HEX_FACES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [
 
 
 def split_hexahedra(points: FloatArray, hexahedra: IntArray, regions: IntArray) -> TetMesh:
-    """Conforming tetrahedra of hexahedra (h, 8): the cone from the lowest vertex over the triangles of the faces it is not on."""
+    """Conforming tetrahedra of hexahedra (h, 8): the cone from the lowest vertex over the triangles of the faces it is
+    not on.
+    """
     faces = hexahedra[:, _HEX_FACES]
     first = np.argmin(faces, axis=2)
     turned = np.take_along_axis(faces, (first[..., None] + np.arange(4)) % 4, axis=2)
@@ -45,7 +49,9 @@ def _grid(shape: tuple[int, int, int]) -> tuple[FloatArray, IntArray]:
 
 
 def box(lengths: ArrayLike, divisions: tuple[int, int, int], jitter: float = 0.0, seed: int = 0) -> TetMesh:
-    """Box [0, lengths] mm of region 1; inner points are moved by up to `jitter` of a cell's size to make the mesh irregular."""
+    """Box [0, lengths] mm of region 1; inner points are moved by up to `jitter` of a cell's size to make the mesh
+    irregular.
+    """
     points, hexahedra = _grid(divisions)
     if jitter > 0.0:
         inner = np.abs(points - 0.5).max(axis=1) < 0.5 - 1e-9
@@ -61,10 +67,11 @@ def with_regions(mesh: TetMesh, region_at: Callable[[FloatArray], IntArray]) -> 
 
 
 def sphere_in_cube(n: int, shells: int, layers: int, radius: float = 10.0, half_width: float = 25.0) -> TetMesh:
-    """The paper's Fig 7 body: a ball of region 1 in a cube of region 3, both centred at 0; 6 n^2 (n + 6 shells + 6 layers) cells.
+    """The paper's Fig 7 body: a ball of region 1 in a cube of region 3, both centred at 0; 6 n^2 (n + 6 shells + 6
+    layers) cells.
 
-    n : cells along an edge of the inner cube and so a quarter turn of the sphere; shells : layers from the inner cube to the
-    sphere; layers : from the sphere to the cube's surface.
+    n : cells along an edge of the inner cube and so a quarter turn of the sphere; shells : layers from the inner cube
+    to the sphere; layers : from the sphere to the cube's surface.
     """
     return onion(
         n, [(shells, lambda s, c, d: _core(c, radius) * (1.0 - s) + radius * d * s, ORGAN),
@@ -74,7 +81,9 @@ def sphere_in_cube(n: int, shells: int, layers: int, radius: float = 10.0, half_
 
 
 def _core(c: FloatArray, radius: float) -> FloatArray:
-    """Inner cube of side ~ radius with bulged faces: points c on [-1, 1]^3 cube to coordinates, between cube and ball."""
+    """Inner cube of side ~ radius with bulged faces: points c on [-1, 1]^3 cube to coordinates, between cube and
+    ball.
+    """
     bulge = 1.0 + 0.25 * (1.0 - (np.linalg.norm(c, axis=1) / np.maximum(np.abs(c).max(axis=1), 1e-12) - 1.0))
     return 0.45 * radius * c * bulge[:, None]
 
@@ -85,7 +94,8 @@ Layer = tuple[int, Callable[[FloatArray, FloatArray, FloatArray], FloatArray], i
 def onion(n: int, layers: list[Layer], core: Callable[[FloatArray], FloatArray] | None) -> TetMesh:
     """Six blocks around a cube, layer upon layer; the cube itself is meshed where `core` maps it, else left hollow.
 
-    A layer maps (s, c, d), s (k, 1) from 0 to 1 outwards, c (k, 3) on the cube's surface and d its direction, to points (k, 3).
+    A layer maps (s, c, d), s (k, 1) from 0 to 1 outwards, c (k, 3) on the cube's surface and d its direction, to points
+    (k, 3).
     """
     points, hexahedra, regions = [], [], []
     offset = 0
@@ -126,7 +136,9 @@ def _welded(points: FloatArray, hexahedra: IntArray, regions: IntArray) -> TetMe
 
 
 def refined(mesh: TetMesh, times: int = 1) -> TetMesh:
-    """Each cell in eight by its mid-edges (Bey 1995); the body's shape stays, so that finer solutions measure the element alone."""
+    """Each cell in eight by its mid-edges (Bey 1995); the body's shape stays, so that finer solutions measure the
+    element alone.
+    """
     for _ in range(times):
         mesh = _refined_once(mesh)
     return mesh

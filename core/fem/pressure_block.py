@@ -12,8 +12,9 @@ from palpate.core.fem.linear.choice import SymmetricSolver, make_solver
 from palpate.core.fem.linear.pattern import Pattern, scatter
 from palpate.core.fem.space import Space
 
-# alpha of p1p1. Dohrmann & Bochev take 1; on the sphere in a cube 4 errs a third less at every size, drive and bulk modulus (5.3 to
-# 3.7 % at 3,840 cells by traction), because it gives back some of what linear displacements lock in shear; 20 is too soft.
+# alpha of p1p1. Dohrmann & Bochev take 1; on the sphere in a cube 4 errs a third less at every size, drive and bulk
+# modulus (5.3 to 3.7 % at 3,840 cells by traction), because it gives back some of what linear displacements lock in
+# shear; 20 is too soft.
 STABILISATION = 4.0
 
 

@@ -1,4 +1,6 @@
-"""The projection that makes a Newton step descend (Teran et al. 2005, Robust quasistatic finite elements, section 5)."""
+"""The projection that makes a Newton step descend (Teran et al. 2005, Robust quasistatic finite elements, section
+5).
+"""
 
 from __future__ import annotations
 

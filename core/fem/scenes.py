@@ -1,4 +1,6 @@
-"""Reference scenes with one call: the paper's sphere in a cube (its Fig 7), driven by traction or by prescribed displacement."""
+"""Reference scenes with one call: the paper's sphere in a cube (its Fig 7), driven by traction or by prescribed
+displacement.
+"""
 
 from __future__ import annotations
 
@@ -62,8 +64,8 @@ def sphere_scene(
 ) -> Scene:
     """The sphere of region 1 in the cube of region 3 (`meshes.sphere_in_cube` or a refinement of it).
 
-    drive : "traction" pulls both caps of the sphere apart with no net force, the cube's surface fixed; "displacement" strains
-    the cube's surface. Raises InputError for another drive.
+    drive : "traction" pulls both caps of the sphere apart with no net force, the cube's surface fixed; "displacement"
+    strains the cube's surface. Raises InputError for another drive.
     """
     if drive not in DRIVES:
         raise InputError(f"drive '{drive}' is unknown; choose one of {', '.join(DRIVES)}")
@@ -81,7 +83,9 @@ def sphere_scene(
 
 
 def cap_pull(space: Space, faces: IntArray) -> PointForce:
-    """Dead load on the sphere's faces (f, 3): along z, outwards on both caps, smoothly from nothing at their edge; no net force."""
+    """Dead load on the sphere's faces (f, 3): along z, outwards on both caps, smoothly from nothing at their edge; no
+    net force.
+    """
     points = face_points(space.nodes, space.face_nodes(faces), 4)
     x = points.positions(space.nodes)
     cosine = x[:, 2] / np.linalg.norm(x, axis=1)

@@ -23,7 +23,9 @@ def direct(tangent: Tangent, directions: Sequence[Direction]) -> FloatArray:
 
 
 def response_to_forces(tangent: Tangent, forces: FloatArray) -> FloatArray:
-    """du/ds (r, n, 3) mm when dead nodal forces (r, n, 3) mN per unit of s act in addition: one back-substitution each."""
+    """du/ds (r, n, 3) mm when dead nodal forces (r, n, 3) mN per unit of s act in addition: one back-substitution
+    each.
+    """
     space = tangent.assembler.space
     rhs = np.zeros((space.n_displacements + space.n_pressures, len(forces)))
     rhs[: space.n_displacements] = np.asarray(forces, dtype=float).reshape(len(forces), -1).T
@@ -31,7 +33,8 @@ def response_to_forces(tangent: Tangent, forces: FloatArray) -> FloatArray:
 
 
 def parameter_force(tangent: Tangent, direction: Direction) -> FloatArray:
-    """dR/dtheta (kept,) for a parameter theta along which region r's law parameters change by direction[r] (k,) or (cells, k).
+    """dR/dtheta (kept,) for a parameter theta along which region r's law parameters change by direction[r] (k,) or
+    (cells, k).
 
     Uses that every law is linear in its parameters, so the derivative of the residual is the residual of the direction.
     """

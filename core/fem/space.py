@@ -84,8 +84,8 @@ class Space:
     def interpolation(self, points: FloatArray, regions: tuple[int, ...] | None = None) -> sp.csr_matrix:
         """Matrix (p, n) that takes nodal values to points (p, 3) mm.
 
-        Points outside the (chosen regions of the) mesh take the polynomial of the nearest cell, continued: a curved surface
-        lies a little outside its straight-sided cells.
+        Points outside the (chosen regions of the) mesh take the polynomial of the nearest cell, continued: a curved
+        surface lies a little outside its straight-sided cells.
         """
         cell, xi = locate(self.mesh, points, regions)
         values = shape_functions(self.element.degree, xi)
@@ -95,7 +95,9 @@ class Space:
 
 
 def locate(mesh: TetMesh, points: FloatArray, regions: tuple[int, ...] | None = None) -> tuple[IntArray, FloatArray]:
-    """For points (p, 3): the cell (p,) that holds each or is nearest in barycentric measure, and reference coordinates (p, 3)."""
+    """For points (p, 3): the cell (p,) that holds each or is nearest in barycentric measure, and reference coordinates
+    (p, 3).
+    """
     chosen = np.arange(len(mesh.cells)) if regions is None else np.flatnonzero(np.isin(mesh.regions, regions))
     if len(chosen) == 0:
         raise InputError(f"mesh has no cell in regions {regions}")

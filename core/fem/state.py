@@ -11,8 +11,8 @@ from palpate.core.arrays import FloatArray
 class State:
     """Displacements u (n, 3) mm and pressures p (n_p,) kPa.
 
-    q : (m, points) kPa, elements without pressure unknowns only: pressures at the quadrature points, iterated with u towards
-    kappa g; None where they equal kappa g.
+    q : (m, points) kPa, elements without pressure unknowns only: pressures at the quadrature points, iterated with u
+    towards kappa g; None where they equal kappa g.
     """
 
     u: FloatArray
@@ -24,8 +24,8 @@ class State:
 class Residual:
     """Out-of-balance: r_u (3 n,) mN, r_p (n_p,) mm3, the forces' magnitude (mN), smallest det F of guarded cells.
 
-    lag : (m, points) kappa g - q of a state with q; then r_u is that of q + lag G0 / G, the right-hand side of the system from
-    which the points' pressures were eliminated with the slopes G0 of the present factor.
+    lag : (m, points) kappa g - q of a state with q; then r_u is that of q + lag G0 / G, the right-hand side of the
+    system from which the points' pressures were eliminated with the slopes G0 of the present factor.
     """
 
     r_u: FloatArray

@@ -12,12 +12,13 @@ from palpate.core.fem.state import State
 class Tangent:
     """Tangent matrix of an assembler at a state under a fraction of the load; owner of its factor.
 
-    A solver holds the factor of one matrix at a time, and models with the same unknowns share a solver. Before every solve a
-    tangent compares the solver's count of factorisations with that of its own. Where another matrix was factorised since, the
-    tangent is assembled and factorised again, from the materials and terms that it was made with: a stale factor is never used.
+    A solver holds the factor of one matrix at a time, and models with the same unknowns share a solver. Before every
+    solve a tangent compares the solver's count of factorisations with that of its own. Where another matrix was
+    factorised since, the tangent is assembled and factorised again, from the materials and terms that it was made with:
+    a stale factor is never used.
 
-    assembler : its mesh, unknowns and solver. state, load : where the tangent is taken. Materials and terms are those that the
-    assembler has when the tangent is made; neither may be changed in place later.
+    assembler : its mesh, unknowns and solver. state, load : where the tangent is taken. Materials and terms are those
+    that the assembler has when the tangent is made; neither may be changed in place later.
 
     Raises FactorisationError when the matrix is singular or not finite.
     """
@@ -28,7 +29,9 @@ class Tangent:
 
     @classmethod
     def factorised(cls, assembler: Assembler, state: State, load: float) -> Tangent:
-        """The same without a factorisation. Precondition: the last matrix that the solver factorised is this tangent."""
+        """The same without a factorisation. Precondition: the last matrix that the solver factorised is this
+        tangent.
+        """
         out = cls.__new__(cls)
         out._take(assembler, state, load)
         return out
@@ -57,7 +60,8 @@ class Tangent:
         self._number = assembler.solver.factorisations
 
     def _restore(self) -> None:
-        # Not only where the materials differ: assemblers of one structure share a pressure block, which holds the last one's moduli.
+        # Not only where the materials differ: assemblers of one structure share a pressure block, which holds the last
+        # one's moduli.
         self.assembler.set_materials(self._materials)
         self.assembler.terms = self._terms
         self._factorise()

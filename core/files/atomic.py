@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all, so that a kill at any moment leaves the last good state."""
+"""Files and folders that are written whole or not at all, so that a kill at any moment leaves the last good state."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from palpate.core.errors import InputError
 
 # A temporary keeps the full name at its end, because nibabel and numpy choose the format by the suffix.
 _LEFTOVER = re.compile(r"^\.(part|kept)-(\d+)-[0-9a-f]{8}-(.+)$")
-# What this process is writing now: process ids come again (in containers soon), so the id alone does not tell.
+# Temporaries of this process. The process id alone does not identify them: ids are reused, in containers soon.
 _live: set[Path] = set()
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Turns the operating system's refusal (read-only, full disk) into an InputError that names ``path``.
+    """Turn an OSError of writing `path` (read-only, full disk) into an InputError that names it.
 
-    Refusals that concern a file elsewhere, such as one being copied from, pass unchanged.
+    Errors of other files, such as one being copied from, pass unchanged.
     """
     try:
         yield
@@ -38,9 +38,9 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path in the same folder, put in the place of ``path`` when the block ends without an exception.
+    """Temporary path in the same folder; it replaces `path` when the block ends without an exception.
 
-    Raises InputError naming ``path`` where it cannot be written.
+    Raises InputError naming `path` where it cannot be written.
     """
     temporary = _beside(path, "part")
     with writing(path):
@@ -58,10 +58,10 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def atomic_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder that replaces the folder ``path`` when the block ends without an exception.
+    """Temporary folder; it replaces the folder `path` when the block ends without an exception.
 
-    A folder cannot be replaced in one step: the old one is kept under another name in between, and ``sweep`` puts
-    it back after a kill at that moment. Raises InputError naming ``path`` where it cannot be written.
+    A folder cannot be replaced in one step: the old one is kept under another name in between, and `sweep` restores it
+    after a kill at that moment. Raises InputError naming `path` where it cannot be written.
     """
     temporary, kept = _beside(path, "part"), _beside(path, "kept")
     with writing(path):
@@ -82,8 +82,9 @@ def atomic_folder(path: Path) -> Iterator[Path]:
 
 
 def sweep(folder: Path) -> None:
-    """Removes what killed runs left under ``folder``; leaves the temporaries of processes that still run, and a
-    read-only folder as it is."""
+    """Remove the temporaries of killed runs under `folder`, but not those of running processes; a read-only folder
+    stays as it is.
+    """
     if is_read_only(folder):
         return
     for leftover in sorted(folder.rglob(".part-*")) + sorted(folder.rglob(".kept-*")):
@@ -101,10 +102,7 @@ def sweep(folder: Path) -> None:
 
 
 def is_read_only(folder: Path) -> bool:
-    """Whether the nearest existing folder may not be written.
-
-    Root may write where the mode says that nobody does; whoever marked a folder so meant it, and is obeyed.
-    """
+    """Whether the nearest existing folder is read-only, for root also by its mode alone."""
     standing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     return not standing.stat().st_mode & 0o222 or not os.access(standing, os.W_OK | os.X_OK)
 
@@ -115,12 +113,12 @@ def _refuse_read_only(folder: Path) -> None:
 
 
 def is_leftover(path: Path) -> bool:
-    """Whether the name is one of a temporary."""
+    """Whether the path is that of a temporary."""
     return _LEFTOVER.match(path.name) is not None
 
 
 def _concerns(named: Path, path: Path) -> bool:
-    """Whether a refusal that names one path is about writing another: a file in its folder, or a folder above."""
+    """Whether an error that names `named` concerns the writing of `path`: a file in its folder, or a folder above."""
     return named.is_relative_to(path.parent) or path.is_relative_to(named)
 
 

@@ -1,4 +1,4 @@
-"""What NumPy archives raise when they were cut or changed."""
+"""Exceptions that damaged NumPy archives raise."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import tokenize
 import zipfile
 import zlib
 
-# numpy, zipfile and the header's parser between them.
+# Those of numpy, zipfile and the header's parser together.
 DAMAGED_ARCHIVE: tuple[type[Exception], ...] = (
     *(OSError, ValueError, EOFError, LookupError, ArithmeticError, MemoryError, RuntimeError, SyntaxError, TypeError),
     *(zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError),

@@ -30,7 +30,9 @@ def read_json(path: Path) -> object:
 
 
 def read_typed(path: Path, kind: type[T], remedy: str = "; correct it there") -> T:
-    """The content of a JSON file as a declared type (`json_types.typed`). Raises InputError, also naming what is wrong in it."""
+    """The content of a JSON file as a declared type (`json_types.typed`). Raises InputError, also naming what is wrong
+    in it.
+    """
     return typed(read_json(path), kind, str(path), remedy)
 
 
@@ -43,7 +45,9 @@ def write_json(path: Path, data: object) -> Path:
 
 
 def as_json(data: object) -> str:
-    """JSON text of plain data or of an instance of a declared type; NumPy arrays become lists. Raises ValueError for NaN and infinity."""
+    """JSON text of plain data or of an instance of a declared type; NumPy arrays become lists. Raises ValueError for
+    NaN and infinity.
+    """
     return json.dumps(data, indent=2, allow_nan=False, default=_plain, ensure_ascii=False) + "\n"
 
 

@@ -1,4 +1,6 @@
-"""JSON data to a declared type, checked by msgspec; a refusal names property, value and what is allowed, in one line."""
+"""Conversion of JSON data to declared types by msgspec; an error names property, value and allowed values in one
+line.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 def typed(data: object, kind: type[T], source: str, remedy: str = "; correct it there") -> T:
     """JSON data (parsed, not text) as an instance of a msgspec Struct, a dataclass or any type that msgspec knows.
 
-    source : the file's path, or what the data are. remedy : end of the refusal's line.
+    source : the file's path, or a description of the data. remedy : end of the error's line.
     Raises InputError naming the property, its value and what is allowed.
     """
     try:
@@ -33,7 +35,7 @@ def typed(data: object, kind: type[T], source: str, remedy: str = "; correct it 
 
 
 def typed_strictly(data: Mapping[str, object], kind: type[T], source: str, remedy: str = "; correct it there") -> T:
-    """The same for a JSON object, and an InputError for a key that the type does not declare: msgspec passes over those of a dataclass."""
+    """`typed` of a JSON object, with an InputError for an undeclared key, which msgspec ignores in a dataclass."""
     declared = _fields(inspect.type_info(kind))
     for name in data:
         if name not in declared:
@@ -42,7 +44,7 @@ def typed_strictly(data: Mapping[str, object], kind: type[T], source: str, remed
 
 
 def refusal(kind: type, name: str, value: object, source: str, remedy: str = "; correct it there") -> InputError:
-    """The same line for a property whose value a check beyond its type refuses."""
+    """InputError of the same form for a property that fails a check beyond its type."""
     at = _fields(inspect.type_info(kind))[name]
     return InputError(f"{source}: {name} is {_short(value)}; it must be {allowed(at)}{remedy}")
 
@@ -57,12 +59,12 @@ def plain(value: msgspec.Struct) -> dict[str, object]:
 
 
 def known(value: T | UnsetType) -> T | None:
-    """The value of a property that may be left out; None where it was."""
+    """Value of an optional property; None where it is unset."""
     return None if value is UNSET else value
 
 
 def allowed(kind: inspect.Type) -> str:
-    """What a property of this type may hold, in words; a description in the type's `Meta` stands for them."""
+    """Allowed values of a property of this type, in words, or the description in the type's `Meta`."""
     match kind:
         case inspect.Metadata(type=inner, extra_json_schema=extra):
             return str(extra["description"]) if extra and "description" in extra else allowed(inner)
@@ -108,7 +110,7 @@ def _in_words(message: str, data: object, kind: type) -> str:
 
 
 def _walk(data: object, kind: inspect.Type, steps: str) -> tuple[str, object, inspect.Type]:
-    """Path in words, value and declared type of what msgspec's path names; a fixed tuple is named as a whole."""
+    """Path in words, value and declared type at msgspec's path; a fixed tuple is named as a whole."""
     path = ""
     for name, index in _STEP.findall(steps):
         inner = _without_metadata(kind)
@@ -134,7 +136,7 @@ _WITH_PARTS = (
 
 
 def _without_metadata(kind: inspect.Type) -> inspect.Type:
-    """The one type that has parts: not its metadata, nor null or a word beside it."""
+    """The composite type inside metadata and unions."""
     while isinstance(kind, inspect.Metadata | inspect.UnionType):
         if isinstance(kind, inspect.Metadata):
             kind = kind.type
@@ -144,7 +146,7 @@ def _without_metadata(kind: inspect.Type) -> inspect.Type:
 
 
 def _first_wrong(data: Mapping[str, object], kind: inspect.DictType) -> tuple[str, object]:
-    """Which value of a mapping is not of its type: msgspec does not name it."""
+    """First key and value of a mapping whose value is not of its type; msgspec does not name it."""
     for key, value in data.items():
         if not _fits(value, kind.value_type):
             return str(key), value
@@ -183,7 +185,7 @@ def _joined(path: str, name: str) -> str:
 
 
 def _short(value: object) -> str:
-    """For one line: a long value is cut."""
+    """Text of a value for one line; a long one is cut."""
     text = repr(value)
     return text if len(text) <= 120 else f"{text[:100]} ... ({len(text)} characters)"
 

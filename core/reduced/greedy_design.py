@@ -1,4 +1,6 @@
-"""Greedy design of a reduced model: full solves where the error estimate is largest, until it is below the tolerance."""
+"""Greedy design of a reduced model: full solves where the error estimate is largest, until it is below the
+tolerance.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ class Snapshot:
     sensitivities: FloatArray | None = None
 
 
-# Parameters (m, k) -> a snapshot each, None where there is no equilibrium. A batch at a time, so that workers can share it.
+# Parameters (m, k) -> a snapshot each, None where there is no equilibrium. A batch at a time, so that workers can share
+# it.
 Solve = Callable[[FloatArray], Sequence[Snapshot | None]]
 
 
@@ -30,7 +33,8 @@ Solve = Callable[[FloatArray], Sequence[Snapshot | None]]
 class ReducedOptions:
     """tolerance : error aimed at, relative to the largest displacement. safety : factor on the calibrated estimate.
 
-    max_snapshots : full solves to spend. batch : solves between two looks at the estimate; no result depends on the workers.
+    max_snapshots : full solves to spend. batch : solves between two looks at the estimate; no result depends on the
+    workers.
     """
 
     tolerance: float = 1e-3
@@ -60,9 +64,9 @@ class Modes:
 class Design:
     """Snapshots and the interpolant through them.
 
-    x : (s, k) on [-1, 1]^k. data : (s, q, r) in coordinates of modes (r, 3 n). scale : smallest of the snapshots' largest
-    displacements, mm. calibration : mm per unit of power function, safety included. worst : largest estimate in the box, mm.
-    failed : (f, k) where there was no equilibrium.
+    x : (s, k) on [-1, 1]^k. data : (s, q, r) in coordinates of modes (r, 3 n). scale : smallest of the snapshots'
+    largest displacements, mm. calibration : mm per unit of power function, safety included. worst : largest estimate in
+    the box, mm. failed : (f, k) where there was no equilibrium.
     """
 
     x: FloatArray
@@ -76,7 +80,8 @@ class Design:
 
 
 def explore(solve: Solve, bounds: FloatArray, options: ReducedOptions, progress: Progress) -> Design:
-    """Solve at greedy points of the box bounds (k, 2) until the largest estimate is below tolerance or the solves are spent.
+    """Solve at greedy points of the box bounds (k, 2) until the largest estimate is below tolerance or the solves are
+    spent.
 
     Raises ConvergenceError when most of the first points have no equilibrium.
     """
@@ -169,7 +174,9 @@ class _Collected:
 
 
 def _calibration(fit: Fit, modes: FloatArray) -> float:
-    """Largest leave-one-out error (mm, of the worst point) per unit of power function: the norm that the bound needs."""
+    """Largest leave-one-out error (mm, of the worst point) per unit of power function: the norm that the bound
+    needs.
+    """
     errors = np.linalg.norm((fit.left_out @ modes).reshape(len(fit.left_out), -1, 3), axis=2).max(axis=1)
     return float((errors / fit.left_out_power).max())
 

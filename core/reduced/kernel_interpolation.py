@@ -1,9 +1,10 @@
 """Interpolation of smooth functions of a few parameters from values and gradients, with its own error measure.
 
 A function on [-1, 1]^k that continues analytically a distance around the box has Chebyshev coefficients that fall like
-rho^-|m|. The interpolant is the one of least weighted norm sum_m (c_m rho^|m|)^2 that meets the data (a Gaussian process whose
-covariance is the kernel sum_m rho^(-2|m|) T_m(x) T_m(y); Wendland 2005, Scattered Data Approximation, ch. 10 and 11). Its power
-function P(x) bounds the error at x by P(x) times the function's norm; leave-one-out residuals, which cost nothing, give the norm.
+rho^-|m|. The interpolant is the one of least weighted norm sum_m (c_m rho^|m|)^2 that meets the data (a Gaussian
+process whose covariance is the kernel sum_m rho^(-2|m|) T_m(x) T_m(y); Wendland 2005, Scattered Data Approximation, ch.
+10 and 11). Its power function P(x) bounds the error at x by P(x) times the function's norm; leave-one-out residuals,
+which cost nothing, give the norm.
 """
 
 from __future__ import annotations
@@ -81,8 +82,9 @@ class Features:
 class Fit:
     """Interpolant of vector data at points x.
 
-    features : basis. coefficients : (f, r). explained : (d, f), orthonormal rows that span what the data fix.
-    left_out : (n, r) value predicted without point i minus the value there. left_out_power : (n,) power function there without i.
+    features : basis. coefficients : (f, r). explained : (d, f), orthonormal rows that span what the data fix. left_out
+    : (n, r) value predicted without point i minus the value there. left_out_power : (n,) power function there without
+    i.
     """
 
     features: Features
@@ -162,7 +164,9 @@ def greedy_points(
 def _leave_one_out(
     lower: FloatArray, alpha: FloatArray, scale: FloatArray, n: int, q: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Block formula: with point i's q rows left out the prediction misses by inverse_ii^-1 alpha_i (Rippa 1999 for q = 1)."""
+    """Block formula: with point i's q rows left out the prediction misses by inverse_ii^-1 alpha_i (Rippa 1999 for q =
+    1).
+    """
     root = solve_triangular(lower, np.eye(n * q), lower=True)  # inverse = root^T root
     errors, left_out_power = np.empty((n, alpha.shape[1])), np.empty(n)
     for i in range(n):

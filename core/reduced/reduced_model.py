@@ -1,8 +1,9 @@
 """Reduced model of one scene: displacement as a function of a few parameters, in microseconds, with an error estimate.
 
-Displacements at chosen parameters (and their sensitivities, which a solve gives away) are written in a small orthonormal basis
-whose coefficients are interpolated over the parameter box (`kernel_interpolation`). Where its estimate exceeds a tolerance the caller
-solves in full. No hyper-reduction: an equilibrium depends on ln G so smoothly that interpolation reaches its error with fewer solves.
+Displacements at chosen parameters (and their sensitivities, which a solve gives away) are written in a small
+orthonormal basis whose coefficients are interpolated over the parameter box (`kernel_interpolation`). Where its
+estimate exceeds a tolerance the caller solves in full. No hyper-reduction: an equilibrium depends on ln G so smoothly
+that interpolation reaches its error with fewer solves.
 """
 
 from __future__ import annotations
@@ -45,10 +46,10 @@ def scene_hash(*parts: NDArray[np.generic] | str | float) -> str:
 class ReducedModel:
     """u(theta) at n points for theta in a box.
 
-    bounds : (k, 2). scene : hash of the scene it stands for. features, coefficients (f, r), explained (d, f) : interpolant.
-    modes : (r, 3 n) mm. calibration : mm per unit of power function. dropped : mm, lost by keeping few modes.
-    scale : mm, the largest displacement of the particle that moves least. tolerance : relative to it, as asked for.
-    worst_estimate : mm, anywhere in the box. solves, failed : full solves spent, and those without an equilibrium.
+    bounds : (k, 2). scene : hash of the scene it stands for. features, coefficients (f, r), explained (d, f) :
+    interpolant. modes : (r, 3 n) mm. calibration : mm per unit of power function. dropped : mm, lost by keeping few
+    modes. scale : mm, the largest displacement of the particle that moves least. tolerance : relative to it, as asked
+    for. worst_estimate : mm, anywhere in the box. solves, failed : full solves spent, and those without an equilibrium.
     """
 
     bounds: FloatArray
@@ -74,7 +75,8 @@ class ReducedModel:
         options: ReducedOptions | None = None,
         progress: Progress = silent,
     ) -> ReducedModel:
-        """Solve in full where it is needed, until `options.tolerance` holds. bounds (k, 2), 1 to 4 parameters in practice.
+        """Solve in full where it is needed, until `options.tolerance` holds. bounds (k, 2), 1 to 4 parameters in
+        practice.
 
         Raises ConvergenceError when most of the first solves fail, InputError for bounds that are not a box.
         """
@@ -92,7 +94,9 @@ class ReducedModel:
         return self.modes.shape[1] // 3
 
     def evaluate(self, theta: FloatArray) -> FloatArray:
-        """Displacement (n, 3) mm at theta (k,), or (m, n, 3) at (m, k). Outside the box: that of the nearest point of the box."""
+        """Displacement (n, 3) mm at theta (k,), or (m, n, 3) at (m, k). Outside the box: that of the nearest point of
+        the box.
+        """
         x, one = self._unit(theta)
         u = (self.features.values(x) @ self.coefficients @ self.modes).reshape(len(x), -1, 3)
         return u[0] if one else u
@@ -107,7 +111,8 @@ class ReducedModel:
     def error_estimate(self, theta: FloatArray) -> FloatArray:
         """Estimated error of the worst point, mm, () or (m,); infinite outside the box.
 
-        The power function times the norm that leave-one-out errors need, times a safety factor: meant to lie above the error.
+        The power function times the norm that leave-one-out errors need, times a safety factor: meant to lie above the
+        error.
         """
         x, one = self._unit(theta)
         estimate = self.calibration * power(self.features, self.explained, x) + self.dropped
@@ -115,14 +120,18 @@ class ReducedModel:
         return estimate[0] if one else estimate
 
     def save(self, path: Path) -> None:
-        """Write as npz without pickle; an older file stays whole until the new one is. Raises InputError when it cannot."""
+        """Write as npz without pickle; an older file stays whole until the new one is. Raises InputError when it
+        cannot.
+        """
         arrays = {name: np.asarray(getattr(self, name)) for name in _STORED}
         arrays.update(powers=self.features.powers, rho=np.asarray(self.features.rho))
         save_checkpoint(path, arrays, _fingerprint(self.scene))
 
     @classmethod
     def load(cls, path: Path, scene: str) -> ReducedModel | None:
-        """The model in a file; None when there is none, it is damaged, or it stands for another scene (then build it anew)."""
+        """The model in a file; None when there is none, it is damaged, or it stands for another scene (then build it
+        anew).
+        """
         arrays = load_checkpoint(path, _fingerprint(scene))
         if arrays is None:
             return None
@@ -161,7 +170,9 @@ _STORED = (
 
 
 def _assembled(design: Design, bounds: FloatArray, scene: str, options: ReducedOptions) -> ReducedModel:
-    """Rotate the modes and drop what changes no snapshot by more than a fiftieth of the tolerance; the estimate counts that."""
+    """Rotate the modes and drop what changes no snapshot by more than a fiftieth of the tolerance; the estimate counts
+    that.
+    """
     rows = design.data.reshape(-1, design.data.shape[2])
     _, _, V = np.linalg.svd(rows, full_matrices=False)
     values = design.data[:, 0] @ V.T

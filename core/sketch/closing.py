@@ -1,8 +1,8 @@
 """The residual of smooth forces, closed by springs that pull the rim onto the keyframe's line.
 
-Few smooth forces do not reach every drawn pose. Every observed point of the rim gets a spring to its partner on the line; all
-springs have one stiffness, the least that reaches the keyframe. Their targets can be moved, so that the path between two keyframes
-consists of equilibria too, where forces alone let the figure snap through.
+Few smooth forces do not reach every drawn pose. Every observed point of the rim gets a spring to its partner on the
+line; all springs have one stiffness, the least that reaches the keyframe. Their targets can be moved, so that the path
+between two keyframes consists of equilibria too, where forces alone let the figure snap through.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ _ENOUGH = 0.6
 
 
 def closed(figure: Figure, targets: tuple[Target, ...], fit: Fit) -> Fit:
-    """The fit with springs added where its smooth forces miss a keyframe; unchanged where they hit, or where springs do not help."""
+    """The fit with springs added where its smooth forces miss a keyframe; unchanged where they hit, or where springs do
+    not help.
+    """
     if hits(figure, targets, fit):
         return fit
     basis = figure.force_basis(fit.degree)

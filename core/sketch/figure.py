@@ -45,8 +45,8 @@ class Figure:
     """The first keyframe, ready to be solved for any stiffness and rim forces.
 
     mesh : extruded along z, regions 1 .. P are its parts. outline : points (q, 2) of its rim that are observed.
-    Parameters: theta (P - 1,) = ln of each further part's shear modulus over the first one's, and force coefficients c (r,), see
-    `force_basis`. The first part's modulus is 1 kPa: shapes depend on forces over stiffness only.
+    Parameters: theta (P - 1,) = ln of each further part's shear modulus over the first one's, and force coefficients c
+    (r,), see `force_basis`. The first part's modulus is 1 kPa: shapes depend on forces over stiffness only.
     """
 
     def __init__(self, mesh: TetMesh, outline: Outline, options: FigureOptions | None = None) -> None:
@@ -75,8 +75,8 @@ class Figure:
     def force_basis(self, degree: int) -> FloatArray:
         """(r, n, 3) mN on the nodes for a unit of each coefficient, r = (degree + 1) (degree + 2).
 
-        Dead tractions on the free rim, in FORCE_UNIT kPa: products of Legendre polynomials of x and y over the figure's box, along
-        x and along y, sorted by total degree so that more degrees only add coefficients.
+        Dead tractions on the free rim, in FORCE_UNIT kPa: products of Legendre polynomials of x and y over the figure's
+        box, along x and along y, sorted by total degree so that more degrees only add coefficients.
         """
         x = self._rim_points.positions(self.space.nodes)[:, :2]
         low, high = self.outline.points.min(axis=0), self.outline.points.max(axis=0)
@@ -107,8 +107,10 @@ class Figure:
         return solve_equilibrium(self.assembler, self.materials(theta), start=start, options=_OPTIONS)
 
     def loaded(self, force: FloatArray, goal: FloatArray | None = None, stiffness: float = 0.0) -> None:
-        """Put dead nodal forces (n, 3) mN on the figure, and springs that pull the observed points of its rim to displacements goal
-        (q, 3) mm; stiffness : of the springs, over the first part's shear modulus and the figure's size."""
+        """Put dead nodal forces (n, 3) mN on the figure, and springs that pull the observed points of its rim to
+        displacements goal (q, 3) mm; stiffness : of the springs, over the first part's shear modulus and the figure's
+        size.
+        """
         points: PointSet = self._nothing.points
         springs = self._slack if goal is None else self.springs(goal, stiffness)
         self.assembler.terms = (PointForce(points, force), springs, *self._bed)

@@ -1,7 +1,7 @@
 """Stiffness and rim forces of a figure from drawn keyframes, by Gauss-Newton on the distance of the outlines.
 
-The residual is the distance of Eqs 11 to 13 of Yang & Lin, signed and in both directions: the figure's rim from the drawn line and
-the line from the rim. All keyframes share the stiffness; each has its own forces.
+The residual is the distance of Eqs 11 to 13 of Yang & Lin, signed and in both directions: the figure's rim from the
+drawn line and the line from the rim. All keyframes share the stiffness; each has its own forces.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _STARTS, _STARTED_ANEW = (0.0, -1.5, 1.5), 1
 class Fit:
     """theta (P - 1,) = ln of stiffness ratios; forces : (k, r) coefficients of each keyframe; states, their equilibria.
 
-    misfit : squared whitened residual of the outlines. looks : number of independent data. covariance (P - 1, P - 1) of theta.
-    goals : (k, q, 3) mm, where springs of `spring` (see `Figure.loaded`) pull the rim's points beside those forces; None where the
-    forces were enough, see `closing`.
+    misfit : squared whitened residual of the outlines. looks : number of independent data. covariance (P - 1, P - 1) of
+    theta. goals : (k, q, 3) mm, where springs of `spring` (see `Figure.loaded`) pull the rim's points beside those
+    forces; None where the forces were enough, see `closing`.
     """
 
     theta: FloatArray
@@ -67,8 +67,8 @@ def fit_degree(
 ) -> Fit:
     """Gauss-Newton at one degree of the force polynomials.
 
-    start : a fit of a lower degree to go on from, or theta (P - 1,) to begin with. fixed : theta to keep, forces alone are
-    looked for. Raises ConvergenceError when not even the start has an equilibrium.
+    start : a fit of a lower degree to go on from, or theta (P - 1,) to begin with. fixed : theta to keep, forces alone
+    are looked for. Raises ConvergenceError when not even the start has an equilibrium.
     """
     options = options or FitOptions()
     basis = figure.force_basis(degree)
@@ -103,11 +103,12 @@ def fit_keyframes(
     highest: int = 3,
     progress: Progress = silent,
 ) -> Fit:
-    """The fit with the fewest force coefficients that the drawn lines ask for (Schwarz 1978, Estimating the dimension of a model).
+    """The fit with the fewest force coefficients that the drawn lines ask for (Schwarz 1978, Estimating the dimension
+    of a model).
 
-    One that hits every keyframe within HIT everywhere is preferred to any that does not. Low degrees are begun from several ratios
-    of stiffness, higher ones go on from the one before.
-    Raises ConvergenceError when no degree has an equilibrium near the keyframes.
+    One that hits every keyframe within HIT everywhere is preferred to any that does not. Low degrees are begun from
+    several ratios of stiffness, higher ones go on from the one before. Raises ConvergenceError when no degree has an
+    equilibrium near the keyframes.
     """
     best: Fit | None = None
     fit: Fit | None = None

@@ -12,18 +12,22 @@ from palpate.core.fem.state import State
 from palpate.core.sketch.figure import Figure
 from palpate.core.sketch.residual import Target, residual_of
 
-# Bounds of ln ratio; prior standard deviation and bound of force coefficients, which regularise what the outlines do not determine.
+# Bounds of ln ratio; prior standard deviation and bound of force coefficients, which regularise what the outlines do
+# not determine.
 RATIO_BOUNDS = (np.log(1.0 / 50.0), np.log(50.0))
 _FORCE_SD, _FORCE_BOUND = 60.0, 300.0
 # Prior standard deviation of ln ratio: about a factor of ten.
 RATIO_SD = 2.3
-# Mean distance of the rim's points from their partners, in figure sizes, above which the rim is on the wrong part of a line.
+# Mean distance of the rim's points from their partners, in figure sizes, above which the rim is on the wrong part of a
+# line.
 _ASTRAY = 0.3
 
 
 @dataclass(frozen=True)
 class FitOptions:
-    """line_error : standard deviation of the drawn lines, in figure sizes. evaluations : most, of one Gauss-Newton run."""
+    """line_error : standard deviation of the drawn lines, in figure sizes. evaluations : most, of one Gauss-Newton
+    run.
+    """
 
     line_error: float = 0.004
     evaluations: int = 30
@@ -33,8 +37,9 @@ class FitOptions:
 class Walk:
     """Linearises the residual along Gauss-Newton's path; every equilibrium starts from the one before.
 
-    basis : of the forces. share : of the way to the targets' partners that is gone, None to meet their lines. fixed : theta, where only
-    forces are looked for. last : where the next equilibria start. best, lowest : the equilibria of the least residual, and its square.
+    basis : of the forces. share : of the way to the targets' partners that is gone, None to meet their lines. fixed :
+    theta, where only forces are looked for. last : where the next equilibria start. best, lowest : the equilibria of
+    the least residual, and its square.
     """
 
     figure: Figure

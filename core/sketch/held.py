@@ -8,13 +8,15 @@ from palpate.core.sketch.figure import held_points
 from palpate.core.sketch.outline import Outline
 from palpate.core.sketch.sides import SIDES
 
-# A side is held when this share of its rim (_MOST) lies within _STAYS of every keyframe's line, in figure sizes. Points within _CORNER
-# of a side that is held already are left out: they say nothing of the next side.
+# A side is held when this share of its rim (_MOST) lies within _STAYS of every keyframe's line, in figure sizes. Points
+# within _CORNER of a side that is held already are left out: they say nothing of the next side.
 _STAYS, _MOST, _CORNER = 0.02, 0.9, 0.1
 
 
 def sides_that_stay(rest: Outline, keys: Sequence[Outline]) -> tuple[str, ...]:
-    """Names of the sides of the first keyframe's box whose rim every other keyframe (in the same frame) shows in the same place."""
+    """Names of the sides of the first keyframe's box whose rim every other keyframe (in the same frame) shows in the
+    same place.
+    """
     stays: list[str] = []
     for side in SIDES:
         own = held_points(rest.points, rest, (side,)) & ~held_points(rest.points, rest, tuple(stays), _CORNER)

@@ -1,7 +1,7 @@
 """Correspondence of two drawn outlines: the cheapest monotone pairing round both loops (dynamic time warping).
 
-Sakoe and Chiba 1978, Dynamic programming algorithm optimization for spoken word recognition. It is a starting value only: a line
-shows no points, so that the fit lets the figure slide along it.
+Sakoe and Chiba 1978, Dynamic programming algorithm optimization for spoken word recognition. It is a starting value
+only: a line shows no points, so that the fit lets the figure slide along it.
 """
 
 from __future__ import annotations
@@ -78,7 +78,9 @@ def _features(loop: FloatArray, size: float) -> FloatArray:
 
 @njit(cache=True)
 def _path(cost: FloatArray, stretch: float) -> tuple[float, FloatArray]:
-    """Price of the cheapest monotone path from (0, 0) to (n - 1, m - 1), and the mean partner (n,) of each row along it."""
+    """Price of the cheapest monotone path from (0, 0) to (n - 1, m - 1), and the mean partner (n,) of each row along
+    it.
+    """
     n, m = cost.shape
     total = np.full((n, m), np.inf)
     came = np.zeros((n, m), dtype=np.int64)

@@ -1,7 +1,7 @@
 """The figure between its keyframes and beyond them: rim forces that change smoothly, then a free swing back.
 
-Between keyframes every picture is an equilibrium under forces between the keyframes' own. Beyond the last one the forces go on the
-same way for a little, and then let go: the body swings back to its first shape by its own dynamics.
+Between keyframes every picture is an equilibrium under forces between the keyframes' own. Beyond the last one the
+forces go on the same way for a little, and then let go: the body swings back to its first shape by its own dynamics.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ _PERIOD, _DAMPING = 1.0, 0.1
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """Pictures of each leg between keyframes, of a keyframe held still, beyond the last one, and of the swing; their rate, 1/s."""
+    """Pictures of each leg between keyframes, of a keyframe held still, beyond the last one, and of the swing; their
+    rate, 1/s.
+    """
 
     leg: int = 20
     still: int = 6
@@ -103,7 +105,9 @@ def animate(figure: Figure, fit: Fit, options: MotionOptions | None = None, prog
 def _leg(
     figure: Figure, theta: FloatArray, loads: list[_Load], ends: list[State], count: int, notes: list[str]
 ) -> list[FloatArray]:
-    """Displacements strictly between two states: from the first onwards, else from the second backwards, else blended."""
+    """Displacements strictly between two states: from the first onwards, else from the second backwards, else
+    blended.
+    """
     shares = _smooth(np.arange(1, count + 1) / (count + 1))
     for way, (start, goal) in (("on", (ends[0], ends[1])), ("back", (ends[1], ends[0]))):
         order = shares if way == "on" else shares[::-1]

@@ -14,8 +14,8 @@ from palpate.core.arrays import FloatArray, IntArray
 class Outline:
     """The rim of a plane figure.
 
-    loops : each (n, 2) mm, closed without repeating its first point; the outer one first, counter-clockwise, holes clockwise, so
-    that the figure lies on the left.
+    loops : each (n, 2) mm, closed without repeating its first point; the outer one first, counter-clockwise, holes
+    clockwise, so that the figure lies on the left.
     """
 
     loops: tuple[FloatArray, ...]
@@ -63,8 +63,8 @@ class Outline:
     def nearest(self, x: FloatArray, normals: FloatArray | None = None) -> tuple[IntArray, FloatArray, FloatArray]:
         """For x (q, 2): the segment (q,) that is nearest, how far along it (q,) 0 to 1, and the point (q, 2).
 
-        normals : (q, 2) outward normals at x; then only segments that look to the same side count, so that the two sides of a
-        thin limb are not taken for each other.
+        normals : (q, 2) outward normals at x; then only segments that look to the same side count, so that the two
+        sides of a thin limb are not taken for each other.
         """
         a, ab = self.points, self.points[self.following] - self.points
         squared = np.maximum((ab**2).sum(axis=1), 1e-300)

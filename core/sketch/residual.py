@@ -1,4 +1,6 @@
-"""Distance of a figure's rim from a drawn line and of the line from the rim, with derivatives (Eqs 11 to 13 of Yang & Lin, both ways)."""
+"""Distance of a figure's rim from a drawn line and of the line from the rim, with derivatives (Eqs 11 to 13 of Yang &
+Lin, both ways).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The search of Yang & Lin (Eqs 11 to 19) for a figure's stiffness: a swarm over the ratios, the forces fitted for each particle."""
+"""The search of Yang & Lin (Eqs 11 to 19) for a figure's stiffness: a swarm over the ratios, the forces fitted for each
+particle.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ _STEPS = 8
 
 @dataclass(frozen=True)
 class SwarmFitOptions:
-    """As in `SwarmOptions`; fewer particles than for an organ, because the particles' coordinates are the ratios alone."""
+    """As in `SwarmOptions`; fewer particles than for an organ, because the particles' coordinates are the ratios
+    alone.
+    """
 
     particles: int = 12
     iterations: int = 8

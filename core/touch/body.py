@@ -25,13 +25,14 @@ SUPPORTS = {
     "table": "the organ alone, its back stuck to a rigid table",
     "none": "nothing but the nodes that are named",
 }
-# Linear displacement and pressure: free of locking; one solve with the factor of 4,000 cells takes a third of a millisecond (measured).
+# Linear displacement and pressure: free of locking; one solve with the factor of 4,000 cells takes a third of a
+# millisecond (measured).
 ELEMENT = "p1p1"
 # The table holds what lies within this share of the organ's depth from its rearmost point.
 _TABLE = 0.15
-# Contact stiffness times a face's edge over its G. A stiffer contact makes faces as large as the contact act like flat stamps. With this
-# value the mean force at random places of a ball with 5.2 mm edges under a probe of 8 mm is within 5 % from 2 mm of depth on, against a
-# fine mesh that agrees with Hertz (measured).
+# Contact stiffness times a face's edge over its G. A stiffer contact makes faces as large as the contact act like flat
+# stamps. With this value the mean force at random places of a ball with 5.2 mm edges under a probe of 8 mm is within 5
+# % from 2 mm of depth on, against a fine mesh that agrees with Hertz (measured).
 _CONTACT = 25.0
 # Largest contact pressure over G that an equilibrium is expected to have.
 _DEEPEST = 4.0
@@ -41,8 +42,9 @@ _DEEPEST = 4.0
 class Body:
     """A mesh, the shear modulus of its regions (kPa), and what holds it.
 
-    names : region id -> name. interval_kpa : 95 % interval of the shear moduli where known; shown only, no result depends on it.
-    tissue_kpa : shear modulus of the surrounding tissue, for the bed. fixed : (n,) nodes that do not move, besides the support's own.
+    names : region id -> name. interval_kpa : 95 % interval of the shear moduli where known; shown only, no result
+    depends on it. tissue_kpa : shear modulus of the surrounding tissue, for the bed. fixed : (n,) nodes that do not
+    move, besides the support's own.
     """
 
     mesh: TetMesh
@@ -90,7 +92,9 @@ class Body:
         )
 
     def grip(self, point: FloatArray, reach: float, move: FloatArray) -> Grip:
-        """A probe that sticks to what lies within `reach` of a point (3,) mm of the surface, and has moved by `move` (3,) mm."""
+        """A probe that sticks to what lies within `reach` of a point (3,) mm of the surface, and has moved by `move`
+        (3,) mm.
+        """
         return Grip.at(self.surface, point, reach, move, self.contact_stiffness)
 
     @property
@@ -125,7 +129,8 @@ class Body:
     def _bed(self) -> list[Springs]:
         """Springs of 3 G / (2 R) per area: with them a ball moves under a force as in endless incompressible tissue.
 
-        A rigid ball's drag there is spread evenly over its surface (Stokes' solution, F = 6 pi G R u, read as elasticity).
+        A rigid ball's drag there is spread evenly over its surface (Stokes' solution, F = 6 pi G R u, read as
+        elasticity).
         """
         if self.support != "bed":
             return []

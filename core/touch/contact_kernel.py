@@ -1,4 +1,6 @@
-"""Compiled loop of the contact between a rigid sphere and a triangulated surface: a penalty on the gap at points of its faces."""
+"""Compiled loop of the contact between a rigid sphere and a triangulated surface: a penalty on the gap at points of its
+faces.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +29,12 @@ def sphere_blocks(
     gradient: FloatArray,
     hessian: FloatArray,
 ) -> None:
-    """For the faces `rows` (r,): energy (r,), its gradient (r, 9) and second derivative (r, 9, 9) over their corners; zero without contact.
+    """For the faces `rows` (r,): energy (r,), its gradient (r, 9) and second derivative (r, 9, 9) over their corners;
+    zero without contact.
 
-    faces : (f, 3) into x (s, 3), where the nodes are, mm. area : (f,) mm2 at rest. stiffness : (f,) kPa/mm. hessian of no length:
-    left out. deepest : (f,) mm; farther inside than in any equilibrium, the curvature of the gap counts as at this depth: it would
-    make the first steps' matrix indefinite.
+    faces : (f, 3) into x (s, 3), where the nodes are, mm. area : (f,) mm2 at rest. stiffness : (f,) kPa/mm. hessian of
+    no length: left out. deepest : (f,) mm; farther inside than in any equilibrium, the curvature of the gap counts as
+    at this depth: it would make the first steps' matrix indefinite.
     """
     second = hessian.shape[0] > 0
     at = np.empty(3)

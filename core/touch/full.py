@@ -1,8 +1,8 @@
 """The full equilibrium of a touched body: nonlinear law in every cell, and contact.
 
-The force has kinks where nodes come into contact, and the step control of `core.fem.newton.newton` stalls there. Full Newton
-steps, shortened only where a cell would be inverted, find the set of nodes in contact within a few iterations (Hueber & Wohlmuth
-2005, Comput. Methods Appl. Mech. Engng 194:3147). Where they fail the probe moves in increments.
+The force has kinks where nodes come into contact, and the step control of `core.fem.newton.newton` stalls there. Full
+Newton steps, shortened only where a cell would be inverted, find the set of nodes in contact within a few iterations
+(Hueber & Wohlmuth 2005, Comput. Methods Appl. Mech. Engng 194:3147). Where they fail the probe moves in increments.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ _SMALLEST_PART = 1.0 / 64.0
 
 @dataclass(frozen=True, eq=False)
 class FullAnswer:
-    """converged : within tolerance; otherwise `reason` says why not. state : the last one. force : (3,) mN on the probe.
+    """converged : within tolerance; otherwise `reason` says why not. state : the last one. force : (3,) mN on the
+    probe.
 
     iterations : factorisations, all parts of the way together.
     """
@@ -55,7 +56,9 @@ class FullTouch:
         return State(np.zeros((self.body.space.n_nodes, 3)), np.zeros(self.body.space.n_pressures))
 
     def solve(self, contact: Contact, start: State | None = None) -> FullAnswer:
-        """Equilibrium under the probe. start : a state to start from, with the probe in its place at once; otherwise from rest."""
+        """Equilibrium under the probe. start : a state to start from, with the probe in its place at once; otherwise
+        from rest.
+        """
         self.assembler.terms = (*self._support, contact)
         used = 0
         if start is not None:

@@ -1,4 +1,6 @@
-"""Anderson's mixing of the changes of a fixed-point iteration (Walker & Ni 2011, SIAM J. Numer. Anal. 49:1715, algorithm AA)."""
+"""Anderson's mixing of the changes of a fixed-point iteration (Walker & Ni 2011, SIAM J. Numer. Anal. 49:1715,
+algorithm AA).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ class Mixing:
         self._differences: list[FloatArray] = []
 
     def mixed(self, step: FloatArray) -> FloatArray:
-        """The change to make where the iteration asks for `step` (n,): with the part removed that earlier changes show to be overshoot."""
+        """The change to make where the iteration asks for `step` (n,): with the part removed that earlier changes show
+        to be overshoot.
+        """
         if self._step is not None and self._taken is not None:
             self._changes = [*self._changes, self._taken][-_HISTORY:]
             self._differences = [*self._differences, step - self._step][-_HISTORY:]

@@ -17,7 +17,8 @@ _SHORTEST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """rows : (r,) faces near the probe. nodes : (m,) of the surface, their corners. unknowns : (r, 9) into the 3 m degrees of freedom.
+    """rows : (r,) faces near the probe. nodes : (m,) of the surface, their corners. unknowns : (r, 9) into the 3 m
+    degrees of freedom.
 
     compliance : (3 m, 3 m) mm/mN.
     """
@@ -45,8 +46,8 @@ class Patch:
     ) -> tuple[FloatArray, Blocks]:
         """Contact forces f (3 m,) mN with w = du - compliance f and f those of the contact at u + w; the contact there.
 
-        u, du : (s, 3) mm, where the surface is and how far it would go without the probe. f : a first guess. precision : of w, mm.
-        Newton's method, shortened where it overshoots.
+        u, du : (s, 3) mm, where the surface is and how far it would go without the probe. f : a first guess. precision
+        : of w, mm. Newton's method, shortened where it overshoots.
         """
         wanted = du[self.nodes].ravel()
         w = wanted - self.compliance @ f

@@ -1,9 +1,9 @@
 """The quick solver: equilibrium of a touched body in some milliseconds, with an estimate of its error.
 
-Computed once, at rest: the factor of the tangent, and the compliance of the surface under unit forces on every node (Green's
-functions). Each round solves the contact of that linear body exactly, as a small dense problem of the nodes near the probe. The
-residual of the nonlinear cells is then corrected with the same factor, a few times, with Anderson mixing. Error estimate of the force:
-the last step of the nodes relative to their whole motion.
+Computed once, at rest: the factor of the tangent, and the compliance of the surface under unit forces on every node
+(Green's functions). Each round solves the contact of that linear body exactly, as a small dense problem of the nodes
+near the probe. The residual of the nonlinear cells is then corrected with the same factor, a few times, with Anderson
+mixing. Error estimate of the force: the last step of the nodes relative to their whole motion.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _NOTHING = 0.05
 class QuickOptions:
     """tolerance : of the force, relative, by its own estimate. iterations : at most.
 
-    safety : factor on the estimate. The relative error of the force is 0.2 to 0.4 times the last step of the touched nodes relative to
-    their whole motion, at most 1.13 times (measured on 120 touches with three supports).
+    safety : factor on the estimate. The relative error of the force is 0.2 to 0.4 times the last step of the touched
+    nodes relative to their whole motion, at most 1.13 times (measured on 120 touches with three supports).
     """
 
     tolerance: float = 8e-3
@@ -67,7 +67,8 @@ class QuickTouch:
         self.assembler.solver.factorise(values)
         free = np.full(space.n_displacements, -1)
         free[self.assembler.kept[: self.assembler.n_free]] = np.arange(self.assembler.n_free)
-        # Of the surface's degrees of freedom (3 s,): where they stand among the kept unknowns, and 0 for those that are held.
+        # Of the surface's degrees of freedom (3 s,): where they stand among the kept unknowns, and 0 for those that are
+        # held.
         self._row = free[(3 * body.surface.nodes[:, None] + np.arange(3)).ravel()]
         self._moves = (self._row >= 0).astype(float)
         self._responses = self._unit_responses()
@@ -94,7 +95,9 @@ class QuickTouch:
         return QuickAnswer(state, force, estimate, False, self.options.iterations)
 
     def _relaxed(self, state: State) -> FloatArray | None:
-        """Linear correction of the state without the probe: change of the kept unknowns. None where a cell is inverted."""
+        """Linear correction of the state without the probe: change of the kept unknowns. None where a cell is
+        inverted.
+        """
         if state is self.at_rest:
             return np.zeros(len(self.assembler.kept))
         residual = self.assembler.residual(state, 1.0)
@@ -105,7 +108,8 @@ class QuickTouch:
     def _touched(
         self, contact: Contact, state: State, free: FloatArray, f: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The same under the probe: the kept unknowns' change, contact forces (3 s,) on the surface and their sum (3,) on the probe.
+        """The same under the probe: the kept unknowns' change, contact forces (3 s,) on the surface and their sum (3,)
+        on the probe.
 
         free : the change without it. f : a first guess of the forces.
         """
@@ -137,7 +141,9 @@ class QuickTouch:
         return max(share, float(np.abs(du).max()) / max(float(np.abs(u).max()), 1e-12))
 
     def _unit_responses(self) -> FloatArray:
-        """(3 s, kept): the kept unknowns under a unit force on each of the surface's degrees of freedom, zero for those that are held."""
+        """(3 s, kept): the kept unknowns under a unit force on each of the surface's degrees of freedom, zero for those
+        that are held.
+        """
         out = np.zeros((len(self._row), len(self.assembler.kept)))
         for k in range(0, len(out), 64):
             part = np.arange(k, min(k + 64, len(out)))

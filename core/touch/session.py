@@ -29,12 +29,12 @@ _N = 1e-3  # newton per millinewton (kPa mm2)
 class Answer:
     """What the probe feels.
 
-    touch : number of the touch, from 1. radius : of the probe, mm. region : id behind the touched face. point, normal : (3,) of the
-    surface at rest.
-    indentation_mm : how far the probe reaches in beyond the surface at rest; negative when it pulls. force_n : against it, newton,
-    negative when the body pulls back. force : (3,) newton on the probe. error_n : estimate. full : whether a full solve was needed.
-    stiffness_n_per_mm : slope of force against indentation along this touch, None before there are two answers.
-    ok : False where no equilibrium was found; then the force is that of the last state and `reason` says why. u : (n, 3) mm.
+    touch : number of the touch, from 1. radius : of the probe, mm. region : id behind the touched face. point, normal :
+    (3,) of the surface at rest. indentation_mm : how far the probe reaches in beyond the surface at rest; negative when
+    it pulls. force_n : against it, newton, negative when the body pulls back. force : (3,) newton on the probe. error_n
+    : estimate. full : whether a full solve was needed. stiffness_n_per_mm : slope of force against indentation along
+    this touch, None before there are two answers. ok : False where no equilibrium was found; then the force is that of
+    the last state and `reason` says why. u : (n, 3) mm.
     """
 
     touch: int
@@ -91,7 +91,9 @@ class Session:
         self.radius, self._at, self._state = radius, None, None
 
     def touch(self, point: FloatArray) -> Touched:
-        """Puts the probe on the surface at rest, nearest to a point (3,) mm. A new touch begins. Raises InputError when it is no point."""
+        """Puts the probe on the surface at rest, nearest to a point (3,) mm. A new touch begins. Raises InputError when
+        it is no point.
+        """
         point = np.asarray(point, dtype=float)
         if point.shape != (3,) or not np.isfinite(point).all():
             raise InputError(f"{point.tolist()} is no point; give three coordinates in mm")

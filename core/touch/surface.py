@@ -16,7 +16,9 @@ from palpate.core.surfaces.triangles import areas, point_normals
 
 @dataclass(frozen=True, eq=False)
 class Touched:
-    """A point of the surface at rest. point, normal (3,) mm and outward; face : its index; signed : mm, of the place asked about."""
+    """A point of the surface at rest. point, normal (3,) mm and outward; face : its index; signed : mm, of the place
+    asked about.
+    """
 
     point: FloatArray
     normal: FloatArray
@@ -26,7 +28,8 @@ class Touched:
 
 @dataclass(frozen=True, eq=False)
 class ContactSurface:
-    """points : (n, 3) mm, of the mesh. nodes : (s,) vertices on the outside. faces : (f, 3) vertices, outward; owner : (f,) cell behind.
+    """points : (n, 3) mm, of the mesh. nodes : (s,) vertices on the outside. faces : (f, 3) vertices, outward; owner :
+    (f,) cell behind.
 
     local_faces : (f, 3) the same as indices into `nodes`.
     """

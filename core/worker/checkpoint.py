@@ -1,4 +1,4 @@
-"""Checkpoints: arrays in one file that is whole or not there, and that knows which job it belongs to."""
+"""Checkpoints: arrays and the fingerprint of their job in one file, which is written whole or not at all."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FINGERPRINT = "job_fingerprint"
 
 
 def save_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], fingerprint: str) -> None:
-    """Write arrays without pickle, atomically: a kill leaves the checkpoint before or this one.
+    """Write arrays without pickle, atomically: a kill leaves the previous checkpoint or this one.
 
     Raises InputError when the file cannot be written, TypeError for an array that only pickle could hold.
     """
@@ -30,7 +30,7 @@ def save_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], finge
 
 
 def load_checkpoint(path: Path, fingerprint: str) -> Arrays | None:
-    """The arrays, or None when there is no checkpoint of this very job to go on from."""
+    """The arrays; None when there is no readable checkpoint of this job."""
     try:
         with np.load(path, allow_pickle=False) as data:
             arrays: Arrays = {k: data[k] for k in data.files}

@@ -1,4 +1,4 @@
-"""The worker process: reads one job, runs it, reports on standard output."""
+"""Main program of the worker process: read one job, run it, report on standard output."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from palpate.core.worker.messages import Message, Reporter, encode
 
 
 class Channel:
-    """Sends messages down a file descriptor, whole lines from any thread, and keeps a copy in a file."""
+    """Messages as whole lines to a file descriptor, from any thread, with a copy in a file."""
 
     def __init__(self, descriptor: int, copy: Path) -> None:
         self._descriptor, self._lock = descriptor, threading.Lock()
         self._copy = copy.open("wb", buffering=0)
 
     def send(self, message: Message) -> None:
-        """Ends the process when nobody listens any more."""
+        """Send one message. The process ends when the reader has gone."""
         line = encode(message).encode() + b"\n"
         with self._lock:
             self._keep(line)
@@ -36,21 +36,23 @@ class Channel:
                 end_at_once(1)
 
     def send_last(self, message: Message) -> None:
-        """From the watching thread: does not wait long for a thread that is stuck in `send`."""
+        """Send the last message from the watching thread; gives up after 0.2 s where another thread is stuck in
+        `send`.
+        """
         if self._lock.acquire(timeout=0.2):
             line = encode(message).encode() + b"\n"
             self._keep(line)
             _write_all(self._descriptor, line)
 
     def _keep(self, line: bytes) -> None:
-        with contextlib.suppress(OSError):  # a full disk must not end what only the copy needs it for
+        with contextlib.suppress(OSError):  # the copy is not needed: a full disk must not end the job
             self._copy.write(line)
 
 
 def main(arguments: list[str]) -> int:
     """Exit status of the job named by the only argument, a job file."""
     descriptor = os.dup(1)
-    os.dup2(2, 1)  # what libraries print must not come between messages
+    os.dup2(2, 1)  # text that libraries print must not come between messages
     if len(arguments) != 1:
         raise SystemExit("usage: python -m palpate.core.worker JOB.json")
     try:
@@ -66,7 +68,9 @@ def main(arguments: list[str]) -> int:
 
 
 def _work(job: Job, channel: Channel) -> int:
-    """A Palpate error is a result of the job; any other exception is a defect and goes to the exception hook."""
+    """Exit status of a job. A Palpate error is an outcome; any other exception is a defect and goes to the exception
+    hook.
+    """
     channel.send({"type": "started", "kind": job.kind, "process": os.getpid()})
     try:
         result = job.function()(job, Reporter(channel.send))
@@ -85,7 +89,7 @@ def _work(job: Job, channel: Channel) -> int:
 
 
 def end_at_once(status: int) -> None:
-    """End with all pool workers, wherever the main thread is; atomic writes make that safe."""
+    """End this process and its pool workers at once, whatever the main thread does. Atomic writes make that safe."""
     for process in multiprocessing.active_children():
         process.kill()
     os._exit(status)
@@ -115,7 +119,9 @@ def _failure(error: PalpateError) -> Message:
 
 
 def _internal_error(channel: Channel, folder: Path, error: BaseException, trace: TracebackType | None) -> None:
-    """One line for the person, the traceback in a file. The exception's own words stay out of the line: they may hold anything."""
+    """Report a defect: one line for the user, the traceback in a file. The exception's text, which may hold anything,
+    is not in the line.
+    """
     path = folder / "traceback.txt"
     with contextlib.suppress(OSError):
         path.write_text("".join(traceback.format_exception(type(error), error, trace)), encoding="utf-8")

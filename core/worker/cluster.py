@@ -1,4 +1,4 @@
-"""Work on a Dask cluster through the interface that local processes have too (`concurrent.futures.Executor`)."""
+"""Executor on a Dask cluster, with the interface of local processes (`concurrent.futures.Executor`)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ _SECONDS_TO_ANSWER = 10.0
 
 
 def study_executor(workers: int, cluster: str | None = None) -> Executor:
-    """So many local processes, or a Dask cluster's scheduler at `cluster` ("tcp://host:8786"): for calls that need no preparation.
+    """Executor of `workers` local processes, or of the Dask scheduler at `cluster` ("tcp://host:8786"), for calls
+    without preparation.
 
-    Every worker of the cluster needs this program in the same version. Results do not depend on who computes them.
-    Raises InputError in one line when Dask is not installed here or the address does not answer.
+    Every worker of the cluster needs this program in the same version. Results do not depend on the executor.
+    Raises InputError when Dask is not installed here or the address does not answer.
     """
     if cluster is None:
         return make_executor(workers)

@@ -1,7 +1,6 @@
-"""Evaluations in parallel through `concurrent.futures`: the same answer for any number of workers.
+"""Parallel evaluations through `concurrent.futures`, with the same result for any number of workers.
 
-Every process computes on one thread, whatever its number of workers: threads inside a solve change the order of sums, and
-processes scale better than threads here.
+Every process computes on one thread: threads inside a solve change the order of sums, and processes scale better here.
 """
 
 from __future__ import annotations
@@ -35,10 +34,10 @@ def cores() -> int:
 def make_executor(
     workers: int, initializer: Callable[..., None] | None = None, initargs: tuple[object, ...] = ()
 ) -> Executor:
-    """An executor of so many workers, each prepared by `initializer(*initargs)`; `map` gives results in order.
+    """Executor of `workers` workers, each prepared by `initializer(*initargs)`; `map` gives results in order.
 
-    One worker is this process itself. More are fresh processes, so functions and arguments must be importable and picklable;
-    they end when this process does, however it ends.
+    One worker is this process itself. More are new processes, so functions and arguments must be importable and
+    picklable. They end with this process, however it ends.
     """
     if workers <= 1:
         return SerialExecutor(initializer, initargs)
@@ -47,7 +46,7 @@ def make_executor(
 
 
 class SerialExecutor(Executor):
-    """Does each call at once in this process, on one thread. An exception is raised by `submit`, not kept for `result`."""
+    """Executor that makes each call at once in this process, on one thread. `submit` raises the call's exception."""
 
     def __init__(self, initializer: Callable[..., None] | None = None, initargs: tuple[object, ...] = ()) -> None:
         self._limits = one_thread()
@@ -63,7 +62,7 @@ class SerialExecutor(Executor):
     def map(
         self, fn: Callable[..., T], *iterables: Iterable[Any], timeout: float | None = None, chunksize: int = 1
     ) -> Iterator[T]:
-        """Each result when it is asked for, so that a caller can tell progress."""
+        """Results, each computed on demand, so that a caller can report progress."""
         return map(fn, *iterables)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -72,9 +71,9 @@ class SerialExecutor(Executor):
 
 
 def one_thread() -> threadpool_limits:
-    """Keeps BLAS and OpenMP on one thread: libraries loaded later by the environment, those loaded by their own call.
+    """Limit BLAS and OpenMP to one thread: loaded libraries by their own call, later ones by the environment.
 
-    Numba refuses a change of its variable once its threads run; our kernels use none.
+    Numba refuses a change of its variable once its threads run; our kernels use no threads.
     """
     os.environ.update({k: v for k, v in ONE_THREAD.items() if k != "NUMBA_NUM_THREADS" or "numba" not in sys.modules})
     return threadpool_limits(1)
@@ -89,7 +88,9 @@ def _prepare_worker(initializer: Callable[..., None] | None, initargs: tuple[obj
 
 
 def _end_with_parent() -> None:
-    """A worker that waits for work does not notice its parent's death: it holds both ends of the queue."""
+    """End this worker when its parent ends. It would not notice while it waits for work: it holds both ends of the
+    queue.
+    """
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -1,4 +1,4 @@
-"""Run a job in this process: for a caller that is a worker process itself."""
+"""Run of a job in the caller's own process, for callers that are worker processes themselves."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from collections.abc import Callable
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message, Reporter, encode
 
-# How a job is done: `process.run_job` in a process of its own, `run_inline` in this one. The second argument hears every message.
+# Function that runs a job: `process.run_job` in a new process, `run_inline` in this one. Its second argument receives
+# every message.
 DoJob = Callable[[Job, Callable[[Message], None]], dict[str, object]]
 
 
 def run_inline(job: Job, on_message: Callable[[Message], None]) -> dict[str, object]:
-    """Do a job here and return its result, as it would have come from a worker process: arrays as lists, no NaN.
+    """Run a job here; return its result in the form of a worker process: arrays as lists, null for NaN.
 
-    Raises what the job raises.
+    Raises the job's exceptions.
     """
     result = {"result": job.function()(job, Reporter(on_message))}
     return dict(json.loads(encode(result))["result"])

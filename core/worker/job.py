@@ -22,15 +22,15 @@ T = TypeVar("T")
 # Any dotted name would let a job file run whatever Python finds on its path.
 _KIND = re.compile(r"palpate(\.[A-Za-z_]\w*)+:[A-Za-z_]\w*")
 
-# A kind of job: gets the job and tells through the reporter; what it returns is JSON data or a declared type (`json_types.plain`).
+# Function of a kind of job: takes the job and a reporter, returns JSON data or a declared type (`json_types.plain`).
 JobFunction = Callable[["Job", Reporter], object]
 
 
 @dataclass(frozen=True)
 class Job:
-    """kind : "palpate.module:function", found by name, so a new kind is a new file. folder : where the job may write
-    (checkpoint, messages, traceback). paths : files it reads, by role. options : whatever its kind takes. workers : processes,
-    which never change the answer.
+    """kind : "palpate.module:function", imported by name, so that a new kind is a new file. folder : for the job's
+    files (checkpoint, messages, traceback). paths : input files by role. options : those of the kind. workers : number
+    of processes; the result does not depend on it.
     """
 
     kind: str
@@ -47,21 +47,21 @@ class Job:
             raise InputError(f"a job needs at least one worker, not {self.workers!r}")
 
     def function(self) -> JobFunction:
-        """The function that does this kind of job; raises InputError when there is none."""
+        """The function of this kind of job. Raises InputError when there is none."""
         module, name = self.kind.split(":")
         try:
             return getattr(importlib.import_module(module), name)
         except (ModuleNotFoundError, AttributeError) as error:
             if isinstance(error, ModuleNotFoundError) and not module.startswith(error.name or " "):
-                raise  # a package that the module needs is missing, which is another trouble
+                raise  # a package that the module imports is missing: another defect
             raise InputError(f"no job kind {self.kind!r} in this version of Palpate") from error
 
     def options_as(self, kind: type[T]) -> T:
-        """The options as the type that this kind of job declares. Raises InputError naming what is wrong with them."""
+        """The options as an instance of the kind's declared type. Raises InputError naming the wrong option."""
         return typed_strictly(dict(self.options), kind, "the job's options", "; start the command again")
 
     def fingerprint(self) -> str:
-        """SHA-256 of all that the answer depends on: kind, options, seed and the files' contents; not the workers.
+        """SHA-256 of everything that the result depends on: kind, options, seed and contents of the files.
 
         Raises InputError when a file cannot be read.
         """

@@ -16,10 +16,11 @@ _PR_SET_PDEATHSIG = 1
 
 
 def watch(stop: Callable[[bool], None]) -> None:
-    """Calls ``stop(asked)`` from a thread of its own: asked by a cancel message or SIGTERM or SIGINT, or not asked: parent gone.
+    """Call `stop(asked)` from a thread of its own: True after a cancel message, SIGTERM or SIGINT; False when the
+    parent has gone.
 
-    Signal handlers run between two Python instructions of the main thread, which may be long inside a solver; the interpreter
-    writes to the wake-up pipe at once.
+    Signal handlers run between two Python instructions of the main thread, which may be inside a solver for long. The
+    interpreter writes to the wake-up pipe at once.
     """
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
@@ -50,7 +51,7 @@ def _wait_for_signal(woken: int, stop: Callable[[bool], None]) -> None:
 
 
 def _wait_for_message(source: int, stop: Callable[[bool], None]) -> None:
-    """Any line is a cancel, since there is no other message; the end of the pipe is the parent's end."""
+    """Wait for the parent: any line is a cancel message, the end of the pipe means that the parent has gone."""
     stop(bool(os.read(source, 1)))
 
 

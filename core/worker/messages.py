@@ -9,7 +9,7 @@
 | failed | reason: one line, exit_code |
 | cancelled | |
 
-The other way there is one message, {"type": "cancel"}.
+The parent sends one message, {"type": "cancel"}.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def encode(message: Mapping[str, Any]) -> str:
 
 
 def decode(line: str | bytes) -> Message | None:
-    """The message in a line, or None when the line is none (a library may print where it should not)."""
+    """The message in a line; None when the line is no message (a library may print to the same stream)."""
     try:
         message = json.loads(line)
     except ValueError:

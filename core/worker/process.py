@@ -32,13 +32,13 @@ def run_job(
     cancel: threading.Event | None = None,
     python: str = sys.executable,
 ) -> dict[str, object]:
-    """Do a job in a process of its own and return its result.
+    """Run a job in a process of its own and return its result.
 
-    on_message : called in this thread with every message, the last one included. cancel : set it from any thread to stop.
-    python : the interpreter, where this one is embedded in another program.
-    Whatever way this ends, exceptions of on_message and KeyboardInterrupt included, no process of the job is left.
+    on_message : called in this thread with every message, the last one included. cancel : set it from any thread to
+    stop. python : the interpreter, where this one is embedded in another program. Postcondition: no process of the job
+    is left, also after an exception of on_message or KeyboardInterrupt.
 
-    Raises Cancelled when it was stopped, InputError or ConvergenceError as the job found, PalpateError when the process died.
+    Raises Cancelled when it was stopped, InputError or ConvergenceError of the job, PalpateError when the process died.
     """
     with _Process(job, python) as process:
         last = _listen(process, on_message, cancel)
@@ -51,7 +51,7 @@ def run_job(
 
 
 def _listen(process: _Process, on_message: Callable[[Message], None] | None, cancel: threading.Event | None) -> Message:
-    """The last message, empty when there was none or when the process had to be killed."""
+    """The last message; empty when there was none or the process had to be killed."""
     kill_at = float("inf")
     while time.monotonic() < kill_at:
         if cancel is not None and cancel.is_set() and kill_at == float("inf"):
@@ -113,7 +113,9 @@ class _Process:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Kill the group before its leader is reaped, while its number cannot belong to anybody else; wait till all are gone."""
+        """Kill the process group before its leader is reaped, while its number is not free for others; wait until all
+        have ended.
+        """
         if sys.platform == "win32":
             self._child.kill()
             self._child.wait()

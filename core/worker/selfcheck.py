@@ -1,5 +1,6 @@
-"""The smallest kind of job: a particle swarm on a function with many minima. An example for new kinds, and what the worker is tested
-with; no step runs it. It lies here because a job's kind must be a module of Palpate."""
+"""The smallest kind of job: a particle swarm on a function with many minima. An example for new kinds, and what the
+worker is tested with; no step runs it. It lies here because a job's kind must be a module of Palpate.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an import is given: its options, of what kind the two inputs are, and their hashes."""
+"""Input of an import: options, kind of the two scans, and hashes."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _NIFTI = (".nii", ".nii.gz")
 class ImportOptions:
     """How to import. Each pair is (rest, deformed).
 
-    name : the case's name; the folder's where None. series : which series of a folder that holds several.
-    labels : label volume (NIfTI) or structure set (RTSTRUCT) drawn on that scan. roi : organ -> structure names.
-    landmarks : CSV of matched points, each in its own scan's coordinates. same_patient : the caller vouches for it.
-    align : False takes both states as lying in one frame already.
+    name : of the case; None for that of the folder. series : identifier of the series in a folder that holds several.
+    labels : contours of that scan, in any format of `imaging.contours`. roi : organ -> structure names. landmarks : CSV
+    of matched points, each in its own scan's coordinates. same_patient : skips the comparison of patients. align :
+    False where both states are in one frame already.
     """
 
     name: str | None = None
@@ -36,7 +36,7 @@ class ImportOptions:
 
 
 def check_kinds(paths: tuple[Path, Path]) -> None:
-    """Raises InputError unless these are two folders or two NIfTI files."""
+    """Check of the two inputs. Raises InputError unless they are two folders or two NIfTI files."""
     for path in paths:
         if not path.exists():
             raise InputError(f"{path} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
@@ -49,16 +49,16 @@ def check_kinds(paths: tuple[Path, Path]) -> None:
 
 
 def scan_sha256(path: Path) -> str:
-    """Of a file, or of all files of a folder."""
+    """Hash of a file, or of all files of a folder."""
     if path.is_file():
         return file_sha256(path)
     return hashlib.sha256("".join(file_sha256(file) for file in list_files(path)).encode()).hexdigest()
 
 
 def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Sequence[Path] = ()) -> str:
-    """One hash of all that an import stands on. sources : `scan_sha256` by state. scans : the paths of the scans or label volumes.
+    """Hash of all inputs of an import. sources : `scan_sha256` by state. scans : paths of the scans or label volumes.
 
-    Raises InputError for files that are not there.
+    Raises InputError for files that do not exist.
     """
     given = [path for path in (*options.labels, options.landmarks) if path is not None]
     missing = [path for path in given if not path.is_file()]
@@ -74,7 +74,9 @@ def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Seq
 
 
 def content_of(path: Path | None) -> str | None:
-    """The hash of a file and of what is read with it: a workspace's label volume, the label names beside a volume."""
+    """Hash of a file and of the files that are read with it: a workspace's label volume, the label names beside a
+    volume.
+    """
     if path is None:
         return None
     files = files_of(path)
@@ -85,5 +87,5 @@ def content_of(path: Path | None) -> str | None:
 
 
 def described_by(path: Path) -> list[Path]:
-    """What is read with a label volume that is imported instead of a scan: the names of its values."""
+    """Files that are read with an imported label volume: the names of its values."""
     return [file for file in files_of(path) if file != path] if path.is_file() else []

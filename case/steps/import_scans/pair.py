@@ -1,4 +1,4 @@
-"""From two scans, or two label volumes, to a case folder."""
+"""Import of two scans, or of two label volumes, into a case folder."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ def run_import(
     options: ImportOptions | None = None,
     progress: Progress = silent,
 ) -> ImportRecord:
-    """Makes the case folder of a pair: two folders with a DICOM CT each, or two NIfTI label volumes.
+    """Make the case folder of a pair: two folders with a DICOM CT each, or two NIfTI label volumes.
 
-    Returns what import.json holds: case, sources_sha256, residual_mm, notes. Nothing is written before everything has
-    been read and checked; a rerun with the same inputs does nothing. Raises InputError (file, what, remedy).
+    Returns the content of import.json: case, sources_sha256, residual_mm, notes. All inputs are read and checked before
+    anything is written. A rerun with the same inputs does nothing. Raises InputError (file, what, remedy).
     """
     options = options or ImportOptions()
     paths, folder = (Path(rest), Path(deformed)), Path(case_path)
@@ -81,7 +81,7 @@ def _import_scans(job: _Job) -> ImportRecord:
         scans.append(read_series(job.paths[index], options.series[index]))
     notes = [f"{state}: {note}" for state, scan in zip(STATES, scans, strict=True) for note in scan[1].notes]
     notes += check_pair(scans[0], scans[1], options.same_patient)
-    drawn = {
+    contours = {
         state: read_user_labels(path, *scan, options.roi)
         for state, path, scan in zip(STATES, options.labels, scans, strict=True)
         if path is not None
@@ -89,12 +89,12 @@ def _import_scans(job: _Job) -> ImportRecord:
     points = read_landmarks(options.landmarks) if options.landmarks else None
     job.progress(0.4, "aligning on bone")
     alignment = _aligned(job, align_ct, scans[0][0], scans[1][0], [f for _, f in scans]) if options.align else None
-    if alignment is not None and "deformed" in drawn:
-        drawn["deformed"] = in_own_frame(drawn["deformed"], scans[1][0], alignment.deformed_to_rest)
-    notes += [f"{state}: {note}" for state, labels in drawn.items() for note in labels.notes]
+    if alignment is not None and "deformed" in contours:
+        contours["deformed"] = in_own_frame(contours["deformed"], scans[1][0], alignment.deformed_to_rest)
+    notes += [f"{state}: {note}" for state, labels in contours.items() for note in labels.notes]
     notes += [
         f"{state}: the drawn labels hold no prostate; it will be looked for in the CT"
-        for state, labels in drawn.items()
+        for state, labels in contours.items()
         if not np.isin(labels.volume.array, ORGAN_LABELS).any()
     ]
     job.progress(0.8, "writing the case")
@@ -105,24 +105,24 @@ def _import_scans(job: _Job) -> ImportRecord:
     matrix = write_alignment(case, alignment)
     swapped = swapped_note(
         {state: scan[0] for state, scan in zip(STATES, scans, strict=True)},
-        {state: labels.volume for state, labels in drawn.items()},
+        {state: labels.volume for state, labels in contours.items()},
         matrix,
     )
     notes += [swapped] if swapped else []
-    outputs += write_user_labels(case, drawn, matrix) + write_landmarks(case, points, matrix)
+    outputs += write_user_labels(case, contours, matrix) + write_landmarks(case, points, matrix)
     return _finish(job, case, alignment, notes, outputs)
 
 
 def _import_labels(job: _Job) -> ImportRecord:
     job.progress(0.1, "reading the label volumes")
-    drawn = [read_label_volume(path, job.options.roi) for path in job.paths]
-    volumes = [labels.volume for labels in drawn]
+    both = [read_label_volume(path, job.options.roi) for path in job.paths]
+    volumes = [labels.volume for labels in both]
     if np.array_equal(volumes[0].array, volumes[1].array) and np.allclose(volumes[0].affine, volumes[1].affine):
         raise InputError(
             f"{job.paths[0]} and {job.paths[1]} hold the same labels; give one of the organ at rest and one deformed"
         )
     points = read_landmarks(job.options.landmarks) if job.options.landmarks else None
-    notes = [f"{state}: {note}" for state, labels in zip(STATES, drawn, strict=True) for note in labels.notes]
+    notes = [f"{state}: {note}" for state, labels in zip(STATES, both, strict=True) for note in labels.notes]
     alignment = None
     if job.options.align and all((volume.array == BONE).any() for volume in volumes):
         job.progress(0.3, "aligning on bone")
@@ -159,7 +159,7 @@ def _aligned(
 
 
 def _begun(job: _Job, gravity: Sequence[Vector | None]) -> CaseFolder:
-    """The case, noted as this import's own before anything is written into it, so that a rerun may go on."""
+    """The case folder, marked as made by this import before anything else is written, so that a rerun may go on."""
     case = open_or_create(job.folder, job.options.name, gravity)
     case.write_json("import.json", {"case": str(case.path), "sources_sha256": job.sources})
     return case
@@ -181,7 +181,9 @@ def _finish(
 
 
 def _earlier(job: _Job) -> ImportRecord | None:
-    """The summary of an import of the same inputs that ran to its end; InputError where the case is another's."""
+    """Summary of a finished import of the same inputs; None where there is none. Raises InputError where the case is
+    another's.
+    """
     if not (job.folder / "case.json").exists():
         return None
     case = CaseFolder(job.folder)
@@ -190,14 +192,14 @@ def _earlier(job: _Job) -> ImportRecord | None:
             raise InputError(f"{job.folder} is a case that was not imported; choose a new folder for the case with -o")
         return None
     summary: ImportRecord = case.read_json("import.json")
-    known = summary.get("sources_sha256", {})
-    if known == {"rest": job.sources["rest"]}:  # the scan at rest came alone, and now the second
+    sources = summary.get("sources_sha256", {})
+    if sources == {"rest": job.sources["rest"]}:  # imported alone before; the second scan is new
         return None
-    if known != job.sources:
+    if sources != job.sources:
         raise InputError(f"{job.folder} is the case of other scans; choose a new folder for the case with -o")
     if case.step_is_done(IMPORT.name, job.inputs):
         return summary
-    # Else contours that a result stands on would be gone because an option was forgotten.
+    # A rerun without an option must not delete the contours that a result was made from.
     forgotten = [
         state
         for state, path in zip(STATES, job.options.labels, strict=True)

@@ -1,4 +1,4 @@
-"""From the scan at rest alone to a case folder: what `plan` needs before a second scan exists."""
+"""Import of the scan at rest alone into a case folder, for `plan`."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ from palpate.imaging.dicom.series import read_series
 def import_alone(
     rest: Path | str, case_path: Path | str, options: ImportOptions | None = None, progress: Progress = silent
 ) -> ImportRecord:
-    """Makes the case folder of one scan: a folder with a DICOM CT, or a NIfTI label volume.
+    """Make the case folder of one scan: a folder with a DICOM CT, or a NIfTI label volume.
 
-    Returns what import.json holds: case, sources_sha256, residual_mm (None), notes. A later import of the pair into the same
-    folder goes on from it. Raises InputError (file, what, remedy); nothing is written before everything has been read.
+    Returns the content of import.json: case, sources_sha256, residual_mm (None), notes. A later import of the pair into
+    the same folder goes on from it. All inputs are read before anything is written. Raises InputError (file, what,
+    remedy).
     """
     options, rest, folder = options or ImportOptions(), Path(rest), Path(case_path)
     check_new_case(folder)
@@ -49,18 +50,18 @@ def import_alone(
 def _from_ct(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFolder, list[str], list[str]]:
     volume, facts = read_series(path, options.series[0])
     file = options.labels[0]
-    drawn = {} if file is None else {"rest": read_user_labels(file, volume, facts, options.roi)}
+    contours = {} if file is None else {"rest": read_user_labels(file, volume, facts, options.roi)}
     case = open_or_create(folder, options.name, [gravity_of(facts.patient_position), None])
-    outputs = ["case.json", *write_scan(case, "rest", facts.files), *write_user_labels(case, drawn, np.eye(4))]
-    notes = [*facts.notes, *(note for labels in drawn.values() for note in labels.notes)]
+    outputs = ["case.json", *write_scan(case, "rest", facts.files), *write_user_labels(case, contours, np.eye(4))]
+    notes = [*facts.notes, *(note for labels in contours.values() for note in labels.notes)]
     return case, [f"rest: {note}" for note in notes], outputs
 
 
 def _from_labels(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFolder, list[str], list[str]]:
-    drawn = read_label_volume(path, options.roi)
+    labels = read_label_volume(path, options.roi)
     case = open_or_create(folder, options.name, [None, None])
-    case.write_labels("rest", drawn.volume)
-    return case, [f"rest: {note}" for note in drawn.notes], ["case.json", "rest.nii.gz", "labels.txt"]
+    case.write_labels("rest", labels.volume)
+    return case, [f"rest: {note}" for note in labels.notes], ["case.json", "rest.nii.gz", "labels.txt"]
 
 
 def _inputs(sources: dict[str, str], options: ImportOptions, rest: Path) -> str:
@@ -73,7 +74,9 @@ def _inputs(sources: dict[str, str], options: ImportOptions, rest: Path) -> str:
 
 
 def _earlier(folder: Path, sources: dict[str, str], inputs: str) -> ImportRecord | None:
-    """The summary of an earlier import of the same scan that ran to its end; InputError where the case is another's."""
+    """Summary of a finished import of the same scan; None where there is none. Raises InputError where the case is
+    another's.
+    """
     if not (folder / "case.json").exists():
         return None
     case = CaseFolder(folder)

@@ -1,4 +1,4 @@
-"""From a pair of closed surfaces, as photogrammetry or a segmentation gives them, to a case folder."""
+"""Import of a pair of closed surfaces, from photogrammetry or a segmentation, into a case folder."""
 
 from __future__ import annotations
 
@@ -33,19 +33,20 @@ from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshOptions
 
 SUMMARY = "surfaces.json"
-# Voxels across an organ, and between what edges, mm.
+# Number of voxels across the organ, and bounds of the voxel's edge, mm.
 _ACROSS, _FINEST_MM, _COARSEST_MM = 55, 0.5, 2.0
-# A layer of tissue that mesh and pictures need around the organ; nothing is known of it.
+# Thickness, mm, of the layer of tissue that mesh and pictures need around the organ; nothing is known of it.
 _AROUND_MM = 12.0
-# Volumes of one body: beyond this factor something else, a unit, is wrong.
+# Largest ratio of the two volumes; a larger one is taken for an error, such as a wrong unit.
 _LIKELY_FACTOR = 1.6
 
 
 @dataclass(frozen=True)
 class SurfaceImportOptions:
-    """name : the case's name; the folder's where None. landmarks : CSV of matched points, each in its own surface's frame.
+    """name : of the case; None for that of the folder. landmarks : CSV of matched points, each in its own surface's
+    frame.
 
-    align : False takes both surfaces as lying in one frame already. cells : of the mesh, about.
+    align : False where both surfaces are in one frame already. cells : approximate number of tetrahedra.
     """
 
     name: str | None = None
@@ -61,10 +62,10 @@ def run_surface_import(
     options: SurfaceImportOptions | None = None,
     progress: Progress = silent,
 ) -> SurfacesRecord:
-    """Makes the case of two closed surfaces (STL, OBJ, PLY), and computes what such a pair tells.
+    """Make the case of two closed surfaces (STL, OBJ, PLY), and compute what such a pair tells.
 
-    Returns what surfaces.json holds. Nothing is written before both surfaces have been read, mended and checked; a rerun with the
-    same inputs does nothing. Raises InputError (file, what, remedy), ConvergenceError.
+    Returns the content of surfaces.json. Both surfaces are read, mended and checked before anything is written. A rerun
+    with the same inputs does nothing. Raises InputError (file, what, remedy), ConvergenceError.
     """
     options = options or SurfaceImportOptions()
     check_new_case(case_path)
@@ -74,22 +75,22 @@ def run_surface_import(
         progress(1.0, "already imported")
         return earlier
     progress(0.02, "reading the surfaces")
-    found = [read_closed_surface(path) for path in (rest, deformed)]
-    _check_volumes((rest, deformed), found)
+    surfaces = [read_closed_surface(path) for path in (rest, deformed)]
+    _check_volumes((rest, deformed), surfaces)
     points = read_landmarks(options.landmarks) if options.landmarks else None
     progress(0.2, "aligning")
-    pair = SurfacePair(*(one.surface for one in found))
+    pair = SurfacePair(*(one.surface for one in surfaces))
     matrix = aligned(pair) if options.align else np.eye(4)
     progress(0.3, "writing the case")
     case = open_or_create(case_path, options.name, [None, None])
-    # Its own before anything else is written, so that a rerun after a kill may go on.
+    # First, so that a rerun after a kill may go on.
     case.write_json("import.json", {"case": str(case.path), "sources_sha256": inputs})
-    _write(case, found, matrix)
+    _write(case, surfaces, matrix)
     outputs = ["case.json", "alignment.json", "rest.nii.gz", "deformed.nii.gz", "labels.txt"]
     outputs += write_landmarks(case, points, matrix)
     mesh.run(case, MeshOptions(target_tets=options.cells), lambda f, m: progress(0.35 + 0.45 * f, m))
     progress(0.85, "moving the inside with the surface")
-    summary = _summary(case, found, matrix, points)
+    summary = _summary(case, surfaces, matrix, points)
     case.write_json(SUMMARY, summary)
     case.write_json("import.json", {"case": str(case.path), "sources_sha256": inputs, "notes": summary["notes"]})
     case.mark_done(IMPORT.name, _hash(inputs), [*outputs, SUMMARY, "import.json"])
@@ -97,16 +98,16 @@ def run_surface_import(
     return summary
 
 
-def _write(case: CaseFolder, found: list[ReadSurface], matrix: FloatArray) -> None:
+def _write(case: CaseFolder, surfaces: list[ReadSurface], matrix: FloatArray) -> None:
     case.write_json("alignment.json", {"deformed_to_rest": matrix, "residual_mm": None})
     in_rest_frame = [np.eye(4), matrix]
-    for state, one, transform in zip(STATES, found, in_rest_frame, strict=True):
-        moved = one.surface.with_points(transformed(transform, one.surface.points))
-        case.write_labels(state, labels_of(moved))
+    for state, one, transform in zip(STATES, surfaces, in_rest_frame, strict=True):
+        aligned_surface = one.surface.with_points(transformed(transform, one.surface.points))
+        case.write_labels(state, labels_of(aligned_surface))
 
 
 def labels_of(surface: Surface) -> Volume:
-    """The label volume of one closed surface: organ 1 inside, 3 in a layer around it, 0 beyond."""
+    """Label volume of one closed surface: 1 (organ) inside, 3 (tissue) in a layer around it, 0 beyond."""
     h = float(np.clip(np.ptp(surface.points, axis=0).max() / _ACROSS, _FINEST_MM, _COARSEST_MM))
     low = surface.points.min(axis=0) - _AROUND_MM - 3.0 * h
     shape = np.ceil((surface.points.max(axis=0) + _AROUND_MM + 3.0 * h - low) / h).astype(int) + 1
@@ -122,12 +123,12 @@ def labels_of(surface: Surface) -> Volume:
 
 
 def _summary(
-    case: CaseFolder, found: list[ReadSurface], matrix: FloatArray, points: Landmarks | None
+    case: CaseFolder, surfaces: list[ReadSurface], matrix: FloatArray, points: Landmarks | None
 ) -> SurfacesRecord:
     untold = moved_by_its_surface(problem_of(case))
-    volumes = {s: one.surface.enclosed_volume / 1000.0 for s, one in zip(STATES, found, strict=True)}
+    volumes = {s: one.surface.enclosed_volume / 1000.0 for s, one in zip(STATES, surfaces, strict=True)}
     turn = float(np.degrees(np.arccos(np.clip((np.trace(matrix[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
-    notes = [f"{state}: {note}" for state, one in zip(STATES, found, strict=True) for note in one.notes]
+    notes = [f"{state}: {note}" for state, one in zip(STATES, surfaces, strict=True) for note in one.notes]
     notes.append(
         "the layer of tissue in the label volumes is a filling that mesh and pictures need; nothing is known of it"
     )
@@ -146,14 +147,14 @@ def _summary(
 
 
 def _as_given(points: Landmarks | None) -> float | None:
-    """Rms distance, mm, of the landmarks as the files have them."""
+    """Rms distance, mm, of the landmarks without any alignment; None without landmarks."""
     if points is None:
         return None
     return round(float(np.sqrt(((points.rest - points.deformed) ** 2).sum(axis=1).mean())), 3)
 
 
-def _check_volumes(paths: tuple[Path, Path], found: list[ReadSurface]) -> None:
-    volumes = [one.surface.enclosed_volume for one in found]
+def _check_volumes(paths: tuple[Path, Path], surfaces: list[ReadSurface]) -> None:
+    volumes = [one.surface.enclosed_volume for one in surfaces]
     factor = max(volumes) / min(volumes)
     if factor > _LIKELY_FACTOR:
         raise InputError(
@@ -177,7 +178,9 @@ def _hash(inputs: dict[str, str]) -> str:
 
 
 def _earlier(path: Path, inputs: dict[str, str]) -> SurfacesRecord | None:
-    """The summary of an import of the same surfaces that ran to its end; InputError where the case is another's."""
+    """Summary of a finished import of the same surfaces; None where there is none. Raises InputError where the case is
+    another's.
+    """
     if not (path / "case.json").exists():
         return None
     case = CaseFolder(path)

@@ -1,4 +1,4 @@
-"""What an import leaves in the case folder."""
+"""Files of a case folder that an import writes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.contours.user_labels import UserLabels
 from palpate.imaging.registration.align_on_bone import Alignment
 
-# Which way a patient is pulled down, LPS, by how he lies (DICOM PatientPosition after head or feet first).
+# Gravity, m/s2, LPS, by the last letters of DICOM's PatientPosition (after head or feet first).
 _DOWN: dict[str, Vector] = {
     "S": (0.0, 9.81, 0.0),
     "P": (0.0, -9.81, 0.0),
@@ -27,15 +27,15 @@ _DOWN: dict[str, Vector] = {
 
 
 def gravity_of(patient_position: str | None) -> Vector | None:
-    """Gravity in m/s^2 in LPS by DICOM's PatientPosition (HFS, FFP, HFDR, ...); None when unknown."""
+    """Gravity, m/s2, LPS, from DICOM's PatientPosition (HFS, FFP, HFDR, ...); None when unknown."""
     return _DOWN.get((patient_position or "")[2:].upper())
 
 
 def open_or_create(folder: Path, name: str | None, gravity: Sequence[Vector | None]) -> CaseFolder:
-    """The case at ``folder``; one that is there keeps its facts, because a person may have corrected them."""
+    """The case at `folder`. An existing case keeps its facts, which a person may have corrected."""
     if (folder / "case.json").exists():
         case = CaseFolder(folder)
-        if case.facts.gravity_deformed is None and gravity[1] is not None:  # the scan at rest came alone at first
+        if case.facts.gravity_deformed is None and gravity[1] is not None:  # the scan at rest was imported alone before
             case = CaseFolder.create(folder, replace(case.facts, gravity_deformed=gravity[1]))
         return case
     facts = CaseFacts(name or folder.absolute().name, gravity_rest=gravity[0], gravity_deformed=gravity[1])

@@ -1,4 +1,4 @@
-"""The answers of a simulation: what the case never holds."""
+"""Answers of a simulation: the truth, which no case folder holds."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ SURFACE_POINTS = 500
 
 
 class Truth(TypedDict):
-    """Everything known of a simulated pair; lengths mm, moduli kPa, volumes cc.
+    """Truth of a simulated pair; lengths mm, moduli kPa, volumes cc.
 
-    true_G_kpa, true_mu1_kpa, true_mu2_kpa, volume_cc : by label name. organ_strain : `strain_figures.organ_strain`. divide : how far the
-    surface between left and right is from the plane of `_divide`; empty where there is none. deformed_to_rest : (4, 4), LPS mm.
+    true_G_kpa, true_mu1_kpa, true_mu2_kpa, volume_cc : by label name. organ_strain : `strain_figures.organ_strain`.
+    divide : distance of the surface between left and right from the plane of `_divide`; empty where there is no such
+    surface. deformed_to_rest : (4, 4), LPS mm.
     """
 
     true_G_kpa: dict[str, float]
@@ -44,7 +45,7 @@ class Truth(TypedDict):
 
 
 class Answers(Truth):
-    """NAME.json: the truth, and the spec (as it was written) that it was simulated from."""
+    """NAME.json: the truth, and the specification as it was written."""
 
     name: str
     simulated: bool
@@ -53,9 +54,9 @@ class Answers(Truth):
 
 
 def truth_of(state: DeformedState, stiffness: Stiffness, deformed_to_rest: FloatArray, seed: int) -> Truth:
-    """Everything known of a simulated pair, ready for JSON; lengths mm, moduli kPa, volumes cc."""
+    """Truth of a simulated pair as JSON data."""
     surface = surface_truth(state, seed)
-    moved = np.linalg.norm(surface["displacement"], axis=1)
+    displacement = np.linalg.norm(surface["displacement"], axis=1)
     return {
         "true_G_kpa": {LABELS[label]: G for label, G in sorted(stiffness.organ.items())},
         "true_mu1_kpa": {LABELS[k]: 0.5 * G * stiffness.mu1_share for k, G in sorted(stiffness.organ.items())},
@@ -63,8 +64,8 @@ def truth_of(state: DeformedState, stiffness: Stiffness, deformed_to_rest: Float
         "tissue_G_kpa": stiffness.tissue,
         "tissue_poisson_ratio": stiffness.tissue_poisson_ratio,
         "organ_strain": state.strain,
-        "surface_displacement_rms_mm": rms(moved),
-        "surface_displacement_max_mm": float(moved.max()),
+        "surface_displacement_rms_mm": rms(displacement),
+        "surface_displacement_max_mm": float(displacement.max()),
         "divide": _divide(state),
         "volume_cc": _volumes(state),
         "deformed_to_rest": deformed_to_rest.tolist(),
@@ -73,23 +74,26 @@ def truth_of(state: DeformedState, stiffness: Stiffness, deformed_to_rest: Float
 
 
 def surface_truth(state: DeformedState, seed: int) -> dict[str, FloatArray | IntArray]:
-    """Up to 500 nodes of the organ's surface and all of the walls' (keys wall_NAME, wall_NAME_displacement): points
-    (n, 3), displacement (n, 3) mm, unit outward normal (n, 3), region (n,), all at rest in the rest frame.
+    """Motion of up to 500 nodes of the organ's surface, and of all nodes of the walls (wall_NAME,
+    wall_NAME_displacement).
+
+    Arrays, all at rest in the rest frame: points (n, 3), displacement (n, 3) mm, unit outward normals (n, 3), region
+    (n,).
     """
     mesh = state.space.mesh
     faces, owner_cell = mesh.region_boundary(ORGAN_LABELS)
     region = mesh.regions[owner_cell]
     triangles = Surface(mesh.points, faces, region)
-    chosen = np.unique(faces)
-    if len(chosen) > SURFACE_POINTS:
-        chosen = np.sort(np.random.default_rng(seed).choice(chosen, SURFACE_POINTS, replace=False))
+    nodes_out = np.unique(faces)
+    if len(nodes_out) > SURFACE_POINTS:
+        nodes_out = np.sort(np.random.default_rng(seed).choice(nodes_out, SURFACE_POINTS, replace=False))
     owner = np.zeros(len(mesh.points), dtype=np.int64)
     owner[faces.ravel()] = np.repeat(region, 3)
     result: dict[str, FloatArray | IntArray] = {
-        "points": mesh.points[chosen],
-        "displacement": state.u[chosen],
-        "normals": triangles.point_normals[chosen],
-        "region": owner[chosen],
+        "points": mesh.points[nodes_out],
+        "displacement": state.u[nodes_out],
+        "normals": triangles.point_normals[nodes_out],
+        "region": owner[nodes_out],
     }
     for name, nodes in state.boundary.items():
         if name in ("bladder", "rectum"):
@@ -101,7 +105,9 @@ def surface_truth(state: DeformedState, seed: int) -> dict[str, FloatArray | Int
 def write_answers(
     folder: Path, name: str, truth: Answers, surface: Mapping[str, NumberArray], labels: dict[str, Volume]
 ) -> None:
-    """Writes NAME.json, NAME_surface.npz and NAME_labels/ (both states, rest frame, without noise) in the answers' folder."""
+    """Write NAME.json, NAME_surface.npz and NAME_labels/ (both states, rest frame, without noise) into the answers'
+    folder.
+    """
     import json
 
     with writing(folder / f"{name}.json"):
@@ -130,14 +136,16 @@ def _volumes(state: DeformedState) -> dict[str, dict[str, float]]:
 
 
 def _divide(state: DeformedState) -> dict[str, float]:
-    """How far the surface between left and right, carried along, is from the plane x = centroid of the deformed organ."""
+    """Distance of the deformed surface between left and right from the plane x = centroid of the deformed organ; empty
+    without one.
+    """
     mesh = state.space.mesh
     both = [set(np.unique(mesh.cells[mesh.regions == label]).tolist()) for label in ORGAN_LABELS]
     shared = np.array(sorted(both[0] & both[1]), dtype=np.int64)
     if len(shared) == 0:
         return {}
-    moved = mesh.points + state.u[: len(mesh.points)]
+    deformed = mesh.points + state.u[: len(mesh.points)]
     organ = np.isin(mesh.regions, ORGAN_LABELS)
-    centroid = mesh.volumes[organ] @ moved[mesh.cells[organ]].mean(axis=1) / mesh.volumes[organ].sum()
-    away = moved[shared, 0] - centroid[0]
-    return {"mean_mm": float(away.mean()), "rms_mm": rms(away)}
+    centroid = mesh.volumes[organ] @ deformed[mesh.cells[organ]].mean(axis=1) / mesh.volumes[organ].sum()
+    distance = deformed[shared, 0] - centroid[0]
+    return {"mean_mm": float(distance.mean()), "rms_mm": rms(distance)}

@@ -14,7 +14,9 @@ from palpate.simulate.source import VolumeSource
 
 
 def case_source(path: Path) -> VolumeSource:
-    """A case folder as a source. Raises InputError, naming the file, when it has no labels or they lack organ or tissue."""
+    """A case folder as a source. Raises InputError, naming the file, when it has no labels or they lack organ or
+    tissue.
+    """
     case = CaseFolder(path)
     file = case.file("rest.nii.gz")
     if not case.has_labels("rest"):

@@ -31,17 +31,16 @@ class CtSource:
 
 
 def ct_source(source: CtSource, progress: Progress = silent) -> VolumeSource:
-    """The modelled region of a CT: what was drawn as it was drawn, bone and what is missing found by threshold and
-    shape.
+    """Modelled region of a CT. Contoured structures are taken as they are; bone and missing structures are segmented.
 
     Raises InputError, naming the file, when the CT or the contours cannot be read or hold no prostate.
     """
     ct, facts = read_series(source.ct)
     ct = in_lps_order(ct)
-    drawn = contours_of_file(read_user_labels(source.labels, ct, facts), source.labels)
-    found = segment_pelvis(ct, Prompts(), drawn.organs, progress)
-    part = SegmentedState(found, drawn, drawn.volume)
-    normal, origin = midline_normal(found.scene.pelvis)
+    contours = contours_of_file(read_user_labels(source.labels, ct, facts), source.labels)
+    segmentation = segment_pelvis(ct, Prompts(), contours.organs, progress)
+    part = SegmentedState(segmentation, contours, contours.volume)
+    normal, origin = midline_normal(segmentation.scene.pelvis)
     plane = split_plane(part.prostate, normal, origin, None)
     region = region_of_interest(part.prostate, np.array(SegmentOptions().margin_mm))
     return VolumeSource(source.ct.name, labels_of(part, plane, region), ct)

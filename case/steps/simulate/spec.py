@@ -15,7 +15,8 @@ Every key may be left out but ``stiffness_kpa`` and ``walls``; the example shows
      "output": "dicom",                       CT pair and contours; or "labels": label volumes only
      "seed": 1}
 
-docs/simulate.md says it for users, `simulate_walls` what the walls' numbers mean; paths are relative to the SPEC.json.
+docs/simulate.md explains it for users; `simulate.walls` explains the numbers of the walls. Paths are relative to the
+SPEC.json.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ _SOURCE = "simulation spec"
 
 @dataclass(frozen=True)
 class SimulationSpec:
-    """See the module. source : "phantom", the path of a case, or a CT with contours. raw : as it was written."""
+    """Checked specification, see the module. source : "phantom", the path of a case, or a CT with contours. raw : as
+    written.
+    """
 
     source: str | Path | CtSource
     stiffness: Stiffness

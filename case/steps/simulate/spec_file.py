@@ -1,4 +1,4 @@
-"""SPEC.json as declared types: every key with its range and default (docs/simulate.md says them for users)."""
+"""SPEC.json as declared types: every key with its range and default (docs/simulate.md lists them for users)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Make a pair of scans whose stiffness is known: ``palpate simulate SPEC.json -o CASE --answers DIR``."""
+"""The simulate step: a pair of scans whose stiffness is known (`palpate simulate SPEC.json -o CASE --answers DIR`)."""
 
 from __future__ import annotations
 
@@ -38,14 +38,15 @@ def run_simulate(
     base: Path | None = None,
     mesh_cache: Path | None = None,
 ) -> Answers:
-    """Writes a case with two simulated states and, in another folder, its answers (NAME.json, NAME_surface.npz, NAME_labels).
+    """Write a case with two simulated states and, in another folder, its answers (NAME.json, NAME_surface.npz,
+    NAME_labels).
 
-    spec : see `simulate_spec`. base : folder that the spec's paths start from. mesh_cache : see `mesh_labels`.
-    Output "dicom": rest_ct/, deformed_ct/ and contours/{rest,deformed}.nii.gz, each in its own scan's frame. Output
-    "labels": rest.nii.gz and deformed.nii.gz in one frame.
+    spec : see `case.steps.simulate.spec`. base : folder that the spec's paths start from. mesh_cache : see
+    `mesh_labels`. Output "dicom": rest_ct/, deformed_ct/ and contours/{rest,deformed}.nii.gz, each in its own scan's
+    frame. Output "labels": rest.nii.gz and deformed.nii.gz in one frame.
 
-    Returns the truth. Raises InputError for a bad spec, source or folder, ConvergenceError when the deformation asked for
-    has no equilibrium.
+    Returns the truth. Raises InputError for a bad spec, source or folder, ConvergenceError when the specified
+    deformation has no equilibrium.
     """
     parsed = parse_spec(spec, base)
     case_path, answers_path = Path(case_path), Path(answers_path)
@@ -92,7 +93,9 @@ def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mes
 
 
 def second_position(scan: ScanFile, centre: FloatArray) -> FloatArray:
-    """The rigid motion (4, 4) of the patient from the first scan to the second: about ``centre`` (3,) mm, then shifted."""
+    """Rigid motion (4, 4) of the patient from the first scan to the second: a rotation about `centre` (3,) mm, then a
+    shift.
+    """
     motion = np.eye(4)
     motion[:3, :3] = Rotation.from_euler("xyz", scan.rotation_deg, degrees=True).as_matrix()
     motion[:3, 3] = centre - motion[:3, :3] @ centre + np.array(scan.shift_mm)

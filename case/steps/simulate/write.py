@@ -23,7 +23,7 @@ from palpate.simulate.source import PhantomSource, Source, ToRest
 
 @dataclass(frozen=True, eq=False)
 class SimulatedPair:
-    """A body, its deformed state and how the patient lay in the second scan."""
+    """A body, its deformed state, and the patient's position in the second scan (deformed_to_rest, (4, 4), LPS mm)."""
 
     spec: SimulationSpec
     source: Source
@@ -37,7 +37,7 @@ class SimulatedPair:
 
     @property
     def rng(self) -> np.random.Generator:
-        """Random numbers of the spec's seed, from the first."""
+        """A new random generator with the spec's seed."""
         return np.random.default_rng(self.spec.seed)
 
 
@@ -68,7 +68,7 @@ def write_label_case(pair: SimulatedPair, case: CaseFolder, progress: Progress) 
 
 
 def _contoured(pair: SimulatedPair, to_rest: ToRest, second_grid: Volume) -> tuple[Volume, Volume]:
-    """Contours of both states; each state's errors are its own."""
+    """Contours of both states, with independent errors."""
     spec, source, rng = pair.spec, pair.source, pair.rng
     noise = (spec.contour_noise_sd_mm, spec.noise_correlation_mm, rng)
     rest = labels_with_contour_errors(source.labels, source.label_grid, *noise)

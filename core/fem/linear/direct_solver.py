@@ -1,6 +1,7 @@
 """What every direct solver for symmetric sparse systems offers: analyse once, factorise often, solve, count signs.
 
-The inertia (number of negative pivots) comes with an LDL^T factor for nothing and tells whether an equilibrium is stable.
+The inertia (number of negative pivots) comes with an LDL^T factor for nothing and tells whether an equilibrium is
+stable.
 """
 
 from __future__ import annotations
@@ -26,10 +27,14 @@ class SymmetricSolver(Protocol):
     factorisations: int
 
     def factorise(self, values: FloatArray) -> None:
-        """Factorise the matrix with these upper-triangle values (nnz,), which must not change later. Raises FactorisationError."""
+        """Factorise the matrix with these upper-triangle values (nnz,), which must not change later. Raises
+        FactorisationError.
+        """
 
     def solve(self, b: FloatArray) -> FloatArray:
-        """Solution (n,) or (n, r) for right-hand sides b (n,) or (n, r), to round-off. Raises FactorisationError without a factor."""
+        """Solution (n,) or (n, r) for right-hand sides b (n,) or (n, r), to round-off. Raises FactorisationError
+        without a factor.
+        """
 
     def solve_roughly(self, b: FloatArray) -> FloatArray:
         """The same to about five digits, in less time: for steps of an iteration that corrects itself."""

@@ -9,7 +9,8 @@ from palpate.core.fem.linear.pattern import Pattern, scatter
 
 
 class KeptMatrix:
-    """values : of its upper triangle, in the pattern's order. product : (size,), its product with a move of constrained unknowns.
+    """values : of its upper triangle, in the pattern's order. product : (size,), its product with a move of constrained
+    unknowns.
 
     size : of all unknowns. along : (3 n,) that move; None for none.
     """

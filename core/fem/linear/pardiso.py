@@ -1,8 +1,8 @@
 """Intel MKL PARDISO by its phases (11 once, 22 and 33 often), real symmetric indefinite, Bunch-Kaufman pivots.
 
-The factor is made in single precision: 0.6 of the time and half the memory of double, and its inertia is the same unless an
-eigenvalue is within rounding of zero. Exact solutions come from refinement against the double matrix. Where single precision
-does not do (a perturbed pivot, refinement that stalls) the factor is made in double.
+The factor is made in single precision: 0.6 of the time and half the memory of double, and its inertia is the same
+unless an eigenvalue is within rounding of zero. Exact solutions come from refinement against the double matrix. Where
+single precision does not do (a perturbed pivot, refinement that stalls) the factor is made in double.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ class _Handle:
         self.precision = precision
         self._memory = np.zeros(64, dtype=np.int64)
         self.iparm = np.zeros(64, dtype=np.int32)
-        # Own settings, METIS, refinement only after perturbed pivots, pivots perturbed below 1e-8 (1e-13 in double) of the
-        # norm, precision, indices from 0.
+        # Own settings, METIS, refinement only after perturbed pivots, pivots perturbed below 1e-8 (1e-13 in double) of
+        # the norm, precision, indices from 0.
         single = precision is np.float32
         self.iparm[[0, 1, 9, 27, 34]] = [1, 2, 8 if single else 13, int(single), 1]
-        # Pivots from the diagonal and the two-level algorithm, in 0.76 of the time that Bunch-Kaufman pivots take one by one (17,611
-        # unknowns, medians of five pairs): a mixed matrix [[K, B], [B', -C]] with K and C definite has such a factor in any order
-        # (Vanderbei 1995, SIAM J. Optim. 5:100). Where it has none, pivots are perturbed and double precision takes over, with
-        # Bunch-Kaufman pivots.
+        # Pivots from the diagonal and the two-level algorithm, in 0.76 of the time that Bunch-Kaufman pivots take one
+        # by one (17,611 unknowns, medians of five pairs): a mixed matrix [[K, B], [B', -C]] with K and C definite has
+        # such a factor in any order (Vanderbei 1995, SIAM J. Optim. 5:100). Where it has none, pivots are perturbed and
+        # double precision takes over, with Bunch-Kaufman pivots.
         self.iparm[[20, 23]] = [0, 1] if single else [1, 0]
         self._permutation = np.zeros(max(pattern.n, 1), dtype=np.int32)
         self._values = np.zeros(len(pattern.indices), dtype=precision)
@@ -186,7 +186,9 @@ def _call_phase(
     b: NDArray[np.floating],
     x: NDArray[np.floating],
 ) -> int:
-    """One call of PARDISO; returns its error code. Its float arguments are void pointers, typed double by the wrapper."""
+    """One call of PARDISO; returns its error code. Its float arguments are void pointers, typed double by the
+    wrapper.
+    """
     error = ctypes.c_int32(0)
     values, indptr, indices, permutation = arrays
     maxfct, mnum, mtype, step, order, nrhs, silent = (

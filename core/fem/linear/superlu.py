@@ -1,4 +1,6 @@
-"""SciPy's SuperLU in symmetric mode: the fallback everywhere. Pivots stay on the diagonal, so U's signs are the inertia."""
+"""SciPy's SuperLU in symmetric mode: the fallback everywhere. Pivots stay on the diagonal, so U's signs are the
+inertia.
+"""
 
 from __future__ import annotations
 

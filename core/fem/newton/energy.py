@@ -1,5 +1,6 @@
-"""The energy iteration: p eliminated, indefinite points projected (Teran et al. 2005), line search on E(u). Slower than the mixed
-iteration, but it ends in a minimum; from an unstable equilibrium it leaves along the direction in which the energy falls.
+"""The energy iteration: p eliminated, indefinite points projected (Teran et al. 2005), line search on E(u). Slower than
+the mixed iteration, but it ends in a minimum; from an unstable equilibrium it leaves along the direction in which the
+energy falls.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ def minimise(
 ) -> Outcome:
     """Descend on E(u) from `state`; constrained unknowns already stand at load * goal and stay there.
 
-    The Hessian takes its pressure from the linear prediction of the last step, not from the present volume error, which a large
-    bulk modulus would blow up; with any pressure the step is a descent direction, since its right-hand side is E's gradient.
+    The Hessian takes its pressure from the linear prediction of the last step, not from the present volume error, which
+    a large bulk modulus would blow up; with any pressure the step is a descent direction, since its right-hand side is
+    E's gradient.
     """
     u, energy = state.u, assembler.energy(state.u, load)
     pressure, near, share = state.p, _NEAR, 0.0
@@ -82,10 +84,11 @@ def _line_search(
     min_jacobian: float,
     work: Work,
 ) -> tuple[FloatArray, FloatArray, float] | None:
-    """Armijo, with longer steps while the energy falls as the slope says: (u, predicted p, energy), or None when there is none.
+    """Armijo, with longer steps while the energy falls as the slope says: (u, predicted p, energy), or None when there
+    is none.
 
-    Where a step follows the bulk's stiff valley its second-order change of volume is taken back with the present factor, as
-    in second-order corrections of constrained optimisation (Nocedal & Wright 2006, section 15.6).
+    Where a step follows the bulk's stiff valley its second-order change of volume is taken back with the present
+    factor, as in second-order corrections of constrained optimisation (Nocedal & Wright 2006, section 15.6).
     """
     if not slope < 0.0:
         return None
@@ -140,7 +143,9 @@ def leave_saddle(assembler: Assembler, state: State, load: float, work: Work) ->
 
 
 def _falling_direction(assembler: Assembler, work: Work, vectors: int = 4, sweeps: int = 4) -> FloatArray | None:
-    """Displacements (n, 3) of negative curvature by subspace iteration on the inverse, pressure eliminated by the mixed factor."""
+    """Displacements (n, 3) of negative curvature by subspace iteration on the inverse, pressure eliminated by the mixed
+    factor.
+    """
     n = assembler.n_free
     basis = np.random.default_rng(0).normal(size=(n, vectors))
     for _ in range(sweeps):

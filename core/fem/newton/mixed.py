@@ -1,8 +1,9 @@
-"""The mixed iteration: Newton steps of u and p together with affine-invariant step control (Deuflhard 2011, Newton Methods for
-Nonlinear Problems, NLEQ-ERR). A factor is reused as long as the steps contract. Few and cheap steps; stability is not tested.
+"""The mixed iteration: Newton steps of u and p together with affine-invariant step control (Deuflhard 2011, Newton
+Methods for Nonlinear Problems, NLEQ-ERR). A factor is reused as long as the steps contract. Few and cheap steps;
+stability is not tested.
 
-Elements without pressure unknowns carry a pressure at each quadrature point, eliminated point by point (Magisano et al. 2017, Int.
-J. Numer. Meth. Engng 109:1155). Their solution is unchanged; the number of steps is that of a mixed element.
+Elements without pressure unknowns carry a pressure at each quadrature point, eliminated point by point (Magisano et al.
+2017, Int. J. Numer. Meth. Engng 109:1155). Their solution is unchanged; the number of steps is that of a mixed element.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from palpate.core.fem.newton.work import Work, certify, is_minimum, moved, relat
 from palpate.core.fem.state import Residual, State
 
 _HISTORY = 5  # corrections that the accelerated chord mixes
-# Limits on the reuse of a factor: number of steps, and largest mean contraction. A factorisation costs as much as 6 steps at
-# 2,000 unknowns, 25 at 16,000, 60 at 50,000 (measured).
+# Limits on the reuse of a factor: number of steps, and largest mean contraction. A factorisation costs as much as 6
+# steps at 2,000 unknowns, 25 at 16,000, 60 at 50,000 (measured).
 _LARGE = 8000
 _CHORD_STEPS = {False: 14, True: 30}
 _CHORD_CONTRACTION = {False: 0.5, True: 0.65}
@@ -100,7 +101,8 @@ def _damped(
     load: float,
     work: Work,
 ) -> tuple[State, bool] | None:
-    """Largest damping with a contracting simplified correction and no inverted cell; full steps go on with the same factor.
+    """Largest damping with a contracting simplified correction and no inverted cell; full steps go on with the same
+    factor.
 
     Also whether that is within tolerance.
     """
@@ -168,7 +170,9 @@ def _chord(
 def _mixed_step(
     correction: FloatArray, changes: list[FloatArray], differences: list[FloatArray], n_free: int
 ) -> FloatArray:
-    """g - (dX + dG) c with c the least-squares fit of g by dG over the displacements, by normal equations: they are tiny."""
+    """g - (dX + dG) c with c the least-squares fit of g by dG over the displacements, by normal equations: they are
+    tiny.
+    """
     gram = np.array([[float(a[:n_free] @ b[:n_free]) for b in differences] for a in differences])
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
     rhs = scale * np.array([float(a[:n_free] @ correction[:n_free]) for a in differences])

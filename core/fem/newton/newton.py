@@ -1,7 +1,8 @@
-"""Static equilibrium (Eq 2 of Yang & Lin) by a Newton method for inverted starts, large loads and nearly incompressible organs.
+"""Static equilibrium (Eq 2 of Yang & Lin) by a Newton method for inverted starts, large loads and nearly incompressible
+organs.
 
-Two iterations share one matrix. The mixed one (`mixed`) is quick and does not test stability; the energy one (`energy`) ends in a
-minimum. The load increment is halved when neither converges. Failure is a value with its reason.
+Two iterations share one matrix. The mixed one (`mixed`) is quick and does not test stability; the energy one (`energy`)
+ends in a minimum. The load increment is halved when neither converges. Failure is a value with its reason.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from palpate.core.fem.tangent import Tangent
 
 __all__ = ["Equilibrium", "NewtonOptions", "quicker", "solve_equilibrium"]
 
-# Load increments above this are halved when the mixed iteration fails with a definite tangent; below it the energy iteration serves.
+# Load increments above this are halved when the mixed iteration fails with a definite tangent; below it the energy
+# iteration serves.
 _PATIENCE = 0.1
 # Largest number of energy iterations above and below that increment: far from the solution, half the load costs less.
 _FEW, _MANY = 20, 80
@@ -33,9 +35,9 @@ class Equilibrium:
     """The outcome of a solve.
 
     converged : a stable equilibrium was found. reason : "" or why not. u (n, 3) mm, p (n_p,) kPa: the last good state.
-    load : fraction reached. stable : inertia says minimum (None when not checked). residual : relative. min_jacobian : of guarded cells.
-    buckled : the path to it went through a loss of stability, so that another branch may exist as well.
-    certified : tangent at (u, p), None where the solve failed or was made without its stability check.
+    load : fraction reached. stable : inertia says minimum (None when not checked). residual : relative. min_jacobian :
+    of guarded cells. buckled : the path to it went through a loss of stability, so that another branch may exist as
+    well. certified : tangent at (u, p), None where the solve failed or was made without its stability check.
     """
 
     converged: bool
@@ -69,8 +71,9 @@ def solve_equilibrium(
 ) -> Equilibrium:
     """Equilibrium under the full load of the assembler's terms and `prescribed` displacements.
 
-    materials : new ones, or None for those already set. prescribed : (3 n,) mm, read where unknowns are not free; default zero.
-    start : displacements (n, 3) or a whole state to start from (a neighbour's solution); an inverted start is repaired or dropped.
+    materials : new ones, or None for those already set. prescribed : (3 n,) mm, read where unknowns are not free;
+    default zero. start : displacements (n, 3) or a whole state to start from (a neighbour's solution); an inverted
+    start is repaired or dropped.
     """
     options = options or NewtonOptions()
     if materials is not None:
@@ -138,7 +141,9 @@ def _usable_start(assembler: Assembler, start: FloatArray | State | None) -> Sta
 
 
 def _one_load(assembler: Assembler, state: State, goal: FloatArray, reached: float, load: float, work: Work) -> Outcome:
-    """One load level: mixed iteration; the energy iteration if that ended unstable, or failed where half the step would not help."""
+    """One load level: mixed iteration; the energy iteration if that ended unstable, or failed where half the step would
+    not help.
+    """
     work.load_steps += 1
     outcome = iterate_mixed(assembler, state, goal, load, work)
     if outcome.converged and outcome.stable is not False:
@@ -163,7 +168,9 @@ def _one_load(assembler: Assembler, state: State, goal: FloatArray, reached: flo
 def _fight(
     assembler: Assembler, outcome: Outcome, goal: FloatArray, load: float, work: Work, iterations: int
 ) -> Outcome:
-    """The energy iteration from the last state of a failed mixed one. From an indefinite tangent it may reach another branch."""
+    """The energy iteration from the last state of a failed mixed one. From an indefinite tangent it may reach another
+    branch.
+    """
     if not work.options.follow_buckling:
         return outcome
     end = minimise(assembler, outcome.state, goal, load, work, iterations)

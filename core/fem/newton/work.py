@@ -18,12 +18,11 @@ from palpate.core.fem.tangent import Tangent
 class NewtonOptions:
     """Tolerances and caps.
 
-    rtol : residual relative to the internal forces' magnitude. max_factorisations : work cap per solve, all load steps together.
-    max_per_step : iterations of one kind at one load. min_load_step : smallest load increment before giving up.
-    jacobian_shrink : smallest det F a step may leave, relative to before.
-    stability : factorise once more at the solution so that the inertia is its own (also what sensitivities need).
-    follow_buckling : where the path from rest loses its stability, go on to the stable state beyond (`Equilibrium.buckled`
-    says so); without it that is a failure.
+    rtol : residual relative to the internal forces' magnitude. max_factorisations : work cap per solve, all load steps
+    together. max_per_step : iterations of one kind at one load. min_load_step : smallest load increment before giving
+    up. jacobian_shrink : smallest det F a step may leave, relative to before. stability : factorise once more at the
+    solution so that the inertia is its own (also what sensitivities need). follow_buckling : where the path from rest
+    loses its stability, go on to the stable state beyond (`Equilibrium.buckled` says so); without it that is a failure.
     """
 
     rtol: float = 1e-8
@@ -73,7 +72,8 @@ class Work:
         coupling: FloatArray | None = None,
         move: FloatArray | None = None,
     ) -> FloatArray:
-        """-K^-1 (residual + coupling) over the kept unknowns, with the present factor; then the points' pressures, if there are any.
+        """-K^-1 (residual + coupling) over the kept unknowns, with the present factor; then the points' pressures, if
+        there are any.
 
         move : (3 n,) of constrained unknowns, whose product with the matrix is `coupling`.
         """
@@ -89,7 +89,9 @@ class Work:
 
 
 def is_minimum(assembler: Assembler) -> bool:
-    """Whether the last factor has the inertia of a minimum of the energy: one negative pivot per pressure unknown, no more."""
+    """Whether the last factor has the inertia of a minimum of the energy: one negative pivot per pressure unknown, no
+    more.
+    """
     return assembler.solver.n_negative() == assembler.space.n_pressures
 
 
@@ -127,7 +129,9 @@ def size(assembler: Assembler, step: FloatArray, move: FloatArray | None = None)
 
 
 def relative(assembler: Assembler, residual: Residual) -> float:
-    """Free residual over the scale of internal forces; volume residual over the body's volume counts too. NaN counts as infinite."""
+    """Free residual over the scale of internal forces; volume residual over the body's volume counts too. NaN counts as
+    infinite.
+    """
     force = float(np.linalg.norm(residual.r_u[assembler.free]))
     volume = float(np.linalg.norm(residual.r_p)) / assembler.total_volume
     scale = residual.scale

@@ -1,1 +1,3 @@
-"""Contributions to the energy beside the cells' own: loads, springs, walls, interfaces. One kind a file; they add up."""
+"""Contributions to the energy beside the cells' own: loads, springs, walls, interfaces. One kind a file; they add
+up.
+"""

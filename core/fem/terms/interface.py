@@ -24,7 +24,9 @@ class SplitInterface:
 
 
 def open_interface(mesh: TetMesh, inner_regions: tuple[int, ...]) -> SplitInterface:
-    """Duplicate the nodes on the faces between `inner_regions` and the rest. Raises InputError when there is no such face."""
+    """Duplicate the nodes on the faces between `inner_regions` and the rest. Raises InputError when there is no such
+    face.
+    """
     inside = np.isin(mesh.regions, inner_regions)
     faces, _ = mesh.region_boundary(inner_regions)
     outer_nodes = np.unique(mesh.cells[~inside])

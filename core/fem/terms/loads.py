@@ -45,7 +45,9 @@ def traction(space: Space, faces: IntArray, t: FloatArray) -> PointForce:
 
 
 def body_force(space: Space, b: FloatArray, regions: tuple[int, ...] | None = None) -> PointForce:
-    """Dead body force b (3,) or per cell (m, 3), kPa/mm (rho g of water: 9.81e-3 kPa/mm), in the given regions or everywhere."""
+    """Dead body force b (3,) or per cell (m, 3), kPa/mm (rho g of water: 9.81e-3 kPa/mm), in the given regions or
+    everywhere.
+    """
     e = space.element
     chosen = (
         np.arange(len(space.mesh.cells)) if regions is None else np.flatnonzero(np.isin(space.mesh.regions, regions))

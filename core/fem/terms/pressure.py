@@ -15,9 +15,9 @@ from palpate.core.fem.terms.base import triangle_quadrature
 class FollowerPressure:
     """Pressure (kPa, positive pushes against the outward normal) on faces of the mesh.
 
-    Its energy is pressure times the volume swept, 1/3 sum x . n da: a potential when the surface is closed or its border does not
-    move, and only then is the tangent symmetric. The Assembler refuses surfaces with a free border: `refusal`.
-    nodes : (n, 3) rest coordinates mm.
+    Its energy is pressure times the volume swept, 1/3 sum x . n da: a potential when the surface is closed or its
+    border does not move, and only then is the tangent symmetric. The Assembler refuses surfaces with a free border:
+    `refusal`. nodes : (n, 3) rest coordinates mm.
     """
 
     nodes: FloatArray
@@ -82,7 +82,9 @@ def _cross_matrix(v: FloatArray) -> FloatArray:
 
 
 def _face_shapes(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shape functions (q, n), derivatives (q, n, 2) and weights (q,) of 3- or 6-node faces, exact; node order of `face_nodes`."""
+    """Shape functions (q, n), derivatives (q, n, 2) and weights (q,) of 3- or 6-node faces, exact; node order of
+    `face_nodes`.
+    """
     L, weights = triangle_quadrature(2 if n == 3 else 4)
     dL = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     if n == 3:

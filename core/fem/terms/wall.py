@@ -1,9 +1,9 @@
 """A wall constrained to the surface that the deformed scan shows, free to slide along it.
 
-A scan shows only the normal component of a wall's motion. Each wall point x = X + u keeps its distance from the surface,
-d(x) = d_rest(X); its tangential motion is that of least energy. The constraint is linearised at the present point, n . u = s, imposed
-by a stiff spring, and linearised again until it is met. Newton on the full constraint would need its curvature, which contour noise
-makes large enough for an indefinite tangent.
+A scan shows only the normal component of a wall's motion. Each wall point x = X + u keeps its distance from the
+surface, d(x) = d_rest(X); its tangential motion is that of least energy. The constraint is linearised at the present
+point, n . u = s, imposed by a stiff spring, and linearised again until it is met. Newton on the full constraint would
+need its curvature, which contour noise makes large enough for an indefinite tangent.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ class SlidingWall:
 def wall_points(face_nodes: IntArray, nodes: FloatArray) -> PointSet:
     """The nodes of a wall's faces (f, 3 or 6) themselves, each with an equal share of its faces' rest area, mm2.
 
-    One point per node constrains each node's normal once; more quadrature points than nodes would resist sliding along a
-    curved surface.
+    One point per node constrains each node's normal once; more quadrature points than nodes would resist sliding along
+    a curved surface.
     """
     area = areas(nodes[face_nodes[:, :3]])
     total = np.zeros(len(nodes))
