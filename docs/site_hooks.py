@@ -7,6 +7,7 @@ mkdocs.yml names this file. Made at every build, so that they cannot go stale: `
 from __future__ import annotations
 
 import html
+import posixpath
 import re
 import shutil
 from pathlib import Path
@@ -20,8 +21,11 @@ from mkdocs.structure.pages import Page
 TOP = Path(__file__).parents[1]
 ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
 API = TOP / "build" / "api"
-# Pages at the top of the repository that the site shows too: file there -> page of the site.
-BORROWED = {"KNOWN_ISSUES.md": "known_issues.md"}
+# Files outside docs/ that the site shows too: file of the repository -> file of the site.
+BORROWED = {
+    "KNOWN_ISSUES.md": "known_issues.md",
+    "plugin/Screenshots/PalpateStiffness.png": "tutorial/pictures/slicer_result.png",
+}
 _MATH = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -38,14 +42,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made here."""
     files.append(File.generated(config, "reference/commands.md", content=commands_page()))
     for source, page in BORROWED.items():
-        files.append(File.generated(config, page, content=(TOP / source).read_text(encoding="utf-8")))
+        files.append(File.generated(config, page, abs_src_path=str(TOP / source)))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Point links to borrowed pages at the site's copies."""
+    """Point links to borrowed files at the site's copies."""
+    here = posixpath.dirname(page.file.src_uri)
     for source, name in BORROWED.items():
-        markdown = re.sub(rf"\((\.\./)*{re.escape(source)}", f"({'../' * page.file.src_uri.count('/')}{name}", markdown)
+        markdown = re.sub(rf"\((\.\./)+{re.escape(source)}", f"({posixpath.relpath(name, here or '.')}", markdown)
     return markdown
 
 

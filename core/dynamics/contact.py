@@ -107,7 +107,7 @@ class Contact:
         return self._entries(H)
 
     def free_share(self, before: FloatArray, after: FloatArray) -> float:
-        """How much of the way between two displacements (n, 3) is free of collisions, 0 to 1."""
+        """Share, 0 to 1, of the way between two displacements (n, 3) that is free of collisions."""
         x0, x1 = self._positions(before), self._positions(after)
         n = len(self.nodes)
         ends = np.vstack([x0[:n], x1[:n]])
@@ -132,7 +132,9 @@ class Contact:
         return x
 
     def _collisions(self, x: FloatArray) -> ipctk.NormalCollisions:
-        """Those of the last positions are kept: value, gradient and Hessian are asked for at the same place."""
+        """Collisions at positions x. The last ones are cached: value, gradient and Hessian are evaluated at the
+        same positions.
+        """
         if self._kept is not None and np.array_equal(self._kept[0], x):
             return self._kept[1]
         collisions = ipctk.NormalCollisions()

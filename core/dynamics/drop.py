@@ -87,7 +87,7 @@ def drop(
     options: DropOptions | None = None,
     progress: Progress = silent,
 ) -> Drop:
-    """Let an organ fall, its z axis upright, its middle above the dish's.
+    """Fall of an organ, its z axis upright, its centre above that of the dish.
 
     figures: fall_mm, fall_time_s and the time's relative error against the closed form; impact_speed_mm_s; rebound_mm,
     how high the lowest point comes back above the layer; flattest, the least height relative to that at rest;
@@ -145,9 +145,7 @@ def _body(
 
 
 def _clearance(points: FloatArray, on: RigidSurface) -> float:
-    """How far points (n, 3) could go straight down until one touches the dish, mm; outside its rim there is nothing to
-    touch.
-    """
+    """Vertical distance, mm, that points (n, 3) can fall until the first touches the dish, which ends at its rim."""
     height = LinearNDInterpolator(on.points[:, :2], on.points[:, 2])(points[:, :2])
     return float(np.min(np.where(np.isnan(height), np.inf, points[:, 2] - height)))
 
@@ -155,7 +153,7 @@ def _clearance(points: FloatArray, on: RigidSurface) -> float:
 def _drop(
     frames: FloatArray, times: FloatArray, space: Space, figures: DropFigures, energies: dict[str, FloatArray]
 ) -> Drop:
-    """Keeps the surface's nodes alone; faces of quadratic cells become four triangles each."""
+    """Result of a fall on the nodes of the surface. Each face of a quadratic cell becomes four triangles."""
     faces, owner = space.mesh.boundary
     regions, nodes = space.mesh.regions[owner], space.face_nodes(faces)
     if nodes.shape[1] == 6:

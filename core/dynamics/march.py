@@ -64,7 +64,7 @@ class Ledger:
 
     @property
     def largest_growth(self) -> float:
-        """Most that the mechanical energy was ever above its lowest value before, relative to the scale."""
+        """Largest excess of the mechanical energy over its lowest earlier value, relative to the scale."""
         totals = np.array([e.total for e in self.energies])
         return float(np.max(totals - np.minimum.accumulate(totals), initial=0.0)) / self.scale
 
@@ -80,7 +80,7 @@ class Ledger:
 
 
 def open_ledger(body: MovingBody, motion: Motion, height: float | None = None) -> Ledger:
-    """A ledger that starts with a motion.
+    """Ledger of a march that starts from a motion.
 
     height : mm a body will fall, for the scale; the body's own size by default.
     """

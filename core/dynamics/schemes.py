@@ -30,7 +30,7 @@ DEFAULT_SCHEME = "sdirk2"
 class Step:
     """Outcome of a step: motion, or None with the reason. iterations : Newton's.
 
-    viscous, friction : mN mm that these took up.
+    viscous, friction : energy dissipated by these, mN mm.
     """
 
     motion: Motion | None

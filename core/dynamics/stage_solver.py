@@ -78,7 +78,9 @@ def _newton_direction(
 
 
 def _last_step(body: MovingBody, u: FloatArray, step: FloatArray) -> FloatArray:
-    """The converged step is taken as well where nothing is in its way: it costs nothing and squares the error."""
+    """State after the converged step, where that is free of collisions: the step is known already and squares the
+    error.
+    """
     trial = u + step
     free = body.contact is None or body.contact.free_share(u, trial) >= 1.0
     return trial if free and body.assembler.min_jacobian(trial) > 0.0 else u

@@ -56,10 +56,10 @@ class MovingBody:
         nothing = np.zeros((self.assembler.space.n_nodes, 3))
         return Motion(0.0, nothing, nothing.copy())
 
-    # What a motion has
+    # Quantities of a motion
 
     def energies(self, motion: Motion, load: float = 1.0) -> Energies:
-        """Of a motion under a fraction of the load of the assembler's terms."""
+        """Energies of a motion under a fraction of the load of the assembler's terms."""
         return Energies(
             kinetic=0.5 * float((motion.v * self.mass.times(motion.v)).sum()),
             elastic=self.assembler.energy(motion.u, load),
@@ -75,7 +75,7 @@ class MovingBody:
         """(3,) mm, centre of mass."""
         return np.asarray(self.mass.times(self.assembler.space.nodes + motion.u).sum(axis=0)) / self.mass.total
 
-    # One stage
+    # Quantities of one stage
 
     def friction(self, stage: Stage) -> Friction | None:
         """Friction of a stage with the normal forces of where it was taken; None without."""

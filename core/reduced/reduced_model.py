@@ -170,8 +170,9 @@ _STORED = (
 
 
 def _assembled(design: Design, bounds: FloatArray, scene: str, options: ReducedOptions) -> ReducedModel:
-    """Rotate the modes and drop what changes no snapshot by more than a fiftieth of the tolerance; the estimate counts
-    that.
+    """Rotated modes without those that change no snapshot by more than a fiftieth of the tolerance.
+
+    The error estimate includes what they would have changed.
     """
     rows = design.data.reshape(-1, design.data.shape[2])
     _, _, V = np.linalg.svd(rows, full_matrices=False)

@@ -79,7 +79,7 @@ class Walk:
         return residual, jacobian
 
     def _elsewhere(self, end: Equilibrium, target: Target) -> bool:
-        """Whether the figure has turned over or snapped, so that other parts of the rim meet the line."""
+        """Whether the figure has turned over or snapped through, so that the rim lies on the wrong part of the line."""
         off = np.linalg.norm(self.figure.rim_at(end.u).points - target.partners, axis=1)
         return self.share is None and float(off.mean()) > _ASTRAY * self.figure.outline.size
 

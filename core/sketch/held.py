@@ -14,9 +14,7 @@ _STAYS, _MOST, _CORNER = 0.02, 0.9, 0.1
 
 
 def sides_that_stay(rest: Outline, keys: Sequence[Outline]) -> tuple[str, ...]:
-    """Names of the sides of the first keyframe's box whose rim every other keyframe (in the same frame) shows in the
-    same place.
-    """
+    """Names of the sides of the first keyframe's box whose rim is in the same place in every other keyframe."""
     stays: list[str] = []
     for side in SIDES:
         own = held_points(rest.points, rest, (side,)) & ~held_points(rest.points, rest, tuple(stays), _CORNER)

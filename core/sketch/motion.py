@@ -169,5 +169,5 @@ def _swing(figure: Figure, theta: FloatArray, start: State, options: MotionOptio
 
 
 def _smooth(s: FloatArray) -> FloatArray:
-    """0 to 1 with no speed at the ends."""
+    """Smooth step from 0 to 1 with zero slope at both ends."""
     return s * s * (3.0 - 2.0 * s)

@@ -28,7 +28,7 @@ SUPPORTS = {
 # Linear displacement and pressure: free of locking; one solve with the factor of 4,000 cells takes a third of a
 # millisecond (measured).
 ELEMENT = "p1p1"
-# The table holds what lies within this share of the organ's depth from its rearmost point.
+# Depth that the table holds, from the rearmost point, as a share of the organ's depth.
 _TABLE = 0.15
 # Contact stiffness times a face's edge over its G. A stiffer contact makes faces as large as the contact act like flat
 # stamps. With this value the mean force at random places of a ball with 5.2 mm edges under a probe of 8 mm is within 5

@@ -52,7 +52,7 @@ class FullTouch:
         self._support = self.assembler.terms[:-1]
 
     def at_rest(self) -> State:
-        """Nothing moved."""
+        """State without displacement."""
         return State(np.zeros((self.body.space.n_nodes, 3)), np.zeros(self.body.space.n_pressures))
 
     def solve(self, contact: Contact, start: State | None = None) -> FullAnswer:

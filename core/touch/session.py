@@ -27,7 +27,7 @@ _N = 1e-3  # newton per millinewton (kPa mm2)
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What the probe feels.
+    """Response of the body to the probe.
 
     touch : number of the touch, from 1. radius : of the probe, mm. region : id behind the touched face. point, normal :
     (3,) of the surface at rest. indentation_mm : how far the probe reaches in beyond the surface at rest; negative when
@@ -76,7 +76,7 @@ class Session:
 
     @property
     def deepest(self) -> float:
-        """mm; the probe goes no farther in or out."""
+        """Largest indentation and largest pull, mm."""
         return min(_DEEPEST_OF_PROBE * self.radius, _DEEPEST_OF_BODY * self.body.radius)
 
     @property
@@ -85,7 +85,9 @@ class Session:
         return self._at
 
     def take(self, radius: float) -> None:
-        """Another probe, mm; it touches nothing yet. Raises InputError when it is too small or too large."""
+        """Change the probe's radius, mm; the new probe touches nothing yet. Raises InputError when it is too small
+        or too large.
+        """
         if not 0.5 <= radius <= 50.0:
             raise InputError(f"a probe's radius of {radius:g} mm is out of range; give 0.5 to 50")
         self.radius, self._at, self._state = radius, None, None
@@ -109,7 +111,7 @@ class Session:
         return self._at
 
     def press(self, indentation_mm: float) -> Answer:
-        """The probe reaches so far in, mm, or pulls so far out where that is negative; no farther than `deepest`.
+        """Move the probe to an indentation, mm (negative: a pull), limited by `deepest`.
 
         Raises InputError before a touch and for what is no number.
         """

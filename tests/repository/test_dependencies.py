@@ -116,6 +116,20 @@ def test_the_tests_import_only_what_is_declared_for_development() -> None:
     assert len(files) > 100 and wrong == []
 
 
+def test_the_scripts_of_the_pages_import_only_what_is_declared_for_them() -> None:
+    extras = PROJECT["optional-dependencies"]
+    declared = import_names([*PROJECT["dependencies"], *extras["dev"], *extras["docs"]])
+    files = sorted((TOP / "docs").glob("*.py"))
+    wrong = [
+        line
+        for path in files
+        for line in undeclared(
+            str(path.relative_to(TOP)), path.read_text(encoding="utf-8"), declared | {p.stem for p in files}
+        )
+    ]
+    assert len(files) > 5 and wrong == []
+
+
 @pytest.mark.parametrize(
     ("path", "source", "wrong"),
     [

@@ -23,7 +23,7 @@ TOP = Path(__file__).parents[2]
 DOCS = TOP / "docs"
 PAGES = [TOP / "README.md", TOP / "KNOWN_ISSUES.md", *sorted(DOCS.rglob("*.md"))]
 # Made at every build of the site (docs/site_hooks.py), so they lie in no folder.
-MADE = {DOCS / "reference" / "commands.md", DOCS / "known_issues.md"}
+MADE = {DOCS / "reference" / "commands.md"}
 
 
 def script(name: str) -> ModuleType:

@@ -162,14 +162,14 @@ def _one_load(assembler: Assembler, state: State, goal: FloatArray, reached: flo
         return outcome
     if outcome.stable is not False and load - reached > _PATIENCE:
         return outcome  # half the increment is cheaper than many energy iterations
-    return _fight(assembler, outcome, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
+    return _descend(assembler, outcome, goal, load, work, _FEW if load - reached > _PATIENCE else _MANY)
 
 
-def _fight(
+def _descend(
     assembler: Assembler, outcome: Outcome, goal: FloatArray, load: float, work: Work, iterations: int
 ) -> Outcome:
-    """The energy iteration from the last state of a failed mixed one. From an indefinite tangent it may reach another
-    branch.
+    """Energy iteration from the last state of a failed mixed one; it may reach another branch from an indefinite
+    tangent.
     """
     if not work.options.follow_buckling:
         return outcome
