@@ -7,8 +7,8 @@ import numpy as np
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.mesh import FACES_OF_CELL, cell_volumes
 from palpate.core.surfaces.triangles import normals
+from palpate.meshing.cell_shape import shape
 from palpate.meshing.cells import face_neighbours
-from palpate.meshing.quality import shape
 
 # Directions tried: the corners, edges and faces of a cube.
 DIRECTIONS = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) != (0, 0, 0)])

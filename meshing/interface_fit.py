@@ -18,9 +18,10 @@ from palpate.core.mesh import FACES_OF_CELL, cell_volumes
 from palpate.core.statistics import rms
 from palpate.core.surfaces.triangles import areas, point_normals
 from palpate.imaging.labels import ORGAN_LABELS, OUTSIDE
+from palpate.meshing.cell_shape import shape
 from palpate.meshing.cells import KEPT, face_neighbours
 from palpate.meshing.partition import HOLE_NAMES, ORGAN, Partition
-from palpate.meshing.quality import InterfaceFigures, shape
+from palpate.meshing.quality import InterfaceFigures
 from palpate.meshing.smooth_distance import SmoothField
 
 # A vertex may move by this share of its shortest surface edge in one fit.

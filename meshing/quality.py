@@ -6,10 +6,10 @@ from typing import TypedDict
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.mesh import FACES_OF_CELL, TetMesh
-from palpate.core.surfaces.triangles import normals
+from palpate.core.arrays import FloatArray
+from palpate.core.mesh import TetMesh
 from palpate.imaging.volume import Volume
+from palpate.meshing.cell_shape import dihedral_angles, radius_ratio
 
 SLIVER_DEG = 10.0
 
@@ -54,36 +54,6 @@ class MeshQuality(TypedDict, total=False):
     attempts: int
     seconds: float
     recipe_sha256: str
-
-
-def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
-    """The six angles (m, 6) in degrees between the faces of each cell."""
-    normal = normals(points[cells][:, FACES_OF_CELL])
-    first, second = np.triu_indices(4, 1)
-    cosine = -np.einsum("mpk,mpk->mp", normal[:, first], normal[:, second])
-    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-
-
-def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
-    """Three times inscribed over circumscribed radius (m,): 1 for a regular cell, 0 for a flat one."""
-    a, b, c, d = (points[cells[:, i]] for i in range(4))
-    u, v, w = b - a, c - a, d - a
-    six_volume = np.abs(np.einsum("ij,ij->i", np.cross(u, v), w))
-    area = sum(0.5 * np.linalg.norm(np.cross(p, q), axis=1) for p, q in ((u, v), (v, w), (w, u), (c - b, d - b)))
-    squares = [np.einsum("ij,ij->i", p, p)[:, None] for p in (u, v, w)]
-    top = squares[0] * np.cross(v, w) + squares[1] * np.cross(w, u) + squares[2] * np.cross(u, v)
-    twelve_volume_radius = np.maximum(np.linalg.norm(top, axis=1), 1e-30)
-    return np.asarray(3.0 * six_volume**2 / (area * twelve_volume_radius))
-
-
-def shape(points: FloatArray, cells: IntArray) -> FloatArray:
-    """One figure of shape (m,) in degrees: how far a cell's angles stay from 0 and 180, and its radius ratio times 120.
-
-    A regular cell has 70. A cell with four points near a circle can have fair angles and a radius ratio near zero.
-    """
-    angles = dihedral_angles(points, cells)
-    ratio = radius_ratio(points, cells)
-    return np.minimum(np.minimum(angles.min(axis=1), 180.0 - angles.max(axis=1)), 120.0 * ratio)
 
 
 def describe(mesh: TetMesh, labels: Volume) -> MeshQuality:

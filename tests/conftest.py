@@ -11,6 +11,27 @@ import pytest
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 
+# Files whose tests take longest, in falling order of processor seconds as measured. `./run test` hands out whole files: these are begun
+# first, so that no process is left alone at the end with a long one.
+LONGEST = (
+    "tests/ui/cli/test_killed_anywhere.py",
+    "tests/core/diagnose/test_joint_states.py",
+    "tests/case/test_plan.py",
+    "tests/simulate/test_simulate.py",
+    "tests/core/diagnose/test_diagnose.py",
+    "tests/ui/export/test_contours_round_trip.py",
+    "tests/core/identify/test_identify.py",
+    "tests/core/diagnose/test_bench_bodies.py",
+    "tests/validate/test_silicone_beam.py",
+    "tests/ui/export/test_dicom_export.py",
+    "tests/validate/test_paper_figures.py",
+    "tests/ui/cli/test_cli.py",
+    "tests/validate/test_paper_tables.py",
+    "tests/case/test_deformed_states.py",
+    "tests/validate/test_element_rates.py",
+    "tests/core/identify/test_batch.py",
+)
+
 TABLE = pytest.StashKey[list[str]]()
 _SENT = "table"
 
@@ -19,6 +40,12 @@ _SENT = "table"
 def shown(pytestconfig: pytest.Config) -> list[str]:
     """Lines to print at the end."""
     return pytestconfig.stash.setdefault(TABLE, [])
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first; all else in the order in which it was found."""
+    place = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.nodeid.partition("::")[0], len(place)))
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

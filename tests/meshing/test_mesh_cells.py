@@ -7,10 +7,10 @@ from itertools import permutations
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.meshing.cell_shape import dihedral_angles, shape
 from palpate.meshing.cells import clean_labels, face_neighbours, parts_of
 from palpate.meshing.improve import improve_cells, tangent_limits
 from palpate.meshing.interface_fit import guarded_move
-from palpate.meshing.quality import dihedral_angles, shape
 
 
 def cubes(n: int) -> tuple[FloatArray, IntArray, IntArray]:

@@ -16,9 +16,9 @@ from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.mesh import FACES_OF_CELL
 from palpate.imaging.volume import Volume
 from palpate.meshing import mesh_labels as meshing
+from palpate.meshing.cell_shape import dihedral_angles, radius_ratio
 from palpate.meshing.cells import face_neighbours, parts_of
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
-from palpate.meshing.quality import dihedral_angles, radius_ratio
 
 SPACING = (1.2, 1.2, 2.0)
 RECTUM = tube(7.0, y=21.5, bend=0.002)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import runpy
 from pathlib import Path
 from types import ModuleType
 
@@ -73,6 +74,13 @@ def test_a_page_names_files_that_are_there(page: str) -> None:
     text = (TOP / page).read_text(encoding="utf-8")
     gone = [name for name in _PATH.findall(text) if not (TOP / name).exists()]
     assert not gone
+
+
+def test_the_files_that_are_tested_first_are_there() -> None:
+    """A file that was moved would silently be begun last again."""
+    longest = runpy.run_path(str(TOP / "tests" / "conftest.py"))["LONGEST"]
+    assert len(set(longest)) == len(longest) > 10
+    assert [name for name in longest if not (TOP / name).is_file()] == []
 
 
 def test_references_name_files_that_cite_them() -> None:

@@ -1,4 +1,4 @@
-"""Intel MKL PARDISO by its phases (11 once, 22 and 33 often), real symmetric indefinite, Bunch-Kaufman pivots.
+"""Intel MKL PARDISO by its phases (11 once, 22 and 33 often), real symmetric indefinite.
 
 The factor is made in single precision: 0.6 of the time and half the memory of double, and its inertia is the same
 unless an eigenvalue is within rounding of zero. Exact solutions come from refinement against the double matrix. Where
@@ -8,9 +8,12 @@ single precision does not do (a perturbed pivot, refinement that stalls) the fac
 from __future__ import annotations
 
 import ctypes
+import os
 import weakref
 from collections.abc import Callable
 from functools import cache
+from importlib import metadata
+from pathlib import Path
 
 import numpy as np
 from numba import njit
@@ -21,6 +24,7 @@ from palpate.core.fem.linear.direct_solver import FactorisationError, check_fini
 from palpate.core.fem.linear.pattern import Pattern
 
 _MTYPE = -2
+_MKL_PATH = "PYPARDISO_MKL_RT"  # environment variable from which pypardiso takes the library's path
 _REFINEMENTS = 6
 _EXACT = 1e-13  # relative residual at which refinement ends
 _GOOD = 1e-12  # relative residual that refinement must reach
@@ -28,11 +32,27 @@ _GOOD = 1e-12  # relative residual that refinement must reach
 
 @cache
 def mkl_pardiso() -> Callable[..., None]:
-    """MKL's entry point, found once: the search walks the whole environment. Raises ImportError where there is none."""
+    """MKL's entry point. Raises ImportError where there is none."""
+    library = _mkl_library()
+    if library is not None:
+        os.environ.setdefault(_MKL_PATH, library)
     # Imported here: the package is absent on machines without MKL, where SuperLU serves.
     from pypardiso import PyPardisoSolver
 
     return PyPardisoSolver(mtype=_MTYPE)._mkl_pardiso
+
+
+def _mkl_library() -> str | None:
+    """Path of MKL's run-time library as the wheel `mkl` lists it, None without that wheel.
+
+    Without it pypardiso searches the whole environment, twice: 0.7 to 1.1 s of processor time in every process.
+    """
+    try:
+        listed = metadata.files("mkl") or []
+    except metadata.PackageNotFoundError:
+        return None
+    found = (Path(str(file.locate())) for file in listed if "mkl_rt" in file.name)
+    return next((str(path.resolve()) for path in found if path.is_file()), None)
 
 
 class _Handle:

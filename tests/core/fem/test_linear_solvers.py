@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.linear import pardiso
 from palpate.core.fem.linear.choice import FactorisationError, make_solver
 from palpate.core.fem.linear.pattern import Pattern
 from palpate.core.fem.materials import Material
@@ -99,6 +100,19 @@ def test_a_solver_survives_a_refused_matrix(name: str) -> None:
     solver.factorise(values)
     b = np.ones(pattern.n)
     np.testing.assert_allclose(dense @ solver.solve(b), b, atol=1e-9)
+
+
+def test_mkl_is_found_without_a_search_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    available("pardiso", Pattern.of([np.array([[0, 1]])], np.arange(2)))
+    if pardiso._mkl_library() is None:
+        pytest.skip("MKL is not here as the wheel mkl")
+
+    def search(*_: object, **__: object) -> list[str]:
+        raise AssertionError("the environment was searched")
+
+    monkeypatch.setattr("glob.glob", search)
+    monkeypatch.delenv("PYPARDISO_MKL_RT", raising=False)
+    assert callable(pardiso.mkl_pardiso.__wrapped__())
 
 
 def test_superlu_says_that_it_has_no_factor_yet() -> None:
