@@ -15,7 +15,7 @@ from palpate.core.arrays import FloatArray, NumberArray
 class Volume:
     """A regular 3D image.
 
-    array : (ni, nj, nk); CT in HU (int16 or float32), labels in uint8.
+    array : (ni, nj, nk); CT in HU (int16 or float32), labels in uint8. A field of vectors has a fourth axis.
     affine : (4, 4), maps index (i, j, k, 1) to DICOM patient coordinates LPS in mm, voxel centres.
     """
 
@@ -36,7 +36,12 @@ class Volume:
         return (np.asarray(lps, dtype=float) - self.affine[:3, 3]) @ np.linalg.inv(self.affine[:3, :3]).T
 
     def at(self, lps: FloatArray) -> FloatArray:
-        """Values (n,) at patient coordinates (n, 3) mm by trilinear interpolation; the nearest edge value beyond the grid."""
+        """Values (n,) at patient coordinates (n, 3) mm by trilinear interpolation; the nearest edge value beyond the grid.
+
+        Values (n, c) where the array is a field (ni, nj, nk, c).
+        """
+        if self.array.ndim == 4:
+            return np.stack([self.with_array(self.array[..., c]).at(lps) for c in range(self.array.shape[3])], axis=-1)
         # Left to itself SciPy would round the values of a volume of integers.
         output = None if np.issubdtype(self.array.dtype, np.floating) else np.float64
         values = ndimage.map_coordinates(self.array, self.to_index(lps).T, output, order=1, mode="nearest")

@@ -22,7 +22,7 @@ from palpate.core.residual.noise_model_options import NoiseModelOptions
 @dataclass(frozen=True, eq=False)
 class DataVector:
     """What one deformed state shows. modes (q, k) : orthonormal. n_marks : landmarks. bone : None where no bones are
-    seen. motion_covariance (m, m) mm2 : of the motion that the images tell, its length 0 without images."""
+    seen. motion_covariance (m, m) : of the modes of the motion that the images tell, none without images."""
 
     modes: FloatArray
     n_marks: int
@@ -37,7 +37,7 @@ class DataVector:
         values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, options.mode_length_mm))
         kept = values > options.mode_least * values[-1]
         modes = np.ascontiguousarray(vectors[:, kept][:, ::-1])
-        return cls(modes, len(observation.landmarks), bone, observation.motion.covariance())
+        return cls(modes, len(observation.landmarks), bone, observation.motion.covariance)
 
     @property
     def n_modes(self) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from palpate.imaging.matching.local_matching import MatchedMotion, match
+from palpate.imaging.matching.local_matching import LocalMatches, match
 from palpate.imaging.matching.noise import measured_correlation
 from palpate.imaging.volume import Volume
 
@@ -40,12 +40,12 @@ def pair(sd: float = 15.0) -> tuple[Volume, Volume]:
     return Volume(first + noise(2, sd), GRID), Volume(base + noise(3, sd), GRID)
 
 
-def inner(found: MatchedMotion) -> np.ndarray:
+def inner(found: LocalMatches) -> np.ndarray:
     ends = (np.array(SHAPE) - 1) * SPACING
     return np.asarray(((found.points > 8.0) & (found.points < ends - 8.0)).all(axis=1))
 
 
-def along_axes(found: MatchedMotion, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def along_axes(found: LocalMatches, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Errors (n, 3) along the eigenvectors of the precision, and their stated standard deviations, mm."""
     information, axes = np.linalg.eigh(found.precision)
     return np.einsum("nki,nk->ni", axes, error), 1.0 / np.sqrt(np.maximum(information, 1e-12))

@@ -1,7 +1,7 @@
 """A pair of scans with a known motion between them, from one contoured CT.
 
 The CT is denoised, so that its own noise does not pass for texture that moves along; the second state is the first one
-warped by a smooth motion about bladder and rectum; both get fresh noise of the scan's own size.
+warped by a smooth motion about bladder and rectum, whose contents are others; both get fresh noise of the scan's own size.
 """
 
 from __future__ import annotations
@@ -12,67 +12,86 @@ import numpy as np
 from scipy import ndimage
 from skimage.restoration import denoise_nl_means
 
-from palpate.core.arrays import BoolArray, Float32Array, FloatArray
+from palpate.core.arrays import BoolArray, Float32Array, FloatArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
+from palpate.imaging.matching.two_scans import LabelledScan
 from palpate.imaging.volume import Volume
+from palpate.validate.matching.other_day import CHANGES, other_contents, seen_on_another_day, thicker_slices
 from palpate.validate.segmentation.contoured_scan import ContouredScan
 
 # Half the part of the scan that is matched, mm about the prostate; HU beyond which nothing is told apart.
-ROOM_MM, LOW_HU, HIGH_HU = np.array([62.0, 62.0, 64.0]), -300.0, 400.0
+ROOM_MM, LOW_HU, HIGH_HU = np.array([70.0, 70.0, 72.0]), -300.0, 400.0
 # Motion of the neighbourhoods of rectum and bladder: mean, spread and reach, mm.
 RECTUM_PUSH, BLADDER_PUSH, PUSH_SD = np.array([0.0, -6.0, 0.0]), np.array([0.0, 2.0, -5.0]), 1.0
 RECTUM_REACH, BLADDER_REACH = 22.0, 28.0
 # By how much the motion that matching starts from is off, each axis, mm, and over which distance that error changes.
 START_SD_MM, START_LENGTH_MM = 1.5, 20.0
-# What has no counterpart: gas and bone by HU, contents of hollow organs, and this much about them.
-GAS_HU, BONE_HU, RIM_MM = -200.0, 250.0, 2.5
 # Correlation of a scanner's noise, standard deviation of its filter, mm; strength of the denoising in noise units.
 NOISE_BLUR_MM, DENOISING = np.array([0.7, 0.7, 0.3]), 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class KnownPair:
-    """first, second : HU. usable : masks of both. motion : (ni, nj, nk, 3) mm from the first to the second.
+    """rest, deformed : the two scans and their labels. motion : field mm from rest to deformed, on the grid of the first.
 
-    start : the motion that matching is given. distance : (ni, nj, nk) mm to the prostate's surface, negative inside.
-    noise_hu : standard deviation of the noise of each.
+    start : the motion that matching is given. distance : mm to the prostate's surface at rest, negative inside. changes :
+    what differs between the two days. noise_hu : standard deviation of the noise at rest.
     """
 
-    first: Volume
-    second: Volume
-    usable: tuple[BoolArray, BoolArray]
-    motion: FloatArray
-    start: FloatArray
-    distance: FloatArray
+    rest: LabelledScan
+    deformed: LabelledScan
+    motion: Volume
+    start: Volume
+    distance: Volume
+    changes: tuple[str, ...]
     noise_hu: float
 
 
 def known_pair(scan: ContouredScan, seed: int) -> KnownPair:
-    """A pair from a scan with contours of prostate, bladder and rectum. Raises InputError where one of them is missing."""
+    """A pair from a scan with contours of prostate, bladder and rectum. Raises InputError where one of them is missing.
+
+    Every second pair has changes between the days besides motion and contents, drawn from the seed.
+    """
     random = np.random.default_rng(seed)
     hu, labels, spacing = _cropped(scan)
-    noise_hu = _noise_of(hu, labels, spacing)
-    base = denoise_nl_means(
-        hu, patch_size=3, patch_distance=4, h=DENOISING * noise_hu, sigma=noise_hu, fast_mode=True
-    ).astype(np.float32)
+    noise_hu = noise_of(hu, labels, spacing)
+    base = denoised(hu, noise_hu)
     places = np.moveaxis(np.indices(hu.shape), 0, -1) * spacing
     motion = _motion(labels, places, spacing, random)
-    hollow = np.isin(labels, (BLADDER, RECTUM))
-    second = base + _noise(hu.shape, spacing, noise_hu, random)
-    first = _warped(base, places + motion, spacing, 3) + _noise(hu.shape, spacing, noise_hu, random)
-    hollow_first = _warped(hollow.astype(np.float32), places + motion, spacing, 1) > 0.05
-    inside = _warped(np.isin(labels, ORGAN_LABELS).astype(np.float32), places + motion, spacing, 1) > 0.5
+    rest = _warped(base, places + motion, spacing, 3) + _noise(hu.shape, spacing, noise_hu, random)
+    organs = {
+        v: _warped((labels == v).astype(np.float32), places + motion, spacing, 1) > 0.5 for v in np.unique(labels)
+    }
+    rest_labels = np.select(list(organs.values()), list(organs), 0).astype(np.uint8)
+    changes = tuple(c for c in CHANGES if random.random() < 0.5) if seed % 2 else ()
+    other = seen_on_another_day(other_contents(base, labels, spacing, random), spacing, changes, random)
+    factor = 1.5 if "noise" in changes else 1.0
+    other = other + _noise(hu.shape, spacing, factor * noise_hu, random)
     grid = np.diag([*spacing, 1.0])
+    deformed, drawn = Volume(other, grid), Volume(labels, grid)
+    if "slices" in changes:
+        deformed = thicker_slices(deformed)
     return KnownPair(
-        Volume(first, grid), Volume(second, grid),
-        (_usable(first, hollow_first, spacing), _usable(second, hollow, spacing)),
-        motion, motion + _start_error(hu.shape, spacing, random),
-        _signed(inside, spacing), noise_hu,
+        LabelledScan(Volume(rest, grid), Volume(rest_labels, grid)), LabelledScan(deformed, drawn),
+        Volume(motion, grid), Volume(motion + _start_error(hu.shape, spacing, random), grid),
+        Volume(_signed(np.isin(rest_labels, ORGAN_LABELS), spacing), grid), changes, noise_hu,
     )  # fmt: skip
 
 
-def _cropped(scan: ContouredScan) -> tuple[Float32Array, BoolArray, FloatArray]:
+def denoised(hu: Float32Array, noise_hu: float) -> Float32Array:
+    """The scan without its noise of that standard deviation: non-local means (Buades and others 2005)."""
+    found = denoise_nl_means(hu, patch_size=3, patch_distance=4, h=DENOISING * noise_hu, sigma=noise_hu, fast_mode=True)
+    return np.asarray(found, dtype=np.float32)
+
+
+def noise_of(hu: Float32Array, labels: LabelArray, spacing: FloatArray) -> float:
+    """Standard deviation, HU, of the urine 6 mm within the bladder's contour."""
+    inner = ndimage.distance_transform_edt(labels == BLADDER, sampling=spacing) > 6.0
+    return float(hu[inner].std()) if inner.any() else 12.0
+
+
+def _cropped(scan: ContouredScan) -> tuple[Float32Array, LabelArray, FloatArray]:
     labels = scan.labels.array
     for name, values in (("prostate", ORGAN_LABELS), ("bladder", (BLADDER,)), ("rectum", (RECTUM,))):
         if not np.isin(labels, values).any():
@@ -84,13 +103,7 @@ def _cropped(scan: ContouredScan) -> tuple[Float32Array, BoolArray, FloatArray]:
     return np.clip(scan.ct.array[part].astype(np.float32), LOW_HU, HIGH_HU), labels[part], spacing
 
 
-def _noise_of(hu: Float32Array, labels: BoolArray, spacing: FloatArray) -> float:
-    """Standard deviation, HU, of the urine 6 mm within the bladder's contour."""
-    inner = ndimage.distance_transform_edt(labels == BLADDER, sampling=spacing) > 6.0
-    return float(hu[inner].std()) if inner.any() else 12.0
-
-
-def _motion(labels: BoolArray, places: FloatArray, spacing: FloatArray, random: np.random.Generator) -> FloatArray:
+def _motion(labels: LabelArray, places: FloatArray, spacing: FloatArray, random: np.random.Generator) -> FloatArray:
     prostate = (np.argwhere(np.isin(labels, ORGAN_LABELS)) * spacing).mean(axis=0)
     rectum = np.argwhere(labels == RECTUM) * spacing
     beside = rectum[np.abs(rectum[:, 2] - prostate[2]) < 25.0]
@@ -117,11 +130,6 @@ def _warped(image: Float32Array, places: FloatArray, spacing: FloatArray, order:
     at = (places / spacing).reshape(-1, 3).T
     values = ndimage.map_coordinates(image, at, order=order, mode="nearest")
     return np.asarray(values.reshape(image.shape), dtype=np.float32)
-
-
-def _usable(hu: Float32Array, hollow: BoolArray, spacing: FloatArray) -> BoolArray:
-    counts = ~(hollow | (hu < GAS_HU) | (hu > BONE_HU))
-    return np.asarray(ndimage.distance_transform_edt(counts, sampling=spacing) > RIM_MM)
 
 
 def _signed(inside: BoolArray, spacing: FloatArray) -> FloatArray:

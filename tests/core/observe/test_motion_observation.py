@@ -12,6 +12,7 @@ from palpate.core.fem.space import Space
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.matched_motion import MatchedMotion
+from palpate.core.observe.motion_data import MotionData, mode_reader
 from palpate.core.observe.motion_observation import MotionObservation
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
@@ -57,7 +58,7 @@ def solved(model: StateModel) -> Linearisation:
 def test_a_direction_without_information_is_no_datum_and_a_point_outside_the_mesh_is_none(
     posed: IdentificationProblem,
 ) -> None:
-    seen = MotionObservation.of(matched(), Space.of(posed.mesh, "p1p1"))
+    seen = MotionObservation.of(matched(), Space.of(posed.mesh, "p1p1")).data
     assert seen.point.tolist() == [0, 0, 0, 1]
     np.testing.assert_allclose(np.abs(seen.direction[3]), [0.6, 0.8, 0.0], atol=1e-12)
     np.testing.assert_allclose(seen.sd, [0.2, 0.2, 0.2, 0.1])
@@ -66,7 +67,7 @@ def test_a_direction_without_information_is_no_datum_and_a_point_outside_the_mes
 def test_neighbouring_windows_err_together(posed: IdentificationProblem) -> None:
     places = np.array([[0.0, 0, 0], [5.0, 0, 0], [0, -9.0, 0]])
     near = replace(matched(), points=places, precision=np.tile(np.eye(3), (3, 1, 1)))
-    seen = MotionObservation.of(near, Space.of(posed.mesh, "p1p1"))
+    seen = MotionObservation.of(near, Space.of(posed.mesh, "p1p1")).data
     C = seen.covariance()
     x = np.flatnonzero(np.abs(seen.direction[:, 0]) > 0.5)
     assert C[x[0], x[1]] == pytest.approx(np.exp(-0.25), abs=0.01)
@@ -74,15 +75,32 @@ def test_neighbouring_windows_err_together(posed: IdentificationProblem) -> None
     assert np.linalg.eigvalsh(C).min() > 0.0
 
 
+def test_modes_have_independent_errors_of_unit_size_and_lose_no_smooth_motion(posed: IdentificationProblem) -> None:
+    random = np.random.default_rng(2)
+    points = random.uniform(-9.0, 9.0, (60, 3))
+    normals = random.standard_normal((60, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    many = MatchedMotion(points, 0.0 * points, np.array([edge(n, 0.2) for n in normals]), 10.0)
+    data = MotionData.of(many)
+    reader = mode_reader(data)
+    np.testing.assert_allclose(reader @ data.covariance() @ reader.T, np.eye(len(reader)), atol=1e-9)
+    assert len(reader) < len(data.sd)
+    smooth = data.along(np.sin(points[:, [1, 2, 0]] / 12.0))
+    whole = smooth @ np.linalg.solve(data.covariance(), smooth)
+    assert ((reader @ smooth) ** 2).sum() == pytest.approx(whole, rel=0.02)
+
+
 def test_the_residual_is_predicted_minus_matched_along_what_is_told(
     posed: IdentificationProblem, model: StateModel, solved: Linearisation
 ) -> None:
-    rows = solved.residual[model.data.motion]
-    u = model.geometry.observation.motion.operator @ solved.equilibrium.u
-    assert rows[3] == pytest.approx(model.geometry.observation.motion.direction[3] @ (u[1] - 0.5))
+    motion = model.geometry.observation.motion
+    u = motion.operator @ solved.equilibrium.u
+    expected = motion.reader @ np.array([motion.data.direction[k] @ (u[p] - 0.5) for k, p in enumerate([0, 0, 0, 1])])
+    np.testing.assert_allclose(solved.residual[model.data.motion], expected)
+    assert np.abs(expected).max() > 0.1
     assert model.data.n == model.data.n_modes + 4
-    without = DataVector.of(SharedGeometry.of(replace(posed, matched=None), "p1p1").observation, None, NoiseModelOptions())  # fmt: skip
-    assert without.n == model.data.n_modes
+    without = SharedGeometry.of(replace(posed, matched=None), "p1p1").observation
+    assert DataVector.of(without, None, NoiseModelOptions()).n == model.data.n_modes
 
 
 def test_the_derivative_is_the_slope_of_the_solved_model(model: StateModel, solved: Linearisation) -> None:
@@ -97,7 +115,7 @@ def test_the_derivative_is_the_slope_of_the_solved_model(model: StateModel, solv
 def test_its_covariance_is_a_part_of_the_noise(model: StateModel, solved: Linearisation) -> None:
     noise = NoiseParts.of([solved], [model.data], NoiseModelOptions())
     rows = model.data.motion
-    np.testing.assert_allclose(np.diag(noise.floor)[rows], [0.04, 0.04, 0.04, 0.01])
+    np.testing.assert_allclose(noise.floor[rows, rows], np.eye(4))
     # A wall whose contour is off moves tissue too: those errors reach the matched rows.
     assert np.diag(noise.contour[0])[rows].min() > 0.0
 

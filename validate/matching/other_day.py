@@ -1,0 +1,63 @@
+"""What differs between two scans of one patient besides motion: contents, contrast, kernel, noise, streaks, slices."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from scipy import ndimage
+
+from palpate.core.arrays import BoolArray, Float32Array, FloatArray, LabelArray
+from palpate.imaging.labels import BLADDER, RECTUM
+from palpate.imaging.volume import Volume
+
+# Changes that a pair may have, each with a probability of one half in every second pair.
+CHANGES = ("contrast", "kernel", "noise", "streaks", "slices")
+# Contents: urine's HU, and stool's mean, spread and size of lumps; how sharply contents end, mm.
+URINE_HU, STOOL_HU, STOOL_SD_HU, LUMP_MM, END_MM = (0.0, 60.0), -20.0, 120.0, 5.0, 1.0
+# Contrast: tissue gains this share of its HU above fat's, and an uneven brightness of this size and length.
+GAIN, FAT_HU, UNEVEN_HU, UNEVEN_MM = 0.15, -100.0, 8.0, 30.0
+# Kernel: another scanner's blur within the slice, mm. Streaks between the hips: size, width across, mm.
+KERNEL_MM, STREAK_HU, STREAK_MM = 0.8, 12.0, 2.0
+# What a wall leaves of its organ's contour for the contents, mm.
+_WALL_MM = 3.0
+
+
+def other_contents(
+    hu: Float32Array, labels: LabelArray, spacing: FloatArray, random: np.random.Generator
+) -> Float32Array:
+    """The scan with urine of another HU and other stool and gas."""
+    out = hu.copy()
+    lumps = ndimage.gaussian_filter(random.standard_normal(hu.shape), LUMP_MM / spacing)
+    stool = np.clip(STOOL_HU + STOOL_SD_HU * lumps / lumps.std(), -300.0, 120.0)
+    for organ, contents in ((BLADDER, np.full(hu.shape, random.uniform(*URINE_HU))), (RECTUM, stool)):
+        inside: BoolArray = ndimage.distance_transform_edt(labels == organ, sampling=spacing) > _WALL_MM
+        share = ndimage.gaussian_filter(inside.astype(np.float32), END_MM / spacing)
+        out = (1.0 - share) * out + share * contents
+    return np.asarray(out, dtype=np.float32)
+
+
+def seen_on_another_day(
+    hu: Float32Array, spacing: FloatArray, changes: Collection[str], random: np.random.Generator
+) -> Float32Array:
+    """The scan with contrast, another kernel and streaks, where `changes` name them; noise and slices come after."""
+    out = hu.astype(np.float64)
+    if "contrast" in changes:
+        uneven = ndimage.gaussian_filter(random.standard_normal(hu.shape), UNEVEN_MM / spacing)
+        out = out + GAIN * np.maximum(out - FAT_HU, 0.0) + UNEVEN_HU * uneven / uneven.std()
+    if "kernel" in changes:
+        out = ndimage.gaussian_filter(out, np.array([KERNEL_MM, KERNEL_MM, 0.0]) / spacing)
+    if "streaks" in changes:
+        across = ndimage.gaussian_filter(random.standard_normal(hu.shape[1:]), (STREAK_MM / spacing[1], 0.0))
+        out = out + STREAK_HU * across[None] / across.std()
+    return np.asarray(out, dtype=np.float32)
+
+
+def thicker_slices(volume: Volume) -> Volume:
+    """Slices twice as thick, each the mean of two."""
+    count = volume.array.shape[2] // 2
+    both = volume.array[:, :, : 2 * count].reshape(*volume.array.shape[:2], count, 2).mean(axis=3)
+    affine = volume.affine.copy()
+    affine[:3, 3] = volume.to_lps(np.array([[0.0, 0.0, 0.5]]))[0]
+    affine[:3, 2] *= 2.0
+    return Volume(np.asarray(both, dtype=np.float32), affine)
