@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import state_labels, state_landmarks
+from palpate.case.matched import read_matched_motion
 from palpate.case.measured_noise import measured_noise
 from palpate.case.meshed import ORGAN_NAME, load_meshed, load_surfaces, rigid_offset_of
 from palpate.case.stated_files import further_states
@@ -24,8 +25,10 @@ _WALLS = ("bladder", "rectum")
 _ORGAN = (1, 2)
 
 
-def problem_of(case: CaseFolder) -> IdentificationProblem:
+def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
     """Problem of the first deformed state: mesh, walls, organ surfaces and landmarks, all in the rest frame, mm.
+
+    image : with the motion that the images tell, where the match step has found it.
 
     Raises InputError when an earlier step has not been run, or when a state shows no organ.
     """
@@ -49,6 +52,7 @@ def problem_of(case: CaseFolder) -> IdentificationProblem:
         facts_of(case),
         {r: LABELS[r] for r in present},
         landmarks,
+        read_matched_motion(case) if image else None,
     )
 
 
@@ -65,7 +69,7 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
         walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in surfaces.items() if len(surface.faces)}
         organ = SurfacePair(first.organ.rest, organ_surfaces(labels))
         landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
-        problems.append(replace(first, walls=walls, organ=organ, landmarks=landmarks))
+        problems.append(replace(first, walls=walls, organ=organ, landmarks=landmarks, matched=None))
     return problems
 
 

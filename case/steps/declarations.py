@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import msgspec
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.matched import FILE as MATCHED
 from palpate.case.stated_files import body_inputs, further_files, is_body
 from palpate.case.steps.step import Step
 
@@ -29,7 +30,10 @@ def _with_further_files(case: CaseFolder, reads: tuple[str, ...]) -> tuple[str, 
 
 
 def _scene_or_body(case: CaseFolder, reads: tuple[str, ...]) -> tuple[str, ...]:
-    return body_inputs(case) if is_body(case) else _with_further_files(case, reads)
+    if is_body(case):
+        return body_inputs(case)
+    matched = (MATCHED,) if case.has(MATCHED) else ()
+    return (*_with_further_files(case, reads), *matched)
 
 
 def _hashes_of_the_result(case: CaseFolder) -> Mapping[str, str] | None:
@@ -78,6 +82,14 @@ MESH = Step(
     "palpate.meshing.mesh_labels:MeshOptions",
     f"{_STEPS}.mesh:run",
 )
+MATCH = Step(
+    "match",
+    "motion of the tissue between the two scans, from their images",
+    ("rest_ct", "deformed_ct", "alignment.json", *_LABELS, "labels.txt", *_SCENE[:3]),
+    (MATCHED,),
+    "palpate.imaging.matching.local_matching:MatchOptions",
+    f"{_STEPS}.match:run",
+)
 IDENTIFY = Step(
     "identify",
     "mesh and surfaces to stiffness and its uncertainty",
@@ -97,7 +109,7 @@ DIAGNOSE = Step(
     ("diagnosis.json", "diagnose/gap_maps.npz"),
     f"{_STEPS}.diagnose:DiagnoseOptions",
     f"{_STEPS}.diagnose:run",
-    f"{_MORE}; of a body on a bench its surface and points files instead",
+    f"{_MORE}; `{MATCHED}`; of a body on a bench its surface and points files instead",
     has_job=True,
     inputs_of=_scene_or_body,
 )
@@ -109,4 +121,4 @@ PLAN = Step(
     f"{_STEPS}.plan:PlanOptions",
     f"{_STEPS}.plan:run",
 )
-STEPS = (SIMULATE, IMPORT, SEGMENT, MESH, IDENTIFY, DIAGNOSE, PLAN)
+STEPS = (SIMULATE, IMPORT, SEGMENT, MESH, MATCH, IDENTIFY, DIAGNOSE, PLAN)

@@ -16,7 +16,7 @@ from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.meshed import load_surfaces, rigid_offset_of
 from palpate.case.problem import problem_of, state_problems
 from palpate.case.stated_files import further_states, is_body
-from palpate.case.steps import mesh
+from palpate.case.steps import match, mesh
 from palpate.case.steps.declarations import DIAGNOSE
 from palpate.core.diagnose.case_data import CaseData, arrays
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
@@ -44,13 +44,15 @@ class DiagnoseOptions:
     """effects : folder of a user's own effects. seed : of bootstraps and placebos. meshes : number of meshes to average
     over.
 
-    numbers : noise model, wall motion and decision rules.
+    numbers : noise model, wall motion and decision rules. image : use the motion that the two CTs' images tell, where
+    the case has both.
     """
 
     effects: Path | None = None
     seed: int = 1
     meshes: int = 1
     numbers: DiagnosisOptions = field(default_factory=DiagnosisOptions)
+    image: bool = False
 
 
 def run(
@@ -71,6 +73,9 @@ def run(
     chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes}
     if options.numbers != DiagnosisOptions():
         chosen["numbers"] = options.numbers.to_json()
+    if options.image and not body:
+        chosen["image"] = True
+        match.run(case, progress=part(progress, 0.2, 0.3))
     made_from = DIAGNOSE.made_from(case, chosen)
     if DIAGNOSE.is_done(case, made_from):
         return read_diagnosis(case)
@@ -78,7 +83,8 @@ def run(
     if body:
         given = body_problem(case).arrays()
     else:
-        given = arrays(replace(data_of(case), remeshed=remeshed(case, options.meshes - 1, part(progress, 0.2, 0.4))))
+        others = remeshed(case, options.meshes - 1, part(progress, 0.3, 0.4))
+        given = arrays(replace(data_of(case, options.image), remeshed=others))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
     record = _of_case(
@@ -107,11 +113,11 @@ def rigid_offset_notes(case: CaseFolder) -> list[str]:
     return notes + [offset.words(f"the scan {name!r}") for name, offset in further if offset is not None]
 
 
-def data_of(case: CaseFolder) -> CaseData:
-    """Data of a diagnosis, from a meshed case."""
+def data_of(case: CaseFolder, image: bool = False) -> CaseData:
+    """Data of a diagnosis, from a meshed case. image : with the motion that the match step has found."""
     rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
     bones = SurfacePair(rest["bone"], deformed["bone"]) if "bone" in rest and "bone" in deformed else None
-    first = problem_of(case)
+    first = problem_of(case, image)
     more = zip(state_problems(case, first), _further_bones(case, rest.get("bone")), strict=True)
     return CaseData(first, bones, (case.facts.gravity_rest, case.facts.gravity_deformed), more=tuple(more))
 

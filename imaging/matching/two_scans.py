@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -79,8 +79,8 @@ def _judged(found: LocalMatches, back: FloatArray) -> MatchedMotion:
 
 
 def _chosen(found: LocalMatches, keep: BoolArray) -> LocalMatches:
-    parts = (found.points, found.displacement, found.precision, found.shift, found.left_hu)
-    return LocalMatches(*(part[keep] for part in parts), found.correlation_mm, found.field)
+    names = ("points", "displacement", "precision", "shift", "left_hu")
+    return replace(found, **{name: getattr(found, name)[keep] for name in names})
 
 
 def _bounds(labels: Volume) -> tuple[FloatArray, FloatArray]:

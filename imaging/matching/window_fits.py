@@ -10,9 +10,9 @@ from palpate.core.arrays import Float32Array, FloatArray
 from palpate.imaging.matching.scan_pair import ScanPair
 from palpate.imaging.matching.window_sums import pairs, symmetric
 
-# The most, mm, that a window moves in one step, and what is added to A, HU2/mm2, so that a direction without texture
-# stays where it is.
-STEP_MM, DAMPING = 1.5, 1.4
+# The most that a window moves in one step, over its standard deviation; and what is added to A, HU2/mm2, so that a
+# direction without texture stays where it is.
+STEP, DAMPING = 0.3, 1.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ def shifts(pair: ScanPair, motion: FloatArray, iterations: int) -> tuple[FloatAr
         damped = at.A + DAMPING * np.eye(3)
         step = np.linalg.solve(damped, (at.right + DAMPING * shift)[..., None])[..., 0] - shift
         length = np.linalg.norm(step, axis=-1, keepdims=True)
-        shift = shift + step * np.minimum(1.0, STEP_MM / np.maximum(length, 1e-9))
+        shift = shift + step * np.minimum(1.0, STEP * pair.windows.sigma_mm / np.maximum(length, 1e-9))
     return shift, normal_equations(pair, motion, shift)
 
 

@@ -89,7 +89,7 @@ def symmetric(parts: dict[tuple[int, int], Float32Array], count: int) -> FloatAr
 
 def _nodes(length: float, step: float) -> FloatArray:
     count = int(length / step) + 1
-    return (length - (count - 1) * step) / 2.0 + step * np.arange(count)
+    return np.asarray((length - (count - 1) * step) / 2.0 + step * np.arange(count), dtype=np.float64)
 
 
 def _gaussian(nodes: FloatArray, places: FloatArray, sigma: float, spacing: float) -> Float32Array:

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 NAME, HELP = "diagnose", "where the model is wrong, which effect it leaves out, how far that closes the gap"
 _SHOWN = 4
 FALSE_ALARMS = "pairs without any hidden effect can raise such an alarm too: docs/gap.md says how often that was seen"
-# As `diagnose_step.DiagnoseOptions` has it, which is not loaded for a list of options.
+# As `diagnose_step.DiagnoseOptions` has them, which is not loaded for a list of options.
 DEFAULT_MESHES = 1
+DEFAULT_IMAGE = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--meshes", type=whole_number(1, 9), default=DEFAULT_MESHES, metavar="N",
         help="average the prediction over so many meshes of the same labels (default %(default)s)",
     )  # fmt: skip
+    parser.add_argument("--image", action=argparse.BooleanOptionalAction, default=DEFAULT_IMAGE,
+                        help="use, beside the contours, the motion that the two CTs' images tell")  # fmt: skip
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
@@ -45,7 +48,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     if args.effects is not None and not args.effects.is_dir():
         raise InputError(f"{args.effects} is no folder; give the folder that holds your effects' *.py files")
     case = CaseFolder(args.case)
-    options = diagnose.DiagnoseOptions(args.effects, random_seed(args), args.meshes)
+    options = diagnose.DiagnoseOptions(args.effects, random_seed(args), args.meshes, image=args.image)
     with recorded(case, args), console.progress(NAME) as progress:
         found = diagnose.run(case, options, progress)
     return plain(found), "\n".join(text_of(case, found))

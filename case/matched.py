@@ -1,0 +1,24 @@
+"""Motion that the images of a case tell, written by the match step."""
+
+from __future__ import annotations
+
+from palpate.case.case_folder import CaseFolder
+from palpate.core.errors import InputError
+from palpate.core.matched_motion import MatchedMotion
+
+FILE = "matched_motion.npz"
+
+
+def has_both_scans(case: CaseFolder) -> bool:
+    """Whether the case holds the CTs of both states."""
+    return all(case.has(f"{state}_ct") for state in ("rest", "deformed"))
+
+
+def read_matched_motion(case: CaseFolder) -> MatchedMotion | None:
+    """The matched motion; None where nothing was matched. Raises InputError when the file is damaged."""
+    if not case.has(FILE):
+        return None
+    try:
+        return MatchedMotion.from_arrays(case.read_npz(FILE))
+    except KeyError as error:
+        raise InputError(f"{case.file(FILE)} lacks {error}; remove it and diagnose again") from error

@@ -1,0 +1,54 @@
+"""The match step: nothing without both CTs, the start that the model predicts, and the file that it leaves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_case import HALF, problem, push
+
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.matched import FILE, read_matched_motion
+from palpate.case.steps import match
+from palpate.case.steps.declarations import DIAGNOSE
+from palpate.core.errors import InputError
+from palpate.core.matched_motion import MatchedMotion
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> CaseFolder:
+    return CaseFolder.create(tmp_path / "case", CaseFacts("made-up"))
+
+
+def test_a_case_without_both_scans_is_not_matched(case: CaseFolder) -> None:
+    case.file("rest_ct").mkdir()
+    assert match.run(case) is None
+    assert read_matched_motion(case) is None and not case.has(FILE)
+
+
+def test_the_file_holds_the_motion_and_is_an_input_of_the_diagnosis(case: CaseFolder) -> None:
+    points = np.arange(6.0).reshape(2, 3)
+    case.write_npz(FILE, **MatchedMotion(points, points + 1.0, np.tile(np.eye(3), (2, 1, 1)), 10.0).arrays())
+    again = read_matched_motion(case)
+    assert again is not None
+    np.testing.assert_array_equal(again.moved, points + 1.0)
+    assert again.correlation_mm == 10.0
+    assert FILE in DIAGNOSE.inputs(case)
+
+
+def test_a_file_that_lacks_an_array_is_named(case: CaseFolder) -> None:
+    case.write_npz(FILE, points=np.zeros((0, 3)))
+    with pytest.raises(InputError, match=f"{FILE} lacks"):
+        read_matched_motion(case)
+
+
+def test_matching_starts_from_the_motion_that_the_model_predicts() -> None:
+    depth = 3.0
+    posed = problem(depth=depth)
+    predicted, nodes = match.predicted_motion(posed), posed.mesh.points
+    front, back = nodes[nodes[:, 1] > HALF - 1e-6], nodes[nodes[:, 1] < 1e-6 - HALF]
+    np.testing.assert_allclose(predicted(front)[:, 1], -push(front[:, 0], front[:, 2], depth), atol=0.1)
+    assert np.abs(predicted(back)).max() < 0.01
+    assert np.isfinite(predicted(np.full((1, 3), 200.0))).all()
