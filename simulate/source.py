@@ -8,15 +8,15 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from scipy import ndimage
 
-from palpate.core.arrays import Float32Array, FloatArray, LabelArray
+from palpate.core.arrays import FloatArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import OUTSIDE
 from palpate.imaging.volume import Volume
 from palpate.meshing.partition import Partition, make_partition
 from palpate.simulate.phantom import phantom
-from palpate.simulate.scanner import Scanner, voxel_mean
+from palpate.simulate.scanner import Scanner
+from palpate.simulate.second_scan import SecondScan
 
 # Rest positions (n, 3) mm of points (n, 3) mm in the scanner's coordinates.
 ToRest = Callable[[FloatArray], FloatArray]
@@ -97,11 +97,15 @@ class PhantomSource:
 
 @dataclass(frozen=True, eq=False)
 class VolumeSource:
-    """A real body: labels of the state at rest and its CT (None: labels can be simulated, scans cannot)."""
+    """A real body: labels of the state at rest and its CT (None: labels can be simulated, scans cannot).
+
+    changes : what else differs on the day of the second scan, of `other_day.CHANGES`.
+    """
 
     name: str
     model_labels: Volume
     ct: Volume | None
+    changes: tuple[str, ...] = ()
 
     @property
     def label_grid(self) -> Volume:
@@ -113,14 +117,15 @@ class VolumeSource:
         return self._partition.classify(points).astype(np.uint8)
 
     def scan(self, to_rest: ToRest | None, grid: Volume | None, seed: int) -> Volume:
-        """See `Source.scan`: the given CT, or that CT interpolated (cubic) where its tissue was at rest."""
+        """See `Source.scan`: the given CT, or that CT without noise where its tissue was at rest (`SecondScan`)."""
         ct = self._needed_ct()
         if to_rest is None and grid is None:
             return ct
-        target = grid or ct
-        moved = voxel_mean(lambda points: self._hu(points if to_rest is None else to_rest(points)), target, (1, 1, 1))
+        random = np.random.default_rng(seed)
+        scan = SecondScan.of(ct, self.model_labels, lambda part: labels_on(self.labels, part), random)
+        moved = scan.seen(to_rest or (lambda points: points), grid or ct, self.changes, random)
         low, high = int(ct.array.min()), int(ct.array.max())
-        return target.with_array(np.rint(np.clip(moved, low, high)).astype(np.int16))
+        return (grid or ct).with_array(np.rint(np.clip(moved, low, high)).astype(np.int16))
 
     def _needed_ct(self) -> Volume:
         if self.ct is None:
@@ -130,17 +135,6 @@ class VolumeSource:
     @cached_property
     def _partition(self) -> Partition:
         return make_partition(self.model_labels)
-
-    @cached_property
-    def _spline(self) -> Float32Array:
-        values = self._needed_ct().array.astype(np.float32)
-        return ndimage.spline_filter(values, order=3, output=np.float32, mode="nearest")
-
-    def _hu(self, points: FloatArray) -> FloatArray:
-        index = self._needed_ct().to_index(points).T
-        return np.asarray(
-            ndimage.map_coordinates(self._spline, index, order=3, prefilter=False, mode="nearest"), dtype=np.float64
-        )
 
 
 def labels_on(labels: Callable[[FloatArray], LabelArray], grid: Volume) -> Volume:

@@ -10,14 +10,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
-from skimage.restoration import denoise_nl_means
 
 from palpate.core.arrays import BoolArray, Float32Array, FloatArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.matching.two_scans import LabelledScan
 from palpate.imaging.volume import Volume
-from palpate.validate.matching.other_day import CHANGES, other_contents, seen_on_another_day, thicker_slices
+from palpate.simulate.other_day import (
+    CHANGES,
+    denoised,
+    fresh_noise,
+    noise_of,
+    other_contents,
+    seen_on_another_day,
+    thicker_slices,
+)
 from palpate.validate.segmentation.contoured_scan import ContouredScan
 
 # Half the part of the scan that is matched, mm about the prostate; HU beyond which nothing is told apart.
@@ -27,8 +34,6 @@ RECTUM_PUSH, BLADDER_PUSH, PUSH_SD = np.array([0.0, -6.0, 0.0]), np.array([0.0, 
 RECTUM_REACH, BLADDER_REACH = 22.0, 28.0
 # By how much the motion that matching starts from is off, each axis, mm, and over which distance that error changes.
 START_SD_MM, START_LENGTH_MM = 1.5, 20.0
-# Correlation of a scanner's noise, standard deviation of its filter, mm; strength of the denoising in noise units.
-NOISE_BLUR_MM, DENOISING = np.array([0.7, 0.7, 0.3]), 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +64,7 @@ def known_pair(scan: ContouredScan, seed: int) -> KnownPair:
     base = denoised(hu, noise_hu)
     places = np.moveaxis(np.indices(hu.shape), 0, -1) * spacing
     motion = _motion(labels, places, spacing, random)
-    rest = _warped(base, places + motion, spacing, 3) + _noise(hu.shape, spacing, noise_hu, random)
+    rest = _warped(base, places + motion, spacing, 3) + fresh_noise(hu.shape, spacing, noise_hu, random)
     organs = {
         v: _warped((labels == v).astype(np.float32), places + motion, spacing, 1) > 0.5 for v in np.unique(labels)
     }
@@ -67,7 +72,7 @@ def known_pair(scan: ContouredScan, seed: int) -> KnownPair:
     changes = tuple(c for c in CHANGES if random.random() < 0.5) if seed % 2 else ()
     other = seen_on_another_day(other_contents(base, labels, spacing, random), spacing, changes, random)
     factor = 1.5 if "noise" in changes else 1.0
-    other = other + _noise(hu.shape, spacing, factor * noise_hu, random)
+    other = other + fresh_noise(hu.shape, spacing, factor * noise_hu, random)
     grid = np.diag([*spacing, 1.0])
     deformed, drawn = Volume(other, grid), Volume(labels, grid)
     if "slices" in changes:
@@ -77,18 +82,6 @@ def known_pair(scan: ContouredScan, seed: int) -> KnownPair:
         Volume(motion, grid), Volume(motion + _start_error(hu.shape, spacing, random), grid),
         Volume(_signed(np.isin(rest_labels, ORGAN_LABELS), spacing), grid), changes, noise_hu,
     )  # fmt: skip
-
-
-def denoised(hu: Float32Array, noise_hu: float) -> Float32Array:
-    """The scan without its noise of that standard deviation: non-local means (Buades and others 2005)."""
-    found = denoise_nl_means(hu, patch_size=3, patch_distance=4, h=DENOISING * noise_hu, sigma=noise_hu, fast_mode=True)
-    return np.asarray(found, dtype=np.float32)
-
-
-def noise_of(hu: Float32Array, labels: LabelArray, spacing: FloatArray) -> float:
-    """Standard deviation, HU, of the urine 6 mm within the bladder's contour."""
-    inner = ndimage.distance_transform_edt(labels == BLADDER, sampling=spacing) > 6.0
-    return float(hu[inner].std()) if inner.any() else 12.0
 
 
 def _cropped(scan: ContouredScan) -> tuple[Float32Array, LabelArray, FloatArray]:
@@ -119,11 +112,6 @@ def _start_error(shape: tuple[int, ...], spacing: FloatArray, random: np.random.
     sigma = START_LENGTH_MM / spacing
     error = np.stack([ndimage.gaussian_filter(random.standard_normal(shape), sigma) for _ in range(3)], axis=-1)
     return np.asarray(error * (START_SD_MM / error.std()))
-
-
-def _noise(shape: tuple[int, ...], spacing: FloatArray, sd: float, random: np.random.Generator) -> Float32Array:
-    made = ndimage.gaussian_filter(random.standard_normal(shape), NOISE_BLUR_MM / spacing)
-    return np.asarray(made * (sd / made.std()), dtype=np.float32)
 
 
 def _warped(image: Float32Array, places: FloatArray, spacing: FloatArray, order: int) -> Float32Array:

@@ -61,13 +61,15 @@ class MeshFile(_Part, frozen=True):
 
 
 class ScanFile(_Part, frozen=True):
-    """How the phantom is scanned (voxel, noise, blur) and how the patient lies in the second scan (shift, rotation)."""
+    """How the phantom is scanned (voxel, noise, blur), how the patient lies in the second scan (shift, rotation), and what
+    else differs in the second scan of a real CT (changes)."""
 
     shift_mm: tuple[_Shift, _Shift, _Shift] = (0.0, 0.0, 0.0)
     rotation_deg: tuple[_Turn, _Turn, _Turn] = (0.0, 0.0, 0.0)
     voxel_mm: tuple[_Voxel, _Voxel, _Voxel] = (1.2, 1.2, 2.0)
     noise_hu: Annotated[float, Meta(ge=0.0, le=100.0)] = 12.0
     blur_mm: Annotated[float, Meta(ge=0.0, le=3.0)] = 0.5
+    changes: tuple[Literal["contrast", "kernel", "noise", "streaks"], ...] = ()
 
 
 _Source = Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,9 +66,9 @@ def run_simulate(
 
 def _source(spec: SimulationSpec) -> Source:
     if isinstance(spec.source, Path):
-        return case_source(spec.source)
+        return replace(case_source(spec.source), changes=spec.scan.changes)
     if isinstance(spec.source, CtSource):
-        return ct_source(spec.source)
+        return replace(ct_source(spec.source), changes=spec.scan.changes)
     scan = spec.scan
     return PhantomSource(voxel_mm=scan.voxel_mm, scanner=Scanner(scan.blur_mm, scan.noise_hu))
 

@@ -1,4 +1,4 @@
-"""What differs between two scans of one patient besides motion: contents, contrast, kernel, noise, streaks, slices."""
+"""What differs between two scans of one patient besides motion: noise, contents, contrast, kernel, streaks, slices."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ from collections.abc import Collection
 
 import numpy as np
 from scipy import ndimage
+from skimage.restoration import denoise_nl_means
 
 from palpate.core.arrays import BoolArray, Float32Array, FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, RECTUM
 from palpate.imaging.volume import Volume
 
-# Changes that a pair may have, each with a probability of one half in every second pair.
+# Changes that a pair may have beside motion and contents.
 CHANGES = ("contrast", "kernel", "noise", "streaks", "slices")
+# Strength of the denoising in units of the noise; noise where the bladder does not show it, HU; correlation of a
+# scanner's noise, standard deviation of its filter, mm.
+DENOISING, USUAL_NOISE_HU, NOISE_BLUR_MM = 1.0, 12.0, np.array([0.7, 0.7, 0.3])
 # Contents: urine's HU, and stool's mean, spread and size of lumps; how sharply contents end, mm.
 URINE_HU, STOOL_HU, STOOL_SD_HU, LUMP_MM, END_MM = (0.0, 60.0), -20.0, 120.0, 5.0, 1.0
 # Contrast: tissue gains this share of its HU above fat's, and an uneven brightness of this size and length.
@@ -21,6 +25,24 @@ GAIN, FAT_HU, UNEVEN_HU, UNEVEN_MM = 0.15, -100.0, 8.0, 30.0
 KERNEL_MM, STREAK_HU, STREAK_MM = 0.8, 12.0, 2.0
 # What a wall leaves of its organ's contour for the contents, mm.
 _WALL_MM = 3.0
+
+
+def denoised(hu: Float32Array, noise_hu: float) -> Float32Array:
+    """The scan without its noise of that standard deviation: non-local means (Buades and others 2005)."""
+    found = denoise_nl_means(hu, patch_size=3, patch_distance=4, h=DENOISING * noise_hu, sigma=noise_hu, fast_mode=True)
+    return np.asarray(found, dtype=np.float32)
+
+
+def noise_of(hu: Float32Array, labels: LabelArray, spacing: FloatArray) -> float:
+    """Standard deviation, HU, of the urine 6 mm within the bladder's contour."""
+    inner = ndimage.distance_transform_edt(labels == BLADDER, sampling=spacing) > 6.0
+    return float(hu[inner].std()) if inner.any() else USUAL_NOISE_HU
+
+
+def fresh_noise(shape: tuple[int, ...], spacing: FloatArray, sd: float, random: np.random.Generator) -> Float32Array:
+    """A scanner's noise (ni, nj, nk) HU of that standard deviation."""
+    made = ndimage.gaussian_filter(random.standard_normal(shape, dtype=np.float32), NOISE_BLUR_MM / spacing)
+    return np.asarray(made * (sd / made.std()), dtype=np.float32)
 
 
 def other_contents(
@@ -41,10 +63,10 @@ def seen_on_another_day(
     hu: Float32Array, spacing: FloatArray, changes: Collection[str], random: np.random.Generator
 ) -> Float32Array:
     """The scan with contrast, another kernel and streaks, where `changes` name them; noise and slices come after."""
-    out = hu.astype(np.float64)
+    out = hu
     if "contrast" in changes:
-        uneven = ndimage.gaussian_filter(random.standard_normal(hu.shape), UNEVEN_MM / spacing)
-        out = out + GAIN * np.maximum(out - FAT_HU, 0.0) + UNEVEN_HU * uneven / uneven.std()
+        uneven = ndimage.gaussian_filter(random.standard_normal(hu.shape, dtype=np.float32), UNEVEN_MM / spacing)
+        out = out + GAIN * np.maximum(out - FAT_HU, 0.0) + UNEVEN_HU * (uneven - uneven.mean()) / uneven.std()
     if "kernel" in changes:
         out = ndimage.gaussian_filter(out, np.array([KERNEL_MM, KERNEL_MM, 0.0]) / spacing)
     if "streaks" in changes:

@@ -1,0 +1,78 @@
+"""The second scan of a real body: its CT without noise, moved, with other contents and fresh noise.
+
+A CT that is moved as it is takes its noise along, and matching of the two scans would follow the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from palpate.core.arrays import Float32Array, FloatArray, LabelArray
+from palpate.imaging.volume import Volume
+from palpate.simulate.other_day import denoised, fresh_noise, noise_of, other_contents, seen_on_another_day
+from palpate.simulate.scanner import voxel_mean
+
+# How far around the labels the CT is denoised, mm. Beyond, its noise stays, as does the body.
+_AROUND_MM = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class SecondScan:
+    """spline : coefficients of the CT, denoised about the labels, with other contents. denoised_share : 1 there, 0 beyond.
+
+    noise_hu : of the CT at rest.
+    """
+
+    spline: Volume
+    denoised_share: Volume
+    noise_hu: float
+
+    @classmethod
+    def of(
+        cls, ct: Volume, region: Volume, labels_on: Callable[[Volume], Volume], random: np.random.Generator
+    ) -> SecondScan:
+        """Of a CT. region : label volume, 0 outside the modelled region. labels_on : labels on any grid."""
+        part = _box(ct, region)
+        affine = ct.affine.copy()
+        affine[:3, 3] = ct.to_lps(np.array([[s.start for s in part]], dtype=float))[0]
+        crop = Volume(ct.array[part].astype(np.float32), affine)
+        labels: LabelArray = labels_on(crop).array
+        noise_hu = noise_of(crop.array, labels, crop.spacing)
+        values, share = ct.array.astype(np.float32), np.zeros(ct.array.shape, dtype=np.float32)
+        values[part] = other_contents(denoised(crop.array, noise_hu), labels, crop.spacing, random)
+        share[part] = 1.0
+        spline = ndimage.spline_filter(values, order=3, output=np.float32, mode="nearest")
+        return cls(ct.with_array(spline), ct.with_array(share), noise_hu)
+
+    def seen(
+        self,
+        to_rest: Callable[[FloatArray], FloatArray],
+        grid: Volume,
+        changes: tuple[str, ...],
+        random: np.random.Generator,
+    ) -> Float32Array:
+        """HU on a grid of the moved body, with what else `changes` name (`other_day.CHANGES`)."""
+        moved = voxel_mean(lambda points: self._hu(to_rest(points)), grid, (1, 1, 1))
+        fresh = voxel_mean(lambda points: self.denoised_share.at(to_rest(points)), grid, (1, 1, 1))
+        other = seen_on_another_day(moved, grid.spacing, changes, random)
+        sd = (1.5 if "noise" in changes else 1.0) * self.noise_hu
+        return np.asarray(other + fresh * fresh_noise(moved.shape, grid.spacing, sd, random), dtype=np.float32)
+
+    def _hu(self, points: FloatArray) -> FloatArray:
+        index = self.spline.to_index(points).T
+        values = ndimage.map_coordinates(self.spline.array, index, order=3, prefilter=False, mode="nearest")
+        return np.asarray(values, dtype=np.float64)
+
+
+def _box(ct: Volume, region: Volume) -> tuple[slice, ...]:
+    """The CT's voxels within _AROUND_MM of the region's bounding box."""
+    places = region.to_lps(np.argwhere(region.array > 0).astype(float))
+    low, high = places.min(axis=0) - _AROUND_MM, places.max(axis=0) + _AROUND_MM
+    index = ct.to_index(np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T)
+    start = np.maximum(np.floor(index.min(axis=0)).astype(int), 0)
+    stop = np.minimum(np.ceil(index.max(axis=0)).astype(int) + 1, ct.array.shape)
+    return tuple(slice(int(a), int(b)) for a, b in zip(start, stop, strict=True))

@@ -1,0 +1,62 @@
+"""The second scan of a real body: its noise is its own, its contents are others, its tissue is where it moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from palpate.imaging.labels import BLADDER, PROSTATE_LEFT, SURROUNDING_TISSUE
+from palpate.imaging.volume import Volume
+from palpate.simulate.source import VolumeSource
+
+SHAPE, SPACING = (40, 40, 24), np.array([1.5, 1.5, 2.0])
+GRID = np.diag([*SPACING, 1.0])
+PLACES = np.moveaxis(np.indices(SHAPE), 0, -1) * SPACING
+NOISE_HU, SHIFT = 15.0, np.array([3.0, 0.0, 0.0])
+
+
+def ball(centre: tuple[float, float, float], radius: float) -> np.ndarray:
+    return np.asarray(((PLACES - np.array(centre)) ** 2).sum(axis=-1) < radius**2)
+
+
+@pytest.fixture(scope="module")
+def source() -> VolumeSource:
+    labels = np.full(SHAPE, SURROUNDING_TISSUE, dtype=np.uint8)
+    labels[ball((20, 30, 24), 10.0)], labels[ball((44, 30, 24), 12.0)] = PROSTATE_LEFT, BLADDER
+    hu = np.where(labels == PROSTATE_LEFT, 40.0, np.where(labels == BLADDER, 200.0, -90.0))
+    noise = ndimage.gaussian_filter(np.random.default_rng(1).standard_normal(SHAPE), (0.5, 0.5, 0.2))
+    ct = np.rint(hu + NOISE_HU * noise / noise.std()).astype(np.int16)
+    return VolumeSource("made-up", Volume(labels, GRID), Volume(ct, GRID))
+
+
+def test_the_scan_at_rest_is_the_ct_itself(source: VolumeSource) -> None:
+    assert source.ct is not None
+    np.testing.assert_array_equal(source.scan(None, None, 3).array, source.ct.array)
+
+
+def test_no_noise_moves_along_and_as_much_is_there(source: VolumeSource) -> None:
+    again = source.scan(lambda points: points, None, 3)
+    fat = ndimage.binary_erosion(source.model_labels.array == SURROUNDING_TISSUE, iterations=3)
+    first, second = (v.array[fat].astype(float) for v in (source.scan(None, None, 3), again))
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.3
+    assert second.std() == pytest.approx(NOISE_HU, rel=0.25)
+
+
+def test_tissue_moves_and_urine_is_another(source: VolumeSource) -> None:
+    moved = source.scan(lambda points: points - SHIFT, None, 3)
+    bright = ndimage.gaussian_filter(moved.array.astype(float), 1.0) > -25.0
+    near = bright & ball((23, 30, 24), 14.0) & ~ball((47, 30, 24), 13.0)
+    np.testing.assert_allclose(PLACES[near].mean(axis=0), [23.0, 30.0, 24.0], atol=1.0)
+    assert moved.array[ball((47, 30, 24), 6.0)].mean() < 70.0
+
+
+def test_the_same_seed_makes_the_same_scan_and_contrast_shows(source: VolumeSource) -> None:
+    one, two, other = (source.scan(lambda points: points, None, seed).array for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one, two)
+    assert (one != other).any()
+    brighter = VolumeSource("made-up", source.model_labels, source.ct, ("contrast",))
+    inside = ball((20, 30, 24), 7.0)
+    gain = brighter.scan(lambda points: points, None, 3).array[inside].mean() - one[inside].mean()
+    # Within two standard deviations of the uneven brightness.
+    assert gain == pytest.approx(0.15 * 140.0, abs=16.0)
