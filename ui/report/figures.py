@@ -23,6 +23,7 @@ from palpate.ui.pictures.offscreen import OffscreenError
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.gap_section import gap_pictures
 from palpate.ui.report.misfit_map import misfit_map
+from palpate.ui.report.motion_section import motion_pictures
 from palpate.ui.report.moving import moving_view
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.summary import tells_apart
@@ -75,6 +76,7 @@ def draw(
     if mapped is not None:
         _map(figures, mapped, record, images, folder)
     figures.pictures.update(gap_pictures(case, images, folder))
+    figures.pictures.update(motion_pictures(case, images, folder))
     _search(figures, record, folder)
     if case.has("surfaces.npz"):
         progress(0.4, "three dimensions")

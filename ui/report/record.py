@@ -15,12 +15,14 @@ from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.history import Entry
 from palpate.case.identified import read_result
+from palpate.case.matched import read_matched_motion
 from palpate.case.step_records import AlignmentRecord, ImportRecord, SegmentationRecord
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import known
 from palpate.core.identify.result_record import ResultRecord
+from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.report.regions import RegionStiffness, region_of
@@ -56,7 +58,7 @@ class CaseRecord:
 
     simulated : None, or in words what of this pair was computed rather than scanned. volumes_cc : of labels, by state.
     ln_covariance : (t, t) of ln G, regions in the order of their labels; None where unknown.
-    diagnosis : diagnosis.json; None where there is none.
+    diagnosis : diagnosis.json; matched : motion from the images; None where there is none.
     """
 
     facts: CaseFacts
@@ -70,6 +72,7 @@ class CaseRecord:
     volumes_cc: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     ln_covariance: FloatArray | None = None
     diagnosis: DiagnosisRecord | None = None
+    matched: MatchedMotion | None = None
 
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
@@ -137,6 +140,7 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
         {state: _volumes(volume) for state, volume in labels.items()},
         case.read_npz("identify/fields.npz").get("covariance") if case.has("identify/fields.npz") else None,
         read_diagnosis(case) if case.has(DIAGNOSIS) else None,
+        read_matched_motion(case),
     )
 
 

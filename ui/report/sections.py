@@ -10,6 +10,7 @@ from palpate.case.history import Entry
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
 from palpate.ui.report.gap_section import gap_section
+from palpate.ui.report.motion_section import motion_section
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
@@ -25,6 +26,7 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
         Section("Summary", _summary(record, pictures)),
         stiffness_section(record, figures),
         _fit(record, pictures),
+        *([motion_section(record.matched, pictures)] if record.matched else []),
         *([gap_section(record, pictures)] if record.diagnosis else []),
         quality(record, figures.missing),
         _provenance(record, date, version),
