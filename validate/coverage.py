@@ -8,11 +8,11 @@ from typing import TypedDict
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.identify.reduced_fit import ReducedFit
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.inference.posterior import unknown
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
+from palpate.validate.paper.reduced_fit import ReducedFit
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, tumour_data
 from palpate.validate.paper.tumour_fit import TumourFit
 from palpate.validate.paper.tumour_scene import Divisions

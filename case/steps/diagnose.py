@@ -10,29 +10,26 @@ from pathlib import Path
 from msgspec import UNSET, structs
 
 from palpate.case.bench_body import body_problem
+from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder, file_sha256
-from palpate.case.deformed_states import state_labels, state_rigid_offset
+from palpate.case.deformed_states import state_rigid_offset
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
-from palpate.case.meshed import load_surfaces, rigid_offset_of
-from palpate.case.problem import problem_of, state_problems
+from palpate.case.meshed import rigid_offset_of
 from palpate.case.stated_files import further_states, is_body
 from palpate.case.steps import match, mesh
 from palpate.case.steps.declarations import DIAGNOSE
-from palpate.core.diagnose.case_data import CaseData, arrays
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import ConvergenceError
 from palpate.core.files.json_types import typed
-from palpate.core.problem import SurfacePair
+from palpate.core.residual.case_data import arrays
+from palpate.core.residual.fit_options import INFERENCE
 from palpate.core.residual.remeshing import Remeshed
-from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.inline import DoJob
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.core.worker.progress import Progress, part, silent
-from palpate.imaging.labels import BONE
-from palpate.meshing.label_surfaces import wall_surface
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 
 _FOLDER = "diagnose"
@@ -70,7 +67,7 @@ def run(
     if not body and not case.has("mesh.json"):
         mesh.run(case, progress=part(progress, 0.0, 0.2))
     own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
-    chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes}
+    chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes, "inference": INFERENCE}
     if options.numbers != DiagnosisOptions():
         chosen["numbers"] = options.numbers.to_json()
     if options.image and not body:
@@ -111,21 +108,6 @@ def rigid_offset_notes(case: CaseFolder) -> list[str]:
     notes = [] if first is None else [first.words()]
     further = ((state.name, state_rigid_offset(case, state)) for state in further_states(case))
     return notes + [offset.words(f"the scan {name!r}") for name, offset in further if offset is not None]
-
-
-def data_of(case: CaseFolder, image: bool = False) -> CaseData:
-    """Data of a diagnosis, from a meshed case. image : with the motion that the match step has found."""
-    rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
-    bones = SurfacePair(rest["bone"], deformed["bone"]) if "bone" in rest and "bone" in deformed else None
-    first = problem_of(case, image)
-    more = zip(state_problems(case, first), _further_bones(case, rest.get("bone")), strict=True)
-    return CaseData(first, bones, (case.facts.gravity_rest, case.facts.gravity_deformed), more=tuple(more))
-
-
-def _further_bones(case: CaseFolder, at_rest: Surface | None) -> list[SurfacePair | None]:
-    """Bone surfaces of every further deformed state; None where a scan shows no bone."""
-    bones = [wall_surface(state_labels(case, state), BONE) for state in further_states(case)]
-    return [SurfacePair(at_rest, bone) if at_rest is not None and len(bone.faces) else None for bone in bones]
 
 
 def remeshed(case: CaseFolder, count: int, progress: Progress = silent) -> tuple[Remeshed, ...]:

@@ -9,14 +9,17 @@ from pathlib import Path
 import msgspec
 from msgspec import UNSET
 
+from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
-from palpate.case.problem import noise_source, problem_of, state_problems
+from palpate.case.problem import noise_source
 from palpate.case.steps import mesh
 from palpate.case.steps.declarations import IDENTIFY
 from palpate.core.files.json_types import typed
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.result_record import IdentificationRecord, ResultRecord
+from palpate.core.residual.case_data import arrays_of_state
+from palpate.core.residual.fit_options import INFERENCE
 from palpate.core.worker.inline import DoJob
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
@@ -50,7 +53,7 @@ def run(
     options = options or IdentifyOptions()
     if not case.has("mesh.json"):
         mesh.run(case, progress=lambda f, m: progress(0.1 * f, m))
-    chosen = {k: v for k, v in asdict(options).items() if k != "workers"}
+    chosen = {k: v for k, v in asdict(options).items() if k != "workers"} | {"inference": INFERENCE}
     made_from = IDENTIFY.made_from(case, chosen)
     if IDENTIFY.is_done(case, made_from):
         return read_result(case)
@@ -92,15 +95,13 @@ def _write_problems(case: CaseFolder, folder: Path) -> dict[str, str]:
     deleted.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    first = problem_of(case)
-    problems = {"problem": first}
-    problems |= {f"problem_{k}": problem for k, problem in enumerate(state_problems(case, first), 2)}
+    states = {"problem" if k == 1 else f"problem_{k}": state for k, state in enumerate(data_of(case).pairs, 1)}
     for old in folder.glob("problem_*.npz"):
-        if old.stem not in problems:
+        if old.stem not in states:
             case.remove(f"identify/{old.name}")
-    for name, problem in problems.items():
-        case.write_npz(f"identify/{name}.npz", **problem.arrays())
-    return {name: str(folder / f"{name}.npz") for name in problems}
+    for name, state in states.items():
+        case.write_npz(f"identify/{name}.npz", **arrays_of_state(*state))
+    return {name: str(folder / f"{name}.npz") for name in states}
 
 
 def _job(case: CaseFolder, options: IdentifyOptions, paths: dict[str, str]) -> Job:

@@ -86,42 +86,6 @@ class DecisionRules(EvidenceRules):
             "Asked for with the diagnosis: `unknown` below half of it.",
         ),
     ] = 0.5
-    stiffness_prior: Annotated[
-        float,
-        sourced(
-            "1 / ln G squared",
-            "Precision of ln G's prior in what is told.",
-            "Chosen: a standard deviation of a factor of 9.",
-        ),
-    ] = 0.2
-    too_stiff: Annotated[
-        float,
-        sourced(
-            "ln G",
-            "What ln G of effect-free cases is too high by, taken off what is told.",
-            "88 effect-free cases of the blind check, seeds 9 and 11 to 14: 0.21 (standard error 0.05) in the mean; "
-            "four shared ones, by "
-            "another simulator: 0.13 (0.27). So it may be the simulator's number; 200 fresh ones of seed 15: 0.15 "
-            "(0.03).",
-        ),
-    ] = 0.2
-    wider: Annotated[
-        float,
-        sourced(
-            "1",
-            "Factor on the told standard deviation of ln G.",
-            "rms error of 52 effect-free cases of the blind check, seeds 12 to 14: 1.28 standard deviations "
-            "(gap_history.md of commit 58d590b).",
-        ),
-    ] = 1.3
-    bias_least: Annotated[
-        float,
-        sourced(
-            "1 / ln G squared",
-            "Precision added to that of ln G where what walls read wrongly pull it by is taken off.",
-            "Chosen: where data tell less than a factor of e, a first order means nothing and no more is taken off.",
-        ),
-    ] = 1.0
     shrinkage_draws: Annotated[
         int,
         sourced(

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import logsumexp
 
-from palpate.core.diagnose.case_data import CaseData
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.gap_test import EffectDirections, gap_test
 from palpate.core.diagnose.detection.location import discrepancy_maps
@@ -20,6 +19,7 @@ from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.diagnose.verdict.judge import Diagnosis, judge
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.inference.evidence import mean_of_exponentials
+from palpate.core.residual.case_data import CaseData
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.progress import Progress, part, silent

@@ -61,37 +61,6 @@ class EvidenceRules:
             "in the median.",
         ),
     ] = 0.3
-    refits_add: Annotated[
-        tuple[float, ...],
-        sourced(
-            "ln",
-            "What refits add to the log Bayes factor of a gap where there is none, each as likely as the others.",
-            "Quantiles of 55 effect-free cases of the blind check's seed 15, by a script that is not kept. Checked "
-            "on 42 of seed 18, which "
-            "gained no more (docs/gap.md).",
-        ),
-    ] = (
-        0,
-        0.01,
-        0.02,
-        0.02,
-        0.02,
-        0.03,
-        0.03,
-        0.04,
-        0.05,
-        0.05,
-        0.05,
-        0.06,
-        0.07,
-        0.08,
-        0.13,
-        0.16,
-        0.19,
-        0.4,
-        0.68,
-        2.7,
-    )
     prior_unknown: Annotated[
         float,
         sourced(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from palpate.core.diagnose.case_data import load
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.options import DiagnosisJob
 from palpate.core.diagnose.verdict.record import MAP_FILE, maps, record
+from palpate.core.residual.case_data import load
 from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.job import Job

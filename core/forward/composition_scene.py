@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
@@ -23,6 +24,8 @@ from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.forward.scene_parts import dead_load, moved_observation, on_other_shape, prolonged, wall_of
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.mesh import TetMesh
+from palpate.core.observe.wall_motion_options import WallMotionOptions
+from palpate.core.problem import IdentificationProblem
 
 # Stiffness across an opened interface over the tissue's shear modulus, 1/mm: the two sides stay within 0.03 mm.
 ACROSS = 200.0
@@ -33,14 +36,15 @@ _STEP = 1e-4
 class CompositionScene(CoupledScene):
     """`CoupledScene` of a composition.
 
-    Nodal displacements are counted from the stress-free mesh; `seen` counts them from the scanned one.
+    Nodal displacements are counted from the stress-free mesh; `seen` counts them from the scanned one. Raises
+    InputError when the problem has nothing that deforms the organ or nothing that holds it.
     """
 
     def __init__(self, geometry: SharedGeometry, composition: Composition) -> None:
         self.geometry, self.composition = geometry, composition
         cut = geometry.cut if composition.interface > 0.0 else None
         self.problem = geometry.problem if cut is None else cut.problem
-        self.parameters = StiffnessParameters(self.problem.regions, self.problem.facts)
+        self.parameters = StiffnessParameters(self.problem.regions, self.problem.facts, geometry.split_mu)
         scanned = self.problem.mesh
         shift = np.zeros_like(scanned.points) if composition.geometry is None else composition.geometry
         shift = shift if cut is None else shift[cut.original]
@@ -51,6 +55,8 @@ class CompositionScene(CoupledScene):
         self.walls = [
             wall_of(fields, self.problem, name, self.space, scanned_nodes) for name, fields in geometry.fields.items()
         ]
+        if not self.walls:
+            raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
         self.drags = self._drags(np.zeros_like(self.shift), 1.0)
         self.loads: tuple[Term, ...] = (dead_load(self.space, [make(self.space) for make in composition.load]),)
         if cut is not None:
@@ -61,6 +67,8 @@ class CompositionScene(CoupledScene):
         held = self.held_nodes()
         free = np.ones((self.space.n_nodes, 3), dtype=bool)
         free[held] = False
+        if free.all():
+            raise InputError("the case has no bone and no fixed outer surface: nothing holds the organ in place")
         self.prescribed = self._prescribed(scanned_nodes)
         self.observation = (
             geometry.observation if cut is None else moved_observation(geometry.observation, self.space, self.problem)
@@ -110,7 +118,7 @@ class CompositionScene(CoupledScene):
         return out
 
     def displacement_sensitivities(self, theta: FloatArray, equilibrium: Equilibrium) -> FloatArray:
-        """See `CoupledScene.displacement_sensitivities`."""
+        """du/dtheta (t, n, 3) mm at the equilibrium of theta (t,), solved with its stability check."""
         return direct(equilibrium.tangent, self.directions(theta))
 
     def seen(self, u: FloatArray) -> FloatArray:
@@ -139,3 +147,13 @@ class CompositionScene(CoupledScene):
             self.geometry.assemblers[key] = Assembler(self.space, free, self.terms)
         shared = self.geometry.assemblers[key]
         return shared if shared.space.mesh is self.space.mesh else on_other_shape(shared, self.space)
+
+
+def plain_scene(
+    problem: IdentificationProblem,
+    element: str = "p2p1",
+    split_mu: bool = False,
+    walls: WallMotionOptions | None = None,
+) -> CompositionScene:
+    """Scene of the empty composition. split_mu : see `StiffnessParameters`. walls : see `SharedGeometry.of`."""
+    return CompositionScene(SharedGeometry.of(problem, element, walls=walls, split_mu=split_mu), Composition(problem))

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
-from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
-from palpate.core.fem.sensitivity import direct
+from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
+from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.parameters import StiffnessParameters
-from palpate.core.forward.scene_parts import distance_fields, driving_walls, wall_of
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
 
@@ -38,48 +37,25 @@ class Settled:
     rounds: int
 
 
-@dataclass(frozen=True)
-class SceneOptions:
-    """Discretisation and parameters of a problem.
-
-    element : see core.fem.elements. solver : "auto", "pardiso" or "superlu". split_mu : see `StiffnessParameters`.
-    """
-
-    element: str = "p2p1"
-    solver: str = "auto"
-    split_mu: bool = False
-
-
 class CoupledScene:
-    """One identification problem, ready to be solved for any stiffness.
+    """Organ and tissue in one system, solved for any stiffness; `CompositionScene` builds it.
 
-    Raises InputError when the problem has nothing that deforms the organ or nothing that holds it.
+    walls : of the hollow organs, held on the deformed scan's surfaces. linearised_at : (n, 3) mm, where.
     """
 
-    def __init__(self, problem: IdentificationProblem, options: SceneOptions | None = None) -> None:
-        options = options or SceneOptions()
-        self.problem = problem
-        self.parameters = StiffnessParameters(problem.regions, problem.facts, options.split_mu)
-        self.space = Space.of(problem.mesh, options.element)
-        self.walls = [
-            wall_of(distance_fields(pair), problem, name, self.space, self.space.nodes)
-            for name, pair in driving_walls(problem).items()
-        ]
-        if not self.walls:
-            raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
-        free = np.ones((self.space.n_nodes, 3), dtype=bool)
-        free[self.held_nodes()] = False
-        if free.all():
-            raise InputError("the case has no bone and no fixed outer surface: nothing holds the organ in place")
-        self.assembler = Assembler(self.space, free.ravel(), self.walls, options.solver)
-        self.observation = SurfaceObservation.of(problem, self.space)
-        self.linearised_at = np.zeros((self.space.n_nodes, 3))
+    problem: IdentificationProblem
+    parameters: StiffnessParameters
+    space: Space
+    walls: list[SlidingWall]
+    assembler: Assembler
+    observation: SurfaceObservation
+    linearised_at: FloatArray
 
+    @abstractmethod
     def solve(
         self, theta: FloatArray, start: State | FloatArray | None = None, options: NewtonOptions | None = None
     ) -> Equilibrium:
-        """Equilibrium at parameters theta."""
-        return solve_equilibrium(self.assembler, self.parameters.materials(theta), start=start, options=options)
+        """Equilibrium at parameters theta (t,)."""
 
     def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:
         """Settle the walls on the deformed surfaces for parameters theta: solve, linearise the walls anew, repeat.
@@ -121,15 +97,10 @@ class CoupledScene:
         """Linearise the walls at nodal displacements u (n, 3) mm. way : see `SlidingWall.linearised_at`."""
         self.linearised_at = u
         self.walls = [w.linearised(u, way) for w in self.walls]
-        self.assembler.terms = tuple(self.walls)
 
     def _wall_motion(self, change: FloatArray) -> float:
         parts = [w.points.displacements(change) for w in self.walls]
         return float(np.sqrt((np.vstack(parts) ** 2).sum(axis=1).mean()))
-
-    def displacement_sensitivities(self, theta: FloatArray, equilibrium: Equilibrium) -> FloatArray:
-        """du/dtheta (t, n, 3) mm at the equilibrium of theta (t,), solved with its stability check."""
-        return direct(equilibrium.tangent, self.parameters.directions(theta))
 
     def held_nodes(self) -> IntArray:
         """Nodes that do not move: those of bone, and of the outer surface where the case fixes it."""

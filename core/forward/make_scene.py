@@ -1,20 +1,20 @@
-"""The scene of a problem for the boundary a person chose."""
+"""The plain model's scene for the boundary a person chose."""
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.contact_force_scene import ContactForceScene
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
-from palpate.core.problem import IdentificationProblem
+from palpate.core.forward.shared_geometry import SharedGeometry
 
-Scene: TypeAlias = CoupledScene | ContactForceScene
+BOUNDARIES = ("coupled", "contact-force")
 
 
-def make_scene(problem: IdentificationProblem, boundary: str, element: str, split_mu: bool = False) -> Scene:
-    """boundary : "coupled" or "contact-force". split_mu : see `StiffnessParameters`.
+def make_scene(geometry: SharedGeometry, boundary: str) -> CompositionScene:
+    """boundary : one of BOUNDARIES.
 
     Raises InputError or ConvergenceError as the scene's class does.
     """
-    options = SceneOptions(element=element, split_mu=split_mu)
-    return ContactForceScene(problem, options) if boundary == "contact-force" else CoupledScene(problem, options)
+    if boundary == "contact-force":
+        return ContactForceScene(geometry)
+    return CompositionScene(geometry, Composition(geometry.problem))

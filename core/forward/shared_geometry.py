@@ -28,7 +28,8 @@ _CUBES = 1.5
 class SharedGeometry:
     """Distance fields, posterior motions of the walls, and matrix structures (made when needed) of one problem.
 
-    element : see core.fem.elements. walls : what is taken to be known of their motions.
+    element : see core.fem.elements. walls : what is taken to be known of their motions. split_mu : see
+    `StiffnessParameters`.
     """
 
     problem: IdentificationProblem
@@ -38,6 +39,7 @@ class SharedGeometry:
     walls: WallMotionOptions
     motions: dict[str, WallMotion] = field(default_factory=dict)
     assemblers: dict[bool, Assembler] = field(default_factory=dict)
+    split_mu: bool = False
     _cut: CutProblem | None = None
 
     @classmethod
@@ -47,18 +49,19 @@ class SharedGeometry:
         element: str,
         like: SharedGeometry | None = None,
         walls: WallMotionOptions | None = None,
+        split_mu: bool = False,
     ) -> SharedGeometry:
         """Geometry of a problem with an element; distance fields and walls' motions are those of `like` where given.
 
-        walls : priors of the walls' motion; the program's own where None. Not read with `like`.
+        walls : priors of the walls' motion; the program's own where None. walls, split_mu : not read with `like`.
         """
         space = Space.of(problem.mesh, element)
         if like is not None:
             observation = moved_observation(like.observation, space, problem)
-            return cls(problem, element, observation, like.fields, like.walls, like.motions)
+            return cls(problem, element, observation, like.fields, like.walls, like.motions, split_mu=like.split_mu)
         walls = walls or WallMotionOptions()
         fields = {name: distance_fields(pair) for name, pair in driving_walls(problem).items()}
-        geometry = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls)
+        geometry = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls, split_mu=split_mu)
         for name in fields:
             visible, at_rest = (
                 _seen(problem, name, fields[name], walls.seen_within_mm),

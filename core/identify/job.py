@@ -10,7 +10,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.forward.coupled_scene import CoupledScene
 from palpate.core.identify.identify import Identification, identify
 from palpate.core.identify.map.stiffness_map import StiffnessMap, stiffness_map
 from palpate.core.identify.mu_split import separable
@@ -20,7 +19,6 @@ from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.pair.no_driving_wall import moved_by_its_surface, surface_is_all
 from palpate.core.identify.pair.no_information import NoInformation, moved_as_a_whole
 from palpate.core.identify.pair.rigid_pair import rigid_pair
-from palpate.core.identify.plain_fit import StateProblem
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.identify.result_record import (
@@ -84,16 +82,13 @@ def _untold(problem: IdentificationProblem) -> NoInformation | None:
 
 
 def _mapped(identification: Identification, options: IdentifyOptions, reporter: Reporter) -> StiffnessMap | None:
-    if not options.stiffness_map or not isinstance(identification.scene, CoupledScene):
+    if not options.stiffness_map or options.boundary != "coupled":
         return None
-    report = lambda f, m: reporter.progress(0.94 + 0.05 * f, m)  # noqa: E731
     return stiffness_map(
+        identification.fit,
         identification.scene,
-        identification.misfit,
-        identification.theta,
         identification.equilibrium,
-        identification.posterior.scale,
-        progress=report,
+        progress=lambda f, m: reporter.progress(0.94 + 0.05 * f, m),
     )
 
 
@@ -118,7 +113,7 @@ def _result(
     parameters, posterior = identification.scene.parameters, identification.posterior
     names = tuple(identification.scene.problem.region_names[r] for r in identification.scene.problem.regions)
     shares = posterior.of(parameters.shares) if options.split_mu else None
-    states = [_misfit(state) for state in identification.states]
+    states = [_misfit(identification, k) for k in range(len(identification.solutions))]
     noise_mm = states[0].expected_noise_rms_mm
     assert isinstance(noise_mm, float)
     return IdentificationRecord(
@@ -130,8 +125,8 @@ def _result(
         ),
         misfit=msgspec.structs.replace(
             states[0],
-            weighted=float(identification.residual @ identification.residual),
-            weighted_from_noise=float(sum(state.misfit.expected for state in identification.states)),
+            weighted=float(identification.fit.residual @ identification.fit.residual),
+            weighted_from_noise=float(len(identification.fit.residual)),
         ),
         states=states,
         solver=_work(identification, options),
@@ -148,37 +143,37 @@ def _result(
 
 def _work(identification: Identification, options: IdentifyOptions) -> SolverRecord:
     return SolverRecord(
-        forward_solves=identification.count.solves,
-        newton_iterations=identification.count.factorisations,
-        failed=identification.count.failed,
-        reduced_evaluations=identification.count.reduced,
+        forward_solves=identification.fit.count.solves,
+        newton_iterations=identification.fit.count.factorisations,
+        failed=identification.fit.count.failed,
+        reduced_evaluations=identification.reduced_evaluations,
         seconds=round(identification.seconds, 2),
-        element=options.element,
+        element=identification.solutions[0].element,
         unknowns=identification.scene.assembler.pattern.n,
         linear_solver=identification.scene.assembler.solver.name,
     )
 
 
-def _misfit(state: StateProblem) -> MisfitRecord:
-    """Misfit of one state (Eqs 10 to 13 of Yang & Lin). A point is compared with the surface of its own region; points
+def _misfit(identification: Identification, k: int) -> MisfitRecord:
+    """Misfit of state k (Eqs 10 to 13 of Yang & Lin). A point is compared with the surface of its own region; points
     near the dividing line are left out.
     """
-    observation, u = state.scene.observation, state.equilibrium.u
+    scene, u = identification.solutions[k].scene, identification.solutions[k].equilibrium.u
+    observation = scene.observation
     moved = observation.points + observation.operator @ u
-    figures = misfit_figures(state.scene.problem, observation.points, observation.region, moved)
+    figures = misfit_figures(scene.problem, observation.points, observation.region, moved)
     marks = observation.landmark_residual(u)
     if len(marks):
         rms_mm = float(np.sqrt((marks**2).sum(axis=1).mean()))
         figures = msgspec.structs.replace(figures, landmarks_rms_mm=rms_mm)
-    expected = float(np.sqrt(np.trace(state.misfit.noise) / len(observation.points)))
-    return msgspec.structs.replace(figures, expected_noise_rms_mm=expected)
+    return msgspec.structs.replace(figures, expected_noise_rms_mm=identification.fit.noise_rms_mm[k])
 
 
 def _convergence(identification: Identification) -> list[float | None]:
     return (
         identification.swarm.history.tolist()
         if identification.swarm is not None
-        else [*identification.optimum.fit.history]
+        else list(identification.fit.optimum.history)
     )
 
 

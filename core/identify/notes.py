@@ -25,16 +25,16 @@ def agreement(identification: Identification, names: tuple[str, ...]) -> Agreeme
     less than HARMLESS_SD.
     """
     parameters = identification.scene.parameters
-    gauss_newton = dict(zip(names, parameters.shear_moduli(identification.optimum.fit.theta).tolist(), strict=True))
+    gauss_newton = dict(zip(names, parameters.shear_moduli(identification.theta).tolist(), strict=True))
     facts = AgreementRecord(
         gauss_newton_G_kpa=gauss_newton,
-        starts_agree=identification.optimum.agree,
+        starts_agree=identification.starts_agree,
         largest_ln_G_difference=identification.agreement,
     )
     if identification.swarm is None:
         return facts
     swarm = dict(zip(names, parameters.shear_moduli(identification.swarm.theta).tolist(), strict=True))
-    difference = (identification.swarm.theta - identification.optimum.fit.theta)[parameters.stiffness]
+    difference = (identification.swarm.theta - identification.theta)[parameters.stiffness]
     difference_sd = (np.abs(difference) / identification.stiffness.sd).tolist()
     same = max(difference_sd) < AGREEMENT_SD
     return replace(
@@ -83,14 +83,14 @@ def notes(result: Identification, names: tuple[str, ...], rms_mm: float, expecte
     rms_mm : rms distance of the first state. expected_mm : rms distance due to noise alone.
     """
     out = []
-    if len(result.states) > 1:
+    if len(result.solutions) > 1:
         out.append(
-            f"one stiffness from {len(result.states)} deformed states together; pictures and the map within the organ show the first"
+            f"one stiffness from {len(result.solutions)} deformed states together; pictures and the map within the organ show the first"
         )
     searches = agreement(result, names)
     if searches.in_words:
         out.append(searches.in_words)
-    if not result.optimum.agree:
+    if not result.starts_agree:
         out.append(f"Gauss-Newton ends at different stiffnesses from different starts: {_ends(result, names)}")
     if result.posterior.scale > 1.0:
         out.append(too_large(result.posterior.scale, rms_mm, expected_mm))
@@ -104,7 +104,7 @@ def notes(result: Identification, names: tuple[str, ...], rms_mm: float, expecte
 
 def _ends(identification: Identification, names: tuple[str, ...]) -> str:
     """``prostate left 5 to 12 kPa, prostate right ...``: range of the optima over all starts."""
-    ends = np.array([identification.scene.parameters.shear_moduli(theta) for theta in identification.optimum.others])
+    ends = np.array([identification.scene.parameters.shear_moduli(theta) for theta in identification.fit.optimum.ends])
     return ", ".join(
         f"{name.replace('_', ' ')} {low:.3g} to {high:.3g} kPa"
         for name, low, high in zip(names, ends.min(axis=0), ends.max(axis=0), strict=True)

@@ -15,6 +15,7 @@ from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.forward.make_scene import make_scene
 from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.state_models import quick_geometry
 
 _QUICK = NewtonOptions(rtol=1e-6, max_factorisations=60, stability=False)
 
@@ -23,8 +24,8 @@ _QUICK = NewtonOptions(rtol=1e-6, max_factorisations=60, stability=False)
 class Solved:
     """Result of one full solve.
 
-    displacement : (q + k, 3) mm of surface points and landmarks, None where there is no equilibrium. sensitivities :
-    (t, q + k, 3) mm per unit of theta, None unless asked for. reason : why there is no equilibrium, "" otherwise.
+    displacement : (p, 3) mm of all observed points, None where there is no equilibrium. sensitivities :
+    (t, p, 3) mm per unit of theta, None unless asked for. reason : why there is no equilibrium, "" otherwise.
     factorisations : work done.
     """
 
@@ -35,10 +36,11 @@ class Solved:
 
 
 class ParticleSolver:
-    """Scene with its walls linearised at a reference equilibrium."""
+    """Scene of the quick element with its walls linearised at a reference equilibrium."""
 
-    def __init__(self, problem_file: Path, reference_file: Path, boundary: str, element: str, split_mu: bool) -> None:
-        self.scene = make_scene(IdentificationProblem.load(problem_file), boundary, element, split_mu)
+    def __init__(self, problem_file: Path, reference_file: Path, boundary: str, split_mu: bool) -> None:
+        geometry = quick_geometry(IdentificationProblem.load(problem_file), split_mu=split_mu)
+        self.scene = make_scene(geometry, boundary)
         with np.load(reference_file, allow_pickle=False) as data:
             self.start = State(data["u"], data["p"])
             self.scene.linearise(data["walls_u"])
@@ -58,10 +60,10 @@ class ParticleSolver:
 _SOLVER: ParticleSolver | None = None
 
 
-def initialise(problem_file: str, reference_file: str, boundary: str, element: str, split_mu: bool) -> None:
+def initialise(problem_file: str, reference_file: str, boundary: str, split_mu: bool) -> None:
     """Set-up of a worker process, called once in each."""
     global _SOLVER
-    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), boundary, element, split_mu)
+    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), boundary, split_mu)
 
 
 def solve(theta: FloatArray) -> Solved:

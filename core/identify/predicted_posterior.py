@@ -9,11 +9,18 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
-from palpate.core.identify.misfit import Misfit, wall_response
-from palpate.core.inference.posterior import NoiseFacts, Posterior, laplace
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.forward.slipping_walls import let_slip
+from palpate.core.inference.posterior import Posterior, laplace
+from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import NOTHING, Linearisation
+from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,25 +40,34 @@ class Prediction:
 
 
 def predict(
-    problem: IdentificationProblem, theta: FloatArray, start: Equilibrium | None = None, element: str = "p2p1"
+    problem: IdentificationProblem,
+    theta: FloatArray,
+    start: Equilibrium | None = None,
+    element: str = "p2p1",
+    options: NoiseModelOptions | None = None,
 ) -> Prediction:
     """Posterior of theta = ln G (t,) after a second scan with the problem's deformed walls.
 
     The deformed walls are the plan. The organ's deformed surface is predicted by the model; that of `problem` is
     ignored. Contour noise of organ and walls is that of the problem's facts. start : equilibrium of a smaller
-    deformation on the same mesh and element. Raises InputError for a problem without a load or a support.
+    deformation on the same mesh and element. options : of the noise model; the
+    program's own where None. Raises InputError for a problem without a load or a support.
     """
-    scene = CoupledScene(problem, SceneOptions(element=element))
-    settled = scene.settle(theta, None if start is None else State(start.u, start.p))
-    equilibrium = settled.equilibrium
+    geometry = SharedGeometry.of(problem, element)
+    let_slip(geometry)
+    scene = CompositionScene(geometry, Composition(problem))
+    equilibrium = scene.settle(theta, None if start is None else State(start.u, start.p)).equilibrium
     if not equilibrium.converged:
         return Prediction(None, equilibrium, np.full(len(theta), np.nan), np.nan, str(equilibrium.reason))
     scene.observation = SurfaceObservation.of(_as_predicted(scene, equilibrium), scene.space)
-    misfit = Misfit.of(scene, wall_response(scene, equilibrium))
-    sensitivities = scene.displacement_sensitivities(theta, equilibrium)
-    jacobian = misfit.jacobian(equilibrium.u, sensitivities)
-    noise = NoiseFacts(misfit.score_covariance(jacobian), misfit.expected)
-    posterior = laplace(theta, np.zeros(len(jacobian)), jacobian, scene.parameters.bounds, noise)
+    options = options or NoiseModelOptions()
+    data, sensitivities = _data_of(scene, options), scene.displacement_sensitivities(theta, equilibrium)
+    in_theta = data.response(scene, equilibrium.u, sensitivities)
+    seen = Linearisation(theta, NOTHING, scene, equilibrium, np.zeros(data.n), in_theta, np.zeros(0))
+    sizes = replace(NoiseSizes.of(options), length=problem.facts.noise_correlation_mm)
+    noise = NoiseParts.of([seen], [data], options).covariance(sizes, np.zeros((data.n, 0)))
+    jacobian = Weighting(noise).whiten(in_theta)
+    posterior = laplace(theta, np.zeros(data.n), jacobian, scene.parameters.bounds)
     signal = scene.observation.jacobian(equilibrium.u, sensitivities)
     motion = scene.observation.operator @ equilibrium.u
     return Prediction(
@@ -62,7 +78,11 @@ def predict(
     )
 
 
-def _as_predicted(scene: CoupledScene, equilibrium: Equilibrium) -> IdentificationProblem:
+def _data_of(scene: CompositionScene, options: NoiseModelOptions) -> DataVector:
+    return DataVector.of(scene.observation, None, options)
+
+
+def _as_predicted(scene: CompositionScene, equilibrium: Equilibrium) -> IdentificationProblem:
     """The problem with the predicted deformed surface of the organ."""
     rest = scene.problem.organ.rest
     moved = scene.space.interpolation(rest.points, scene.problem.regions) @ equilibrium.u

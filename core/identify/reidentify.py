@@ -6,25 +6,35 @@ surface of the organ in a fraction of a second, with the walls as the first iden
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.errors import ConvergenceError
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.reduced_fit import ReducedFit
-from palpate.core.inference.posterior import Posterior
+from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.observe.contour_noise import Weighting
+from palpate.core.observe.motion_data import MotionData
+from palpate.core.observe.motion_observation import MotionObservation
+from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
 from palpate.core.reduced.reduced_model import ReducedModel, scene_hash
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.surfaces.distance_field import SignedDistanceField
-from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 
 FILE = "again.npz"
+# Starts of the search, shares of the way from the lower to the upper bound.
+_STARTS = (0.3, 0.5, 0.7)
+_OF_SURFACE = ("points", "normals", "region", "area")
+_OF_MOTION = ("points", "moved", "point", "direction", "sd")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,28 +64,33 @@ def scene_key(problem: IdentificationProblem, options: IdentifyOptions) -> str:
     )
 
 
-def keep_for_again(folder: Path, misfit: Misfit, options: IdentifyOptions, fingerprint: str) -> None:
-    """Write again.npz, the data weights, into `folder` beside the reduced model.
+def keep_for_again(folder: Path, fit: PlainFit, options: IdentifyOptions, fingerprint: str) -> None:
+    """Write again.npz, the data and their weights, into `folder` beside the reduced model.
 
-    fingerprint : that of the reduced model. Raises InputError when the file cannot be written.
+    fingerprint : that of the reduced model. Bones, which tell nothing of the stiffness, are left out. Raises InputError
+    when the file cannot be written.
     """
-    problem = misfit.scene.problem
+    first, data = fit.linearisation.first, fit.model.first.data
+    observation, n = first.scene.observation, data.motion.stop
     arrays: dict[str, NDArray[np.generic]] = {
-        "points": misfit.scene.observation.points,
-        "region": misfit.scene.observation.region,
-        "weights": misfit.surface.covariance.astype(np.float32),
-        "noise": misfit.noise.astype(np.float32),
-        "bounds": misfit.scene.parameters.bounds,
-        "expected": np.array(misfit.expected),
+        "modes": data.modes,
+        "motion_covariance": data.motion_covariance,
+        "weights": fit.weighting.covariance[:n, :n],
+        "correction": fit.model.correction[:n],
+        "bounds": fit.bounds,
         "model": np.array(fingerprint),
     }
-    save_checkpoint(folder / FILE, arrays, scene_key(problem, options))
+    arrays |= {f"surface/{key}": getattr(observation, key) for key in _OF_SURFACE}
+    arrays |= {f"motion/{key}": getattr(observation.motion.data, key) for key in _OF_MOTION}
+    arrays["motion/reader"] = observation.motion.reader
+    save_checkpoint(folder / FILE, arrays, scene_key(first.scene.problem, options))
 
 
 def identify_again(folder: Path, problem: IdentificationProblem, options: IdentifyOptions) -> Again | None:
     """Stiffness of `problem` from the reduced model in `folder`; None for another scene or without a reduced model.
 
-    Boundary "contact-force" takes its forces from the deformed surface, so its result is None.
+    Boundary "contact-force" takes its forces from the deformed surface, so its result is None. Raises ConvergenceError
+    where the search has no answer.
     """
     if options.boundary != "coupled":
         return None
@@ -83,23 +98,40 @@ def identify_again(folder: Path, problem: IdentificationProblem, options: Identi
     model = None if kept is None else ReducedModel.load(folder / "reduced.npz", str(kept["model"]))
     if kept is None or model is None:
         return None
-    fit = ReducedFit(
-        model,
-        np.asarray(kept["points"], dtype=float),
-        _target(problem.organ.deformed),
-        Weighting(np.asarray(kept["weights"], dtype=float)),
-        np.asarray(kept["noise"], dtype=float),
-        expected=float(kept["expected"].item()),
-        landmarks=problem.landmarks,
-    )
-    bounds = np.asarray(kept["bounds"], dtype=float)
+    misfit, bounds = _misfit(kept, problem), np.asarray(kept["bounds"], dtype=float)
+
+    def linearise(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        v = [model.evaluate(theta)]
+        return misfit.residual(v), misfit.jacobian(v, [model.gradient(theta)])
+
     low, high = bounds.T
-    optimum = fit.fit(np.array([low + share * (high - low) for share in (0.3, 0.5, 0.7)]), bounds)
-    error = float(model.error_estimate(optimum.theta))
-    moved = fit.points + model.evaluate(optimum.theta)[: len(fit.points)]
-    region = np.asarray(kept["region"], dtype=np.int64)
-    return Again(optimum.theta, fit.posterior(optimum, bounds), error, fit.points, region, moved)
+    ends = [gauss_newton(linearise, low + share * (high - low), bounds, tolerance=1e-4) for share in _STARTS]
+    optima = [end for end in ends if end is not None]
+    if not optima:
+        raise ConvergenceError("the reduced model gives no residual; run identify again")
+    best = min(optima, key=lambda end: end.misfit)
+    observation = misfit.observations[0]
+    moved = observation.points + observation.parts_of(model.evaluate(best.theta))[0]
+    posterior = laplace(best.theta, best.residual, best.jacobian, bounds)
+    error = float(model.error_estimate(best.theta))
+    return Again(best.theta, posterior, error, observation.points, observation.region, moved)
 
 
-def _target(surface: Surface) -> SignedDistanceField:
-    return SignedDistanceField.from_surface(surface.points, surface.faces)
+def _misfit(kept: Mapping[str, NDArray[np.generic]], problem: IdentificationProblem) -> Misfit:
+    """Misfit of the problem's deformed organ, with the data and weights that were kept."""
+    deformed, nowhere = problem.organ.deformed, MotionObservation.empty()
+    points, moved, point, direction, sd = (np.asarray(kept[f"motion/{key}"]) for key in _OF_MOTION)
+    seen = MotionData(points, moved, point, direction, sd, nowhere.data.correlation_mm)
+    motion = replace(nowhere, data=seen, reader=np.asarray(kept["motion/reader"]))
+    observation = SurfaceObservation(
+        **{key: np.asarray(kept[f"surface/{key}"]) for key in _OF_SURFACE},
+        operator=nowhere.operator,
+        target=SignedDistanceField.from_surface(deformed.points, deformed.faces),
+        landmarks=problem.landmarks,
+        landmark_operator=nowhere.operator,
+        motion=motion,
+    )
+    modes, covariance = (np.asarray(kept[key], dtype=float) for key in ("modes", "motion_covariance"))
+    data = DataVector(modes, len(problem.landmarks), None, covariance)
+    weighting = Weighting(np.asarray(kept["weights"], dtype=float))
+    return Misfit((observation,), (data,), np.asarray(kept["correction"], dtype=float), weighting)

@@ -110,9 +110,14 @@ def laplace(
     return Posterior(theta, covariance, singular, float(np.sqrt(scale)), bounds)
 
 
+def prior_precision(bounds: FloatArray) -> FloatArray:
+    """Precision (t,) of a normal as wide as a flat prior over bounds (t, 2)."""
+    return np.asarray(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
+
+
 def _flat_prior(bounds: FloatArray) -> FloatArray:
-    """(t, t) precision of a normal as wide as a flat prior over the bounds."""
-    return np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
+    """(t, t) the same as a matrix."""
+    return np.diag(prior_precision(bounds))
 
 
 def unknown(posterior: Posterior) -> BoolArray:

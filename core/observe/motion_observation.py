@@ -29,9 +29,14 @@ class MotionObservation:
     def of(cls, matched: MatchedMotion | None, space: Space) -> MotionObservation:
         """The points that lie in the mesh; no data where nothing was matched."""
         if matched is None or len(matched.points) == 0:
-            return cls(MotionData.of(None), sp.csr_matrix((0, space.n_nodes)), np.zeros((0, 0)))
+            return cls.empty(space.n_nodes)
         data = MotionData.of(matched, _in_mesh(space, matched.points))
         return cls(data, space.interpolation(data.points), mode_reader(data))
+
+    @classmethod
+    def empty(cls, nodes: int = 0) -> MotionObservation:
+        """No data, on a space of so many nodes."""
+        return cls(MotionData.of(None), sp.csr_matrix((0, nodes)), np.zeros((0, 0)))
 
     @property
     def n(self) -> int:
@@ -51,13 +56,29 @@ class MotionObservation:
 
     def residual(self, u: FloatArray) -> FloatArray:
         """Predicted minus matched motion (m,), in the modes, for nodal displacements u (n, 3) mm."""
-        return self.reader @ self.data.along((self.operator @ u) - self.data.moved)
+        return self.residual_of(self.operator @ u)
+
+    def residual_of(self, v: FloatArray) -> FloatArray:
+        """The same (m,) for displacements v (p, 3) mm of the points."""
+        return self.along(v - self.data.moved)
+
+    def along(self, v: FloatArray) -> FloatArray:
+        """Modes (m,) of displacements v (p, 3) mm of the points."""
+        return np.asarray(self.reader @ self.data.along(v))
+
+    @property
+    def per_point(self) -> FloatArray:
+        """Derivative (m, p, 3) of the modes in the points' displacements."""
+        out = np.zeros((self.n, len(self.data.points), 3))
+        for d, (point, direction) in enumerate(zip(self.data.point, self.data.direction, strict=True)):
+            out[:, point] += self.reader[:, d, None] * direction
+        return out
 
     def jacobian(self, sensitivities: FloatArray) -> FloatArray:
         """Derivative (m, t) of the residual, per unit of theta, for sensitivities du/dtheta (t, n, 3)."""
         if not len(sensitivities):
             return np.zeros((self.n, 0))
-        return self.reader @ np.stack([self.data.along(self.operator @ s) for s in sensitivities], axis=1)
+        return np.stack([self.along(self.operator @ s) for s in sensitivities], axis=1)
 
 
 def _in_mesh(space: Space, points: FloatArray) -> BoolArray:

@@ -9,6 +9,7 @@ nodes (section 3.2.5).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -60,10 +61,15 @@ class SurfaceObservation:
             MotionObservation.of(problem.matched, space),
         )
 
-    @property
+    @cached_property
     def all_points(self) -> sp.csr_matrix:
-        """Operator (q + k, n) that takes nodal displacements to surface points and landmarks."""
-        return sp.vstack([self.operator, self.landmark_operator]).tocsr()
+        """Operator (q + k + m, n) that takes nodal displacements to surface points, landmarks and matched points."""
+        return sp.vstack([self.operator, self.landmark_operator, self.motion.operator]).tocsr()
+
+    def parts_of(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows of v (q + k + m, 3) that belong to the surface, to the landmarks and to matched points."""
+        q, k = len(self.points), len(self.landmarks)
+        return v[:q], v[q : q + k], v[q + k :]
 
     def residual(self, u: FloatArray) -> FloatArray:
         """Residual (q,) mm for nodal displacements u (n, 3) mm."""

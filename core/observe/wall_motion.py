@@ -12,8 +12,9 @@ Independent pressures on a wall add up to a force with covariance mean(n n'). Al
 that this covariance has, so that a tube hardly moves along its own axis, where nothing pushes it and no scan would show
 it. a and w share one squared-exponential kernel, whose length and size maximise the marginal likelihood of the normal
 motion (type-II maximum likelihood; Rasmussen & Williams 2006, 5.4). The sizes of t and g are options, see
-`WallRigidModes`. Large parts of a wall may also slide along themselves, driven by what no scan shows; that has mean 0
-and is counted as noise (`slide_mm`).
+`WallRigidModes`. A wall may move with what pushes it, or give way to the tissue without friction, or anything between:
+`WallSlip` is the way from the one to the other. Large parts of a wall may also slide along themselves, driven by what
+no scan shows; that has mean 0 and is counted as noise (`slide_mm`).
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.observe.wall_motion_prior import Kernel, likeliest
 from palpate.core.observe.wall_rigid_and_growth import WallRigidModes
+from palpate.core.observe.wall_slip import WallSlip
 
 # Resolution: points of a wall that its motion is learnt from, and the kernel's sizes alone, at most; share of the
 # kernel's variance that is kept.
@@ -44,6 +46,7 @@ class WallMotion:
     points (q, 3) mm : where the motion was learnt. at_rest : signed distance of the wall at rest, whose gradient is its
     normal. kernel : of a and w. rigid : t and g, and the axes of w. basis (q, m), sections (q, s), slides (q, w) : take
     kernel values at `points` to the modes of a and w, of a tube's sections, and of slides of large parts.
+    slip : half of what a wall without friction slides farther than the likeliest motion, None where unknown.
     mean (a,), factor (a, r) : posterior mean of a = 4 m + 3 s + 1 amplitudes (modes along the normal and the axes,
     translations, growth), and a factor of their posterior covariance.
     """
@@ -57,6 +60,7 @@ class WallMotion:
     slides: FloatArray
     mean: FloatArray
     factor: FloatArray
+    slip: WallSlip | None = None
 
     @classmethod
     def of(
@@ -103,7 +107,12 @@ class WallMotion:
         covariance, slides included."""
         parts = np.exp(-0.5 * (cdist(x, self.points) / self.options.slide_length_mm) ** 2) @ self.slides
         slides = np.einsum("nm,ik->mkni", self.slide_mm * parts, np.eye(3)).reshape(-1, len(x), 3)
-        return np.concatenate([np.moveaxis(self._motions(x) @ self.factor, 2, 0), slides])
+        half = np.zeros((0, len(x), 3)) if self.slip is None else self.slip.at(x)[None]
+        return np.concatenate([np.moveaxis(self._motions(x) @ self.factor, 2, 0), slides, half])
+
+    def likeliest_at(self, x: FloatArray) -> FloatArray:
+        """Where a wall is drawn to: the posterior mean (n, 3) mm at x (n, 3) mm and as much of the slip as is likely."""
+        return self.at(x) if self.slip is None else self.at(x) + self.slip.halves * self.slip.at(x)
 
     def _motions(self, x: FloatArray) -> FloatArray:
         """Motions (n, 3, a) mm at x (n, 3) mm for unit amplitudes."""
@@ -125,7 +134,7 @@ class WallMotion:
         tissue.
         """
         now = wall.points.displacements(u)
-        target = now + way * (self.at(wall.rest - shift) - shift - now)
+        target = now + way * (self.likeliest_at(wall.rest - shift) - shift - now)
         along = np.eye(3) - wall.normal[:, :, None] * wall.normal[:, None, :]
         return Springs(wall.points, self.options.drag_per_mm * shear_kpa * along, target)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.bone_registration import BoneRegistration
 from palpate.core.observe.contour_noise import smooth_covariance
@@ -68,12 +69,24 @@ class DataVector:
 
     def residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
         """Predicted minus observed data (n,), for nodal displacements u (nodes, 3) mm of the scene."""
-        observed_u = scene.seen(u)
-        surface = self.modes.T @ self.surface_residual(scene, u)
-        parts = [surface, scene.observation.landmark_residual(observed_u).ravel()]
-        parts.append(scene.observation.motion.residual(observed_u))
+        observation, composition = scene.observation, scene.composition
+        return self.residual_of(observation, observation.all_points @ scene.seen(u), composition)
+
+    def residual_of(
+        self, observation: SurfaceObservation, v: FloatArray, composition: Composition | None = None
+    ) -> FloatArray:
+        """The same (n,) for displacements v (p, 3) mm of `observation.all_points`.
+
+        composition : whose bones moved, and whose contour is offset; None for the plain model.
+        """
+        surface, marks, motion = observation.parts_of(v)
+        distance = observation.residual_of(surface)
+        if composition is not None:
+            distance = distance + composition.observation
+        parts = [self.modes.T @ distance, (observation.landmarks[:, :3] + marks - observation.landmarks[:, 3:]).ravel()]
+        parts.append(observation.motion.residual_of(motion))
         if self.bone is not None:
-            parts.append(self.bone.residual(scene.composition.bone_motion))
+            parts.append(self.bone.residual(_still if composition is None else composition.bone_motion))
         return np.concatenate(parts)
 
     def surface_residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
@@ -82,10 +95,36 @@ class DataVector:
 
     def response(self, scene: CompositionScene, u: FloatArray, moves: FloatArray) -> FloatArray:
         """Change (n, r) of the residual for changes of displacement `moves` (r, nodes, 3) mm at u (nodes, 3) mm."""
-        observed_u = scene.seen(u)
-        rows = [self.modes.T @ scene.observation.jacobian(observed_u, moves)]
-        rows.append(np.stack([(scene.observation.landmark_operator @ m).ravel() for m in moves], axis=1))
-        rows.append(scene.observation.motion.jacobian(moves))
-        if self.bone is not None:
-            rows.append(np.zeros((6, len(moves))))
-        return np.vstack(rows)
+        every = scene.observation.all_points
+        moved = np.stack([every @ m for m in moves]) if len(moves) else np.zeros((0, every.shape[0], 3))
+        return self.response_of(scene.observation, every @ scene.seen(u), moved)
+
+    def response_of(self, observation: SurfaceObservation, v: FloatArray, moves: FloatArray) -> FloatArray:
+        """The same (n, r) for changes `moves` (r, p, 3) mm of the displacements v (p, 3) mm of `observation.all_points`."""
+        _, normal = observation.target.value_and_gradient(observation.points + observation.parts_of(v)[0])
+        out = np.zeros((self.n, len(moves)))
+        for j, move in enumerate(moves):
+            surface, marks, motion = observation.parts_of(move)
+            out[: self.n_modes, j] = self.modes.T @ (surface * normal).sum(axis=1)
+            out[self.marks, j] = marks.ravel()
+            out[self.motion, j] = observation.motion.along(motion)
+        return out
+
+    def loads(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
+        """Derivative (n, nodes, 3) of the residual in nodal displacements, at u (nodes, 3) mm.
+
+        Read as nodal forces these are the loads of the adjoint problems: the body's response to row i is the change of
+        datum i per unit force at every node, for the tangent is symmetric (Maxwell and Betti).
+        """
+        observation, every = scene.observation, scene.observation.all_points
+        _, normal = observation.residual_and_normal(scene.seen(u))
+        q, rows = len(observation.points), np.zeros((self.n, every.shape[0], 3))
+        rows[: self.n_modes, :q] = self.modes.T[:, :, None] * normal
+        for k in range(3 * self.n_marks):
+            rows[self.marks.start + k, q + k // 3, k % 3] = 1.0
+        rows[self.motion, q + self.n_marks :] = observation.motion.per_point
+        return np.stack([(every.T @ rows[:, :, i].T).T for i in range(3)], axis=2)
+
+
+def _still(X: FloatArray) -> FloatArray:
+    return np.zeros_like(X)

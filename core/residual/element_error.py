@@ -12,13 +12,14 @@ from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
+from palpate.core.forward.contact_force_scene import ContactForceScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.fit_options import GOOD, QUICK
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel, carried
 from palpate.core.residual.remeshing import Remeshed
-from palpate.core.worker.progress import Progress
+from palpate.core.worker.progress import Progress, silent
 
-QUICK, GOOD = "p1p1", "p2p1"
 # Rounds in which the walls of the better element find their place from where the quick one had them.
 _ROUNDS = 2
 # Where cells fold it may find no equilibrium from there, and fight for minutes: it is given a fifth of what a solve may
@@ -27,41 +28,81 @@ OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
 
 
 @dataclass(frozen=True, eq=False)
+class FineSolution:
+    """Equilibrium of the better element: its scene, the state, and the residual (n,) there, without a correction."""
+
+    scene: CompositionScene
+    state: State
+    residual: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class ElementErrors:
     """What the better element changes, mm.
 
-    every (M, n) : on each mesh on which it has an equilibrium; M may be 0. own (n,) : on the case's own mesh, None
-    where it has none.
+    every (M, n) : on each mesh on which it has an equilibrium; M may be 0. own : its solution on the case's own mesh,
+    None where it has none. quick (n,) : residual of the quick element that this is counted from.
     """
 
     every: FloatArray
-    own: FloatArray | None
+    own: FineSolution | None
+    quick: FloatArray
+
+    @property
+    def on_own_mesh(self) -> FloatArray | None:
+        """What it changes (n,) on the case's own mesh."""
+        return None if self.own is None else self.own.residual - self.quick
+
+    def mean(self) -> FloatArray:
+        """Mean (n,) over all meshes, 0 where there is none."""
+        return np.asarray(self.every.mean(axis=0)) if len(self.every) else np.zeros(self.every.shape[1])
+
+    def moved_to(self, model: StateModel, linearisation: Linearisation, element: str) -> ElementErrors:
+        """The same at another linearisation, solved on the case's own mesh; other meshes change as much.
+
+        Unchanged where the better element has no equilibrium there, or had none before.
+        """
+        if self.own is None:
+            return self
+        own = fine_solution(fine_element_model(model, element), PLAIN, linearisation)
+        if own is None:
+            return self
+        quick = linearisation.residual - model.correction
+        change = (own.residual - quick) - (self.own.residual - self.quick)
+        return ElementErrors(self.every + change, own, quick)
 
 
 def element_errors(
-    model: StateModel, linearisation: Linearisation, remeshed: Sequence[Remeshed], progress: Progress
+    model: StateModel,
+    linearisation: Linearisation,
+    remeshed: Sequence[Remeshed],
+    element: str,
+    progress: Progress = silent,
 ) -> ElementErrors:
     """Residual of the better element on every mesh, the model's own first, less that of the quick one at
     `linearisation`."""
-    none = np.zeros(model.data.n)
-    residuals = [fine_element_residual(fine_element_model(model), PLAIN, linearisation)]
+    none, quick_residual = np.zeros(model.data.n), linearisation.residual - model.correction
+    if element == QUICK:
+        return ElementErrors(np.zeros((0, len(none))), None, quick_residual)
+    own = fine_solution(fine_element_model(model, element), PLAIN, linearisation)
+    residuals = [None if own is None else own.residual]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")
         problem = other.problem(model.plain.problem)
         quick = StateModel(SharedGeometry.of(problem, QUICK, model.geometry), model.data, Composition(problem), none)
         there = quick.solve(PLAIN, linearisation.theta, NOTHING, None)
         if there is not None:  # a mesh on which the model has no equilibrium tells nothing
-            residuals.append(fine_element_residual(fine_element_model(quick), PLAIN, there))
+            residuals.append(fine_element_residual(fine_element_model(quick, element), PLAIN, there))
     known = [r for r in residuals if r is not None]
-    every = np.array(known) - linearisation.residual if known else np.zeros((0, len(none)))
-    return ElementErrors(every, None if residuals[0] is None else every[0])
+    every = np.array(known) - quick_residual if known else np.zeros((0, len(none)))
+    return ElementErrors(every, own, quick_residual)
 
 
-def fine_element_model(quick: StateModel) -> StateModel:
+def fine_element_model(quick: StateModel, element: str = GOOD) -> StateModel:
     """The same model with the better element."""
-    return StateModel(
-        SharedGeometry.of(quick.plain.problem, GOOD, quick.geometry), quick.data, quick.plain, quick.correction
-    )
+    geometry = SharedGeometry.of(quick.plain.problem, element, quick.geometry)
+    only = None if quick.only is None else ContactForceScene(geometry)
+    return StateModel(geometry, quick.data, quick.plain, quick.correction, only, quick.count)
 
 
 def scatter_mm(differences: FloatArray, data: DataVector) -> float:
@@ -75,16 +116,34 @@ def scatter_mm(differences: FloatArray, data: DataVector) -> float:
 def fine_element_residual(
     better: StateModel, hypothesis: Hypothesis, linearisation: Linearisation, options: NewtonOptions = OPTIONS
 ) -> FloatArray | None:
-    """Residual (n,) of the better element, started from the quick one's equilibrium, whose pressure unknowns it shares.
+    """Residual (n,) of `fine_solution`."""
+    solution = fine_solution(better, hypothesis, linearisation, options)
+    return None if solution is None else solution.residual
+
+
+def fine_solution(
+    better: StateModel, hypothesis: Hypothesis, linearisation: Linearisation, options: NewtonOptions = OPTIONS
+) -> FineSolution | None:
+    """Equilibrium of the better element, started from the quick one's.
 
     None where it has no equilibrium within what the options allow.
     """
-    scene = CompositionScene(better.geometry, hypothesis.composition(better.plain, linearisation.phi))
-    state = State(carried(linearisation, scene), linearisation.equilibrium.p)
+    scene = better.scene_of(hypothesis.composition(better.plain, linearisation.phi))
+    state = _started(scene, linearisation)
     for _ in range(_ROUNDS):
         scene.linearise(state.u)
         equilibrium = scene.solve(linearisation.theta, state, options)
+        better.count.add(equilibrium)
         if not equilibrium.converged:
             return None
         state = State(equilibrium.u, equilibrium.p)
-    return better.data.residual(scene, state.u)
+    return FineSolution(scene, state, better.data.residual(scene, state.u))
+
+
+def _started(scene: CompositionScene, linearisation: Linearisation) -> State:
+    """The quick element's equilibrium on a scene; its pressure unknowns where they are the same (`p2p1`)."""
+    u, p = carried(linearisation, scene), linearisation.equilibrium.p
+    if len(p) == scene.space.n_pressures:
+        return State(u, p)
+    scene.assembler.set_materials(scene.materials(linearisation.theta))
+    return State(u, scene.assembler.balanced_pressure(u))

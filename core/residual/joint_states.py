@@ -11,8 +11,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.linearised_model import Hypothesis, Linearisation, StateModel
+from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,12 @@ class JointModel:
         return self.each[0]
 
     @property
+    def bounds(self) -> FloatArray:
+        """Bounds (t, 2) of theta."""
+        geometry = self.first.geometry
+        return StiffnessParameters(geometry.problem.regions, geometry.problem.facts, geometry.split_mu).bounds
+
+    @property
     def data_vectors(self) -> list[DataVector]:
         """Data vectors of the states."""
         return [model.data for model in self.each]
@@ -119,6 +126,10 @@ class JointModel:
                 return None
             linearisations.append(linearisation)
         return JointLinearisation(tuple(linearisations))
+
+    def plain(self, theta: FloatArray, near: JointLinearisation | None) -> JointLinearisation | None:
+        """The plain model at theta (t,); see `solve`."""
+        return self.solve(PLAIN, theta, NOTHING, near)
 
     def directions(self, hypothesis: Hypothesis, at: JointLinearisation) -> FloatArray:
         """Derivative (n, k) of the residual in phi; see `StateModel.directions`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -70,17 +70,39 @@ class Linearisation:
         return self.equilibrium.tangent
 
 
+@dataclass
+class SolveCount:
+    """Work done so far. solves : equilibria. factorisations : of the tangent. failed : solves without an equilibrium."""
+
+    solves: int = 0
+    factorisations: int = 0
+    failed: int = 0
+
+    def add(self, equilibrium: Equilibrium) -> None:
+        """Count one equilibrium."""
+        self.solves += 1
+        self.factorisations += equilibrium.factorisations
+        self.failed += 0 if equilibrium.converged else 1
+
+
 @dataclass(eq=False)
 class StateModel:
     """Model of one deformed state, to be solved for any hypothesis.
 
-    plain : the composition without an effect. correction : (n,) what the better element adds to every residual.
+    plain : the composition without an effect. correction : (n,) what the better element adds to every residual. only :
+    the one scene that there is on a boundary that takes no composition (`contact-force`), None otherwise.
     """
 
     geometry: SharedGeometry
     data: DataVector
     plain: Composition
     correction: FloatArray
+    only: CompositionScene | None = None
+    count: SolveCount = field(default_factory=SolveCount)
+
+    def scene_of(self, composition: Composition) -> CompositionScene:
+        """Scene of a composition. Raises InputError for a stress-free mesh that is turned inside out."""
+        return CompositionScene(self.geometry, composition) if self.only is None else self.only
 
     def solve(
         self, hypothesis: Hypothesis, theta: FloatArray, phi: FloatArray, near: Linearisation | None
@@ -88,7 +110,7 @@ class StateModel:
         """The model at (theta, phi), started from the equilibrium of `near`; None when it has none."""
         composition = hypothesis.composition(self.plain, phi)
         try:
-            scene = CompositionScene(self.geometry, composition)
+            scene = self.scene_of(composition)
         except InputError:
             return None  # a stress-free mesh that is turned inside out
         u = None if near is None else carried(near, scene)
@@ -98,6 +120,7 @@ class StateModel:
             start = State(u, scene.assembler.balanced_pressure(u))
         settled = scene.settle(theta, start, rounds=_FROM_AFAR if near is None else _FROM_NEARBY)
         equilibrium = settled.equilibrium
+        self.count.add(equilibrium)
         if not equilibrium.converged:
             return None
         residual = self.data.residual(scene, equilibrium.u) + self.correction

@@ -10,19 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
-from palpate.core.observe.contour_noise import covariance_between, noise_modes, smooth_covariance
+from palpate.core.observe.contour_noise import covariance_between, smooth_covariance
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import apart, rows_of
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.noise_model_options import NoiseModelOptions
-
-# Share of the variance of the walls' contour noise whose modes are carried through the model: a truncation.
-_KEPT = 0.97
 
 
 @dataclass(frozen=True)
@@ -85,10 +82,11 @@ class NoiseParts:
         """Parts at a model's linearisations, one for each state."""
         rows, sd = rows_of(data_vectors), linearisations[0].scene.problem.facts.noise_sd_mm
         each = list(zip(linearisations, data_vectors, strict=True))
-        contours = [_contours_of(p.scene, data, p.equilibrium, options.wall_mode_length_mm) for p, data in each]
+        per_force = [data_per_force(p.scene, data, p.equilibrium) for p, data in each]
+        contours = [_contours_of(p.scene, data, A) for (p, data), A in zip(each, per_force, strict=True)]
         return cls(
             tuple(_contours(contours, rows, sd, length) for length in options.lengths_mm),
-            apart([_along(p.scene, data, p.equilibrium) for p, data in each]),
+            apart([_along(p.scene, data, A) for (p, data), A in zip(each, per_force, strict=True)]),
             _read_twice([np.eye(s.n)[:, : s.n_modes] for s in data_vectors]),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
             apart([_floor(s) for s in data_vectors]),
@@ -118,25 +116,24 @@ class _Contour:
     response: FloatArray
 
 
-def _contours_of(
-    scene: CompositionScene, data: DataVector, equilibrium: Equilibrium, wall_length_mm: float
-) -> dict[str, _Contour]:
-    """Contours of organ, walls and bones, and their responses at an equilibrium."""
+def _contours_of(scene: CompositionScene, data: DataVector, per_force: FloatArray) -> dict[str, _Contour]:
+    """Contours of organ, walls and bones, and their responses. per_force (n, nodes, 3) : see `data_per_force`."""
     organ = np.zeros((data.n, len(data.modes)))
     organ[: data.n_modes] = data.modes.T
     out = {"organ": _Contour(scene.observation.points, organ)}
     for name, wall in zip(scene.geometry.fields, scene.walls, strict=True):
-        modes = noise_modes(wall.rest, 1.0, wall_length_mm, _KEPT)
-        modes = modes / np.linalg.norm(modes, axis=0)
-        weight = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
-        forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], weight * m[:, None]) for m in modes.T])
-        response = data.response(scene, equilibrium.u, response_to_forces(equilibrium.tangent, forces))
-        out[name] = _Contour(wall.rest, response @ modes.T)
+        force = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
+        out[name] = _Contour(wall.rest, np.einsum("nqi,qi->nq", per_force[:, wall.points.nodes[:, 0]], force))
     if data.bone is not None:
         bone = np.zeros((data.n, len(data.bone.points)))
         bone[-6:] = data.bone.reader
         out["bone"] = _Contour(data.bone.points, bone)
     return out
+
+
+def data_per_force(scene: CompositionScene, data: DataVector, equilibrium: Equilibrium) -> FloatArray:
+    """Change (n, nodes, 3) of the data per unit force (mN) at every node: one back-substitution for each datum."""
+    return response_to_forces(equilibrium.tangent, data.loads(scene, equilibrium.u))
 
 
 def _contours(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], sd: float, length: float) -> FloatArray:
@@ -190,31 +187,21 @@ def organ_contours(data: DataVector, points: FloatArray, sd_mm: float, length: f
     return np.asarray(2.0 * data.modes.T @ smooth_covariance(points, sd_mm, length) @ data.modes)
 
 
-def _on_nodes(scene: CompositionScene, nodes: IntArray, force: FloatArray) -> FloatArray:
-    full = np.zeros((scene.space.n_nodes, 3))
-    np.add.at(full, nodes, force)
-    return full
-
-
-def _along(scene: CompositionScene, data: DataVector, equilibrium: Equilibrium) -> FloatArray:
+def _along(scene: CompositionScene, data: DataVector, per_force: FloatArray) -> FloatArray:
     """Covariance of the residual for the uncertainty of the walls' motion along themselves."""
     total = np.zeros((data.n, data.n))
     for wall, motion in zip(scene.walls, scene.geometry.motions.values(), strict=True):
         unknown = motion.unknown_at(wall.rest - wall.points.displacements(scene.shift))
-        R = slide_responses(scene, data, equilibrium, wall, unknown)
+        R = slide_responses(scene, per_force, wall, unknown)
         total += R @ R.T
     return total
 
 
-def slide_responses(
-    scene: CompositionScene, data: DataVector, equilibrium: Equilibrium, wall: SlidingWall, moved: FloatArray
-) -> FloatArray:
+def slide_responses(scene: CompositionScene, per_force: FloatArray, wall: SlidingWall, moved: FloatArray) -> FloatArray:
     """Change (n, r) of the residual when a wall's points move by `moved` (r, w, 3) mm; only the tangential part counts.
 
-    equilibrium : solved with its stability check.
+    per_force (n, nodes, 3) : see `data_per_force`.
     """
     along = moved - np.einsum("rqi,qi->rq", moved, wall.normal)[..., None] * wall.normal
-    drag = scene.geometry.walls.drag_per_mm
-    pulls = drag * scene.problem.facts.tissue_shear_modulus_kpa * wall.points.measure[:, None] * along
-    forces = np.array([_on_nodes(scene, wall.points.nodes[:, 0], pull) for pull in pulls])
-    return data.response(scene, equilibrium.u, response_to_forces(equilibrium.tangent, forces))
+    pull = scene.geometry.walls.drag_per_mm * scene.problem.facts.tissue_shear_modulus_kpa * wall.points.measure
+    return np.einsum("nqi,rqi->nr", per_force[:, wall.points.nodes[:, 0]] * pull[:, None], along, optimize=True)

@@ -186,14 +186,6 @@ class NoiseModelOptions:
             "1", "Smallest variance of a mode that is read, over the largest.", "Chosen: 65 to 75 modes for a prostate."
         ),
     ] = 0.01
-    wall_mode_length_mm: Annotated[
-        float,
-        sourced(
-            "mm",
-            "Correlation length whose modes the noise of the walls' contours is carried through the model in.",
-            "Numerical: short enough to hold noise of any of `lengths_mm` but the shortest.",
-        ),
-    ] = 5.0
     bone_floor_mm: Annotated[
         float,
         sourced("mm an axis", "What no registration of bones is better than.", f"Chosen. {_TRIED}"),
@@ -239,13 +231,3 @@ class NoiseModelOptions:
             "Chosen: they sit on one holder, and its pose errs as a whole.",
         ),
     ] = 0.7
-    short_by: Annotated[
-        float,
-        sourced(
-            "1",
-            "rms error of ln G that this noise model leaves, in standard deviations; evidence is divided by its "
-            "square.",
-            "22 effect-free cases of the blind check's seeds 11 and 12: 1.25; 88 of seeds 9 and 11 to 14: 1.29 "
-            "(gap_history.md of commit 58d590b).",
-        ),
-    ] = 1.25

@@ -1,37 +1,43 @@
-"""Fit of the plain model: stiffness with a quick element, corrected by a better one, weighed by the estimated noise."""
+"""The plain model where it fits best: one stiffness for all deformed states, with its uncertainty.
+
+A quick element finds the fit, a better one corrects its residual where it ends (defect correction): at the end the
+residual is the better element's own. The data are weighed by the inverse of the covariance of all that is no effect,
+whose sizes the case's own data choose. `identify` reports this fit, and `diagnose` starts from it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.errors import ConvergenceError
-from palpate.core.forward.composition import Composition
-from palpate.core.forward.parameters import StiffnessParameters, middle
-from palpate.core.forward.shared_geometry import SharedGeometry
-from palpate.core.inference.gauss_newton import gauss_newton
-from palpate.core.observe.bone_registration import BoneRegistration
+from palpate.core.inference.posterior import Posterior, laplace, prior_precision
+from palpate.core.inference.starts import spread_starts
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.wall_motion_options import WallMotionOptions
-from palpate.core.problem import IdentificationProblem, StateData, SurfacePair
+from palpate.core.problem import StateData
 from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.element_error import QUICK, element_errors, scatter_mm
+from palpate.core.residual.element_error import ElementErrors, FineSolution, element_errors, scatter_mm
+from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
-from palpate.core.residual.linearised_model import NOTHING, PLAIN, StateModel
+from palpate.core.residual.linearised_model import SolveCount
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.residual.optimum import Optimum, best_of, solved
 from palpate.core.residual.remeshing import Remeshed, left_by_all
+from palpate.core.residual.state_models import joint_model
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
-from palpate.core.residual.wall_error_bias import noise_slope
 from palpate.core.worker.progress import Progress, part, silent
 
-# Precision of ln G's prior: none to speak of.
-FLAT = 1e-4
+# How often the better element's correction is taken anew where the fit has moved, at most, and the move of ln G, in its
+# standard deviations, from which on it is.
+_CORRECTIONS, _MOVED_SD = 3, 0.1
+# Response (n, m) of the data to further errors of unit variance, at a model's linearisation.
+FurtherErrors = Callable[[JointModel, JointLinearisation], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,32 +46,74 @@ class PlainFit:
 
     model : of all deformed states. linearisation : at the best fit of the quick element, residuals corrected. mesh (n,)
     : mm that the better element changes, the mean over all `meshes` on which it was solved (the fewest of any state), 0
-    for none. on_own_mesh (n,) : the same on the case's own mesh, None where unknown. noise_slope (t,) : see
-    `noise_slope`. scatter_mm : rms along the surface of one mesh about that mean in the first state, NaN for one mesh.
-    noise : all sizes that it may have. sizes : estimated ones. weighting : of the data vector.
+    for none. errors : of the quick element, by state. scatter_mm : rms along the surface of one mesh about that mean in
+    the first state, NaN for one mesh. noise : all sizes that it may have. sizes : estimated ones. weighting : of the
+    data vector. optimum : of the search with the quick element.
     """
 
     model: JointModel
     linearisation: JointLinearisation
     mesh: FloatArray
-    on_own_mesh: FloatArray | None
+    errors: tuple[ElementErrors, ...]
     meshes: int
-    noise_slope: FloatArray
     scatter_mm: float
     noise: NoiseGrid
     sizes: NoiseSizes
     weighting: Weighting
+    optimum: Optimum
 
     @property
     def options(self) -> NoiseModelOptions:
         """Numbers of the noise model."""
         return self.noise.options
 
+    @property
+    def count(self) -> SolveCount:
+        """Work done so far with the model, by whoever solved it."""
+        return self.model.first.count
+
+    @property
+    def fine(self) -> list[FineSolution | None]:
+        """The better element's solution of every state, None where it has no equilibrium."""
+        return [e.own for e in self.errors]
+
+    @cached_property
+    def on_own_mesh(self) -> FloatArray | None:
+        """What the better element changes (n,) mm on the case's own mesh; None where it has no equilibrium."""
+        own = [c for e in self.errors if (c := e.on_own_mesh) is not None]
+        return np.concatenate(own) if len(own) == len(self.errors) else None
+
+    @cached_property
+    def residual(self) -> FloatArray:
+        """Weighted residual (n,)."""
+        return self.weighting.whiten(self.linearisation.residual)
+
+    @cached_property
+    def jacobian(self) -> FloatArray:
+        """Derivative (n, t) of the weighted residual in theta."""
+        return self.weighting.whiten(self.linearisation.in_theta)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Bounds (t, 2) of theta."""
+        return self.linearisation.first.scene.parameters.bounds
+
+    @cached_property
+    def posterior(self) -> Posterior:
+        """Of theta, by Laplace's approximation."""
+        return laplace(self.linearisation.theta, self.residual, self.jacobian, self.bounds)
+
+    @property
+    def noise_rms_mm(self) -> list[float]:
+        """What noise leaves on each state's surface, mm rms."""
+        variance, each = np.diag(self.weighting.covariance), zip(self.model.rows, self.model.data_vectors, strict=True)
+        return [float(np.sqrt(variance[r.start : r.start + d.n_modes].sum() / len(d.modes))) for r, d in each]
+
     @cached_property
     def log_evidence(self) -> float:
         """Log evidence of the plain model, averaged over the noise."""
         J = self.linearisation.in_theta
-        return self.noise.log_evidence(self.linearisation.residual, J, np.full(J.shape[1], FLAT))
+        return self.noise.log_evidence(self.linearisation.residual, J, prior_precision(self.bounds))
 
 
 def fit_plain(
@@ -74,65 +122,100 @@ def fit_plain(
     progress: Progress = silent,
     options: NoiseModelOptions | None = None,
     walls: WallMotionOptions | None = None,
+    how: FitOptions | None = None,
+    further: FurtherErrors | None = None,
+    start: FloatArray | None = None,
 ) -> PlainFit:
     """Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
 
     pairs : for each deformed state the problem and the bones. remeshed : other meshes of the same labels; the better
-    element's prediction is the mean over all of them. options, walls : the program's own where none are given.
+    element's prediction is the mean over all of them. options, walls, how : the program's own where none are given.
+    further : errors beside those of the noise model, None for none. start (t,) : a theta to start from beside the usual
+    ones.
     """
-    options, walls = options or NoiseModelOptions(), walls or WallMotionOptions()
-    sizes = NoiseSizes.of(options)
+    options, how = options or NoiseModelOptions(), how or FitOptions()
     progress(0.0, "plain model: surfaces and distances")
-    model = JointModel(
-        tuple(_state_model(problem, bones, k, options, walls) for k, (problem, bones) in enumerate(pairs))
-    )
-    progress(0.2, "plain model: stiffness with the quick element")
-    bounds = StiffnessParameters(pairs[0][0].regions, pairs[0][0].facts).bounds
-    first = _solved(model, middle(bounds), None)
-    noise = NoiseParts.of(first.each, model.data_vectors, options)
-    weighting = Weighting(noise.covariance(sizes, np.zeros((model.n, 1))))
-    linearisation = _best(model, weighting, [middle(bounds), bounds.mean(axis=1) + 0.2 * np.ptp(bounds, axis=1)], first)
-    progress(0.4, "plain model: the better element")
-    better = [
-        element_errors(b, p, remeshed, part(progress, 0.4, 0.8))
-        for b, p in zip(model.each, linearisation.each, strict=True)
+    model = joint_model(pairs, options, walls or WallMotionOptions(), how)
+    progress(0.1, "plain model: stiffness with the quick element")
+    starts = np.vstack([spread_starts(model.bounds, how.starts), *([] if start is None else [start])])
+    first = _somewhere(model, starts)
+    weighting = _first_weights(model, first, options)
+    optimum = best_of(model, weighting, starts, first, part(progress, 0.1, 0.4))
+    progress(0.4, f"plain model: element {how.element}")
+    better = part(progress, 0.4, 0.7)
+    errors = [
+        element_errors(m, p, remeshed, how.element, better)
+        for m, p in zip(model.each, optimum.linearisation.each, strict=True)
     ]
-    differences = [d.every for d in better]
-    own = [d.own for d in better if d.own is not None]
-    on_own_mesh = np.concatenate(own) if len(own) == len(better) else None
-    mesh = np.concatenate([d.mean(axis=0) if len(d) else np.zeros(d.shape[1]) for d in differences])
-    model, linearisation = model.corrected(mesh), linearisation.corrected(mesh)
-    progress(0.8, "plain model: noise of this case's contours")
-    noise = NoiseParts.of(linearisation.each, model.data_vectors, options)
-    gap = UnknownDiscrepancy.around(linearisation, model.data_vectors, options)
-    grid = NoiseGrid.of(
-        noise, sizes, np.hstack([left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)])
+    model, here = _corrected(model, optimum.linearisation, errors)
+    progress(0.7, "plain model: noise of this case's contours")
+    grid, sizes, weighting = _noise(model, here, errors, options, further)
+    at = here.theta
+    for k in range(_CORRECTIONS):
+        progress(0.75 + 0.08 * k, "plain model: stiffness with the noise of this case")
+        here = best_of(model, weighting, here.theta[None], here).linearisation
+        sd = laplace(here.theta, weighting.whiten(here.residual), weighting.whiten(here.in_theta), model.bounds).sd
+        if (np.abs(here.theta - at) < _MOVED_SD * sd).all():
+            break
+        errors = [e.moved_to(m, p, how.element) for e, m, p in zip(errors, model.each, here.each, strict=True)]
+        model, here = _corrected(model, here, errors)
+        at = here.theta
+    here = solved(model, here.theta, here)  # lets the walls settle further
+    mesh, differences = np.concatenate([e.mean() for e in errors]), [e.every for e in errors]
+    return PlainFit(
+        model,
+        here,
+        mesh,
+        tuple(errors),
+        min(map(len, differences)),
+        scatter_mm(differences[0], model.first.data),
+        grid,
+        sizes,
+        weighting,
+        optimum,
     )
+
+
+def _somewhere(model: JointModel, starts: FloatArray) -> JointLinearisation:
+    """The model solved at the first of the starts (s, t) where it has an equilibrium."""
+    for start in starts[:-1]:
+        linearisation = model.plain(start, None)
+        if linearisation is not None:
+            return linearisation
+    return solved(model, starts[-1], None)
+
+
+def _first_weights(model: JointModel, first: JointLinearisation, options: NoiseModelOptions) -> Weighting:
+    noise = NoiseParts.of(first.each, model.data_vectors, options)
+    return Weighting(noise.covariance(NoiseSizes.of(options), np.zeros((model.n, 1))))
+
+
+def _corrected(
+    model: JointModel, linearisation: JointLinearisation, errors: Sequence[ElementErrors]
+) -> tuple[JointModel, JointLinearisation]:
+    """Model and linearisation with the better element's correction in place of the one they had."""
+    mesh = np.concatenate([e.mean() for e in errors])
+    return model.corrected(mesh), linearisation.corrected(mesh - model.correction)
+
+
+def _noise(
+    model: JointModel,
+    linearisation: JointLinearisation,
+    errors: Sequence[ElementErrors],
+    options: NoiseModelOptions,
+    further: FurtherErrors | None,
+) -> tuple[NoiseGrid, NoiseSizes, Weighting]:
+    """All sizes that the noise may have, the likely ones, and the weights that follow."""
+    sizes, differences = NoiseSizes.of(options), [e.every for e in errors]
+    parts = NoiseParts.of(linearisation.each, model.data_vectors, options)
+    gap = UnknownDiscrepancy.around(linearisation, model.data_vectors, options)
+    columns = [left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)]
+    if further is not None:
+        columns.append(further(model, linearisation))
+    grid = NoiseGrid.of(parts, sizes, np.hstack(columns))
     free = [apart(f) for f in zip(*(_free(data, options) for data in model.data_vectors), strict=True)]
     fitted = fit_noise(grid, linearisation.residual, linearisation.in_theta, gap.free, free)
-    weighting = Weighting(fitted.covariance)
-    linearisation = _best(model, weighting, [linearisation.theta], linearisation)
-    progress(0.95, "plain model: what walls read wrongly do to the stiffness")
-    slope = noise_slope(model, weighting, fitted.sizes, linearisation, options)
-    linearisation = _solved(model, linearisation.theta, linearisation)  # lets the walls settle further
-    scatter = scatter_mm(differences[0], model.first.data)
-    meshes = min(map(len, differences))
-    return PlainFit(model, linearisation, mesh, on_own_mesh, meshes, slope, scatter, grid, fitted.sizes, weighting)
-
-
-def _state_model(
-    problem: IdentificationProblem,
-    bones: SurfacePair | None,
-    state: int,
-    options: NoiseModelOptions,
-    walls: WallMotionOptions,
-) -> StateModel:
-    geometry = SharedGeometry.of(problem, QUICK, walls=walls)
-    floor = np.repeat([options.bone_floor_mm, options.bone_floor_deg], 3)
-    centre = problem.organ.rest.points.mean(axis=0)
-    bone = None if bones is None else BoneRegistration.of(bones, centre, floor, options.bone_far_mm)
-    data = DataVector.of(geometry.observation, bone, options)
-    return StateModel(geometry, data, Composition(problem, state=state), np.zeros(data.n))
+    return grid, fitted.sizes, Weighting(fitted.covariance)
 
 
 def _of_the_model(gap: UnknownDiscrepancy, differences: Sequence[FloatArray], options: NoiseModelOptions) -> FloatArray:
@@ -154,40 +237,3 @@ def _free(data: DataVector, options: NoiseModelOptions) -> list[FloatArray]:
     if data.bone is not None:
         bones[-6:] = options.free_bones * np.eye(6)
     return [offset, bones]
-
-
-def _solved(model: JointModel, theta: FloatArray, near: JointLinearisation | None) -> JointLinearisation:
-    linearisation = model.solve(PLAIN, theta, NOTHING, near)
-    if linearisation is None:
-        raise ConvergenceError(
-            "the rest anatomy cannot be deformed into what the other scans show; look at the contours of bladder and "
-            "rectum, or mesh more finely"
-        )
-    return linearisation
-
-
-def _best(
-    model: JointModel, weighting: Weighting, starts: list[FloatArray], near: JointLinearisation
-) -> JointLinearisation:
-    """Gauss-Newton from every start; the best point of all."""
-    best: tuple[float, JointLinearisation] | None = None
-    bounds = near.first.scene.parameters.bounds
-    for start in starts:
-        here = near
-
-        def linearise(theta: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-            nonlocal best, here
-            linearisation = model.solve(PLAIN, theta, NOTHING, here)
-            if linearisation is None:
-                return None
-            here = linearisation
-            residual = weighting.whiten(linearisation.residual)
-            if best is None or residual @ residual < best[0]:
-                best = float(residual @ residual), linearisation
-            return residual, weighting.whiten(linearisation.in_theta)
-
-        gauss_newton(linearise, start, bounds)
-    if best is None:
-        raise ConvergenceError("no start of Gauss-Newton could be solved; look at the mesh and at the contours")
-    # Lets the walls settle further.
-    return _solved(model, best[1].theta, best[1])

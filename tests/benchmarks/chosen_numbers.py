@@ -16,11 +16,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from palpate.core.diagnose.case_data import load
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.verdict.record import record
+from palpate.core.residual.case_data import load
 from palpate.core.worker.executors import one_thread
 
 

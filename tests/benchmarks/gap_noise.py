@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 from scipy.special import logsumexp
 
+from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
-from palpate.case.steps.diagnose import data_of
 from palpate.core.arrays import FloatArray
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes

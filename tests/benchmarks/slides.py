@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
-from palpate.case.steps.diagnose import data_of
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.noise_covariance import slide_responses
+from palpate.core.residual.noise_covariance import data_per_force, slide_responses
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.worker.executors import one_thread
 from palpate.validate.blind.cases import simulated
@@ -71,11 +71,11 @@ def slides(recipe: Recipe) -> dict[str, tuple[float, float]]:
     if not found.converged:
         raise ConvergenceError(f"{recipe.name}: the plain model has no equilibrium at the true stiffness")
     data = DataVector.of(geometry.observation, None, NoiseModelOptions())
-    out = {}
+    out, per_force = {}, data_per_force(scene, data, found)
     for (name, motion), wall in zip(geometry.motions.items(), scene.walls, strict=True):
         missed = _missed(made, name, wall.rest, wall.points.displacements(found.u))
         # The last field is what truly happened; both go through the same model.
-        response = slide_responses(scene, data, found, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
+        response = slide_responses(scene, per_force, wall, np.concatenate([motion.unknown_at(wall.rest), missed]))
         size = np.sqrt((response[: data.n_modes] ** 2).sum(axis=0) / len(data.modes))
         out[name] = (float(size[-1]), float(np.linalg.norm(size[:-1])))
     return out

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
-from palpate.case.steps.diagnose import data_of
 from palpate.core.errors import ConvergenceError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.shared_geometry import SharedGeometry

@@ -34,7 +34,7 @@ from palpate.ui.cli.arguments import Parser, UsageError
 from palpate.ui.cli.commands import further_states as options
 
 TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
-QUICK = IdentifyOptions(method="gauss-newton", element="p1p1", starts=1, stiffness_map=False)
+QUICK = IdentifyOptions(method="gauss-newton", starts=1, stiffness_map=False)
 
 
 def voxels(organ: Surface, depth: float) -> Volume:

@@ -17,7 +17,6 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
-from palpate.core.identify.reduced_fit import ReducedFit
 from palpate.core.inference.gauss_newton import GaussNewtonResult, Linearise, gauss_newton
 from palpate.core.inference.swarm import Swarm, SwarmOptions
 from palpate.core.reduced.greedy_design import Snapshot
@@ -25,6 +24,7 @@ from palpate.core.reduced.reduced_model import ReducedModel
 from palpate.core.worker.executors import make_executor, one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.paper import tumour_worker
+from palpate.validate.paper.reduced_fit import ReducedFit
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, TumourData, tumour_data
 from palpate.validate.paper.tumour_fit import REDUCED, TumourFit
 from palpate.validate.paper.tumour_scene import Divisions

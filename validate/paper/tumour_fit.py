@@ -9,7 +9,6 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.fem.assembly import State
-from palpate.core.identify.reduced_fit import ReducedFit
 from palpate.core.identify.uneven_regions import UNEVEN_SD, amplitudes, uneven_responses
 from palpate.core.inference.gauss_newton import GaussNewtonResult
 from palpate.core.inference.posterior import Posterior
@@ -26,6 +25,7 @@ from palpate.core.statistics import rms
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.progress import Progress, silent
+from palpate.validate.paper.reduced_fit import ReducedFit
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, TumourData
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume
 

@@ -80,8 +80,9 @@ def gap_test(
 
     refitted : log evidence by effect after nonlinear refits, for cases whose linearised test gives p of at most
     `DecisionRules.clear`; None before. Linearisation at the plain fit underrates an effect that the stiffness absorbed,
-    or a push between the places tried. Draws are not refitted. Those with as small a p gain what refits gain without a
-    gap (`DecisionRules.refits_add`); otherwise every gain of the data would count as evidence.
+    or a push between the places tried. Draws are not refitted: the Bayes factor E with the refits is an e-value, which
+    noise makes as large as 1 / p in at most a share p of cases (Vovk & Wang 2021), so that 1 / E is a p-value too. The
+    smaller of the two is taken.
     """
     freedom = len(r) - J.shape[1]
     noise = noise.probable(r, J, fields, rules.noise_sizes)
@@ -100,7 +101,7 @@ def gap_test(
             np.maximum(discrepancy_maps[:1], refitted.get(name, -np.inf)) for name, discrepancy_maps in library.items()
         ]
         after = _of_a_gap(smooth[:1], _any_named(known, 1), rules.prior_unknown)[0]
-        p = _refitted_p_values(p, factor, after, whole, rules)
+        p[0] = min(p[0], max(float(np.exp(-after)), 1.0 / draws.shape[1]))  # the least that draws can tell
     return GapTest(
         float((weight * looks.Q).sum(axis=0)[0]),
         freedom,
@@ -116,17 +117,6 @@ def _p_values(factor: FloatArray, whole: FloatArray, whole_share: float) -> Floa
     """p-values (draws,) of both statistics together, the data's first: the share of draws whose smaller p-value is as
     small."""
     return _shares(-np.minimum(_shares(factor) / (1.0 - whole_share), _shares(-whole) / whole_share))
-
-
-def _refitted_p_values(
-    p: FloatArray, factor: FloatArray, refitted: float, whole: FloatArray, rules: DecisionRules
-) -> FloatArray:
-    """(draws * gains,) p-values with the data's factor after refits, and every draw that would be refitted with every
-    gain."""
-    adds = np.array(rules.refits_add)
-    gain = np.where(p <= rules.clear, 1.0, 0.0)[:, None] * adds
-    gain[0] = max(refitted - factor[0], 0.0)
-    return _p_values((factor[:, None] + gain).ravel(), np.repeat(whole, len(adds)), rules.whole_share)
 
 
 def _drawn(noise: NoiseGrid, r: FloatArray, J: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray:

@@ -10,9 +10,10 @@ from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.evidence import allowed
 from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.inference.posterior import prior_precision
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.linearised_model import Hypothesis
-from palpate.core.residual.plain_fit import FLAT, PlainFit
+from palpate.core.residual.plain_fit import PlainFit
 
 # Numerical: a fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations), or after so
 # many solves.
@@ -119,7 +120,7 @@ def _weighed(
     scales = screened.effect.scales
     J = np.hstack([fit.weighting.whiten(linearisation.in_theta), fit.weighting.whiten(S)])
     t = len(linearisation.theta)
-    prior = np.diag(np.concatenate([np.full(t, FLAT), 1.0 / scales**2]))
+    prior = np.diag(np.concatenate([prior_precision(fit.bounds), 1.0 / scales**2]))
     covariance = np.asarray(np.linalg.inv(J.T @ J + prior), dtype=np.float64)
     evidence = _whatever_noise(fit, linearisation, S, scales)
     evidence += allowed(linearisation.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
@@ -129,6 +130,6 @@ def _weighed(
 def _whatever_noise(fit: PlainFit, linearisation: JointLinearisation, S: FloatArray, scales: FloatArray) -> float:
     """Log evidence against the plain model, both averaged over the noise."""
     J = np.hstack([linearisation.in_theta, S])
-    precision = np.concatenate([np.full(len(linearisation.theta), FLAT), 1.0 / scales**2])
+    precision = np.concatenate([prior_precision(fit.bounds), 1.0 / scales**2])
     prior = -0.5 * float(((linearisation.phi / scales) ** 2).sum()) - float(np.log(scales).sum())
     return fit.noise.log_evidence(linearisation.residual, J, precision) + prior - fit.log_evidence

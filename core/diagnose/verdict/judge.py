@@ -20,7 +20,8 @@ from palpate.core.diagnose.verdict.decide import decide
 from palpate.core.diagnose.verdict.verdict import Judged, Verdict, probabilities
 from palpate.core.inference.evidence import projected
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
-from palpate.core.residual.plain_fit import FLAT, PlainFit
+from palpate.core.inference.posterior import prior_precision
+from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 
 
@@ -45,16 +46,6 @@ class Diagnosis:
     placebo: float
     forces: UnknownDiscrepancy
     rules: DecisionRules
-
-
-def tempered(log_evidence: float, short_by: float) -> float:
-    """What log evidence is worth when standard deviations are short_by times those it was worked out with: it is
-    quadratic in them.
-
-    Without it the blind check's wrong names came with probabilities of 0.92 and 0.96. A power likelihood (Bissiri,
-    Holmes & Walker 2016).
-    """
-    return log_evidence / short_by**2
 
 
 def judge(
@@ -93,11 +84,11 @@ def judge(
     if pairs and foretells_more(
         fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0]), rules
     ):
-        pair = (tuple(_name(pairs[0]).split(JOINED)), tempered(pairs[0].log_evidence, fit.options.short_by))
-    verdict = decide(test.detected, all_judged, tempered(unknown, fit.options.short_by), pair, rules=rules)
+        pair = (tuple(_name(pairs[0]).split(JOINED)), pairs[0].log_evidence)
+    verdict = decide(test.detected, all_judged, unknown, pair, rules=rules)
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
-        evidence = {s.effect.id: tempered(s.log_evidence, fit.options.short_by) for s in screened}
-        none = tempered(unknown, fit.options.short_by)
+        evidence = {s.effect.id: s.log_evidence for s in screened}
+        none = unknown
         verdict = replace(verdict, probability=probabilities(evidence, none, rules.prior_unknown))
     return Diagnosis(
         fit,
@@ -186,7 +177,7 @@ def _judged(
     share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
     J = np.hstack([f.linearisation.in_theta, f.in_phi])
     p_left = gap_test(fit.noise, f.linearisation.residual, J, forces.free, seed=seed, rules=rules).p_value
-    evidence = tempered(f.log_evidence, fit.options.short_by)
+    evidence = f.log_evidence
     return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
 
 
@@ -224,7 +215,7 @@ def _size(fit: PlainFit, refit: Refit) -> float:
 def plain_model(fit: PlainFit) -> Linear:
     """The plain model, linear around its fit."""
     t = fit.linearisation.in_theta.shape[1]
-    return Linear(fit.linearisation.residual, fit.linearisation.in_theta, np.zeros(t), np.full(t, FLAT))
+    return Linear(fit.linearisation.residual, fit.linearisation.in_theta, np.zeros(t), prior_precision(fit.bounds))
 
 
 def saturated_model(fit: PlainFit, forces: UnknownDiscrepancy) -> Linear:
@@ -246,5 +237,5 @@ def effect_model(refit: Refit) -> Linear:
         refit.linearisation.residual,
         np.hstack([refit.linearisation.in_theta, refit.in_phi]),
         np.concatenate([np.zeros(t), refit.phi]),
-        np.concatenate([np.full(t, FLAT), 1.0 / scales**2]),
+        np.concatenate([prior_precision(refit.linearisation.first.scene.parameters.bounds), 1.0 / scales**2]),
     )

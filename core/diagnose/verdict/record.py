@@ -20,13 +20,12 @@ from palpate.core.diagnose.diagnosis_record import (
 )
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.refit import Refit
-from palpate.core.diagnose.verdict.judge import Diagnosis, tempered
+from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.model_average import model_average, plain_stiffness
 from palpate.core.diagnose.verdict.shrinkage import shrinkage
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.diagnose.verdict.words import next_measurement, sentence
 from palpate.core.residual.linearised_model import Linearisation
-from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.statistics import rms
 
 MAP_FILE = "gap_maps.npz"
@@ -51,7 +50,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         ranking=_ranking(diagnosis),
         shrinkage=shrinkage(diagnosis, best) if best is not None else None,
         stiffness=StiffnessRecord(
-            without_effect=_stiffness(diagnosis, *plain_stiffness(diagnosis.fit, diagnosis.rules)),
+            without_effect=_stiffness(diagnosis, *plain_stiffness(diagnosis.fit)),
             with_effect=None if shown is None else _stiffness(diagnosis, *model_average(diagnosis)),
         ),
         next_measurement=next_measurement(diagnosis),
@@ -141,12 +140,12 @@ def _predicted(linearisation: Linearisation) -> FloatArray:
 
 def _gap(diagnosis: Diagnosis) -> GapRecord:
     fit = diagnosis.fit
-    state_residuals, variances = residuals(fit), _variances(fit)
+    state_residuals, floors = residuals(fit), fit.noise_rms_mm
     residual = np.abs(np.concatenate(state_residuals))
     return GapRecord(
         rms_mm=rms(residual),
         p95_mm=float(np.quantile(residual, 0.95)),
-        noise_floor_mm=float(np.sqrt(np.mean(variances))),
+        noise_floor_mm=rms(np.array(floors)),
         detected=diagnosis.test.detected,
         p_value=diagnosis.test.p_value,
         statistic=diagnosis.test.statistic,
@@ -154,18 +153,8 @@ def _gap(diagnosis: Diagnosis) -> GapRecord:
         p_values={"whole": diagnosis.test.p_whole, "smooth": diagnosis.test.p_smooth, "named": diagnosis.test.p_named},
         contour_noise_sd_mm=diagnosis.fit.sizes.contour * fit.linearisation.first.scene.problem.facts.noise_sd_mm,
         contour_noise_correlation_mm=diagnosis.fit.sizes.length,
-        states=[
-            StateGapRecord(rms(r), float(np.sqrt(variance)))
-            for r, variance in zip(state_residuals, variances, strict=True)
-        ],
+        states=[StateGapRecord(rms(r), floor) for r, floor in zip(state_residuals, floors, strict=True)],
     )
-
-
-def _variances(fit: PlainFit) -> list[float]:
-    """What noise leaves on each state's surface, mm2 on the average."""
-    variance = np.diag(fit.weighting.covariance)
-    each = zip(fit.model.rows, fit.model.data_vectors, strict=True)
-    return [float(variance[rows.start : rows.start + data.n_modes].sum()) / len(data.modes) for rows, data in each]
 
 
 def _ranking(diagnosis: Diagnosis) -> list[RankedRecord]:
@@ -180,7 +169,7 @@ def _ranking(diagnosis: Diagnosis) -> list[RankedRecord]:
 
 
 def _evidence(diagnosis: Diagnosis, screened: Screened, fitted: Refit | None) -> float:
-    return tempered(screened.log_evidence if fitted is None else fitted.log_evidence, diagnosis.fit.options.short_by)
+    return screened.log_evidence if fitted is None else fitted.log_evidence
 
 
 def _row(diagnosis: Diagnosis, screened: Screened, fitted: Refit | None) -> RankedRecord:
@@ -231,7 +220,7 @@ def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
     bounds = diagnosis.fit.linearisation.first.scene.parameters.bounds
     names, rules = diagnosis.fit.model.first.plain.problem.region_names, diagnosis.rules
     out = []
-    fits = [("without", diagnosis.fit.linearisation.theta, plain_stiffness(diagnosis.fit, diagnosis.rules)[1])]
+    fits = [("without", diagnosis.fit.linearisation.theta, plain_stiffness(diagnosis.fit)[1])]
     fits += [] if shown is None else [("with", shown.linearisation.theta, shown.covariance)]
     for what, theta, covariance in fits:
         sd = np.sqrt(np.diag(covariance))[: len(theta)]

@@ -17,7 +17,7 @@ NONE, AMBIGUOUS, UNKNOWN = "none", "ambiguous", "unknown"
 class Judged:
     """One effect after its refit.
 
-    log_evidence : against the plain model, tempered (`judge.tempered`). gain : on data left out. placebo_p : share of
+    log_evidence : against the plain model. gain : on data left out. placebo_p : share of
     placebo effects that gain as much. share_of_ceiling : of what a saturated field gains on data left out. remainder_p
     : of the residual it leaves, under the noise. cosine : between what the best effect does to the data, the stiffness
     projected out, and the nearest thing this one could do. unlike : why what fits is not what the effect's name means,

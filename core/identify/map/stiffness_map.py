@@ -2,8 +2,7 @@
 
 For a linear model the estimate is m = m0 + A r with A = (J' J + C^-1)^-1 J' and the resolution R = A J (Backus & Gilbert;
 Tarantola 2005, Inverse Problem Theory, 3.2): row i of R says of which places the value at i is an average. The spread counts both
-what the smoothing cannot follow and what the noise does, (I - R) C (I - R)' + A N A', N the noise's covariance under these
-weights, which are not its inverse (core.observe.contour_noise).
+what the smoothing cannot follow and what the noise does, (I - R) C (I - R)' + A A'.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
@@ -20,12 +20,13 @@ from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.newton import Equilibrium, solve_equilibrium
 from palpate.core.fem.sensitivity import Direction, direct
 from palpate.core.fem.state import State
-from palpate.core.forward.coupled_scene import CoupledScene
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.parameters import TISSUE
 from palpate.core.identify.map.patches import Patches, cut
 from palpate.core.identify.map.smoothness_prior import SmoothPrior
 from palpate.core.identify.misfit import Misfit
 from palpate.core.laws import MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
+from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.progress import Progress, silent
 
 PATCHES = 60
@@ -98,24 +99,24 @@ def nearest_patch(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray)
 
 
 def stiffness_map(
-    scene: CoupledScene,
-    misfit: Misfit,
-    theta: FloatArray,
+    fit: PlainFit,
+    scene: CompositionScene,
     equilibrium: Equilibrium,
-    scale: float = 1.0,
     count: int = PATCHES,
     progress: Progress = silent,
 ) -> StiffnessMap | None:
-    """The map from regional values theta = ln G and their equilibrium, walls where they are; None where it has no equilibrium.
+    """The map of a fit's first deformed state; None where it has no equilibrium.
 
-    scale : by which the noise is widened (Posterior.scale). count : of patches.
+    scene, equilibrium : of the first state at the fit, walls where they are. count : of patches. Noise is widened as
+    that of the regional values (`Posterior.scale`).
     """
     problem = scene.problem
     patches = cut(problem.mesh, problem.regions, count)
     prior = SmoothPrior.of_bounds(problem.facts.bounds_kpa)
     C = prior.covariance(patches.centres, patches.centres)
     precision = np.asarray(np.linalg.inv(C), dtype=np.float64)
-    body = _Body(scene, misfit, patches, scale)
+    body = _Body(fit, scene, equilibrium, patches)
+    theta = fit.linearisation.theta
     m = patches.means(_regional(scene, patches, theta), problem.mesh.volumes[patches.cells])
     state = body.at(m, equilibrium)
     if state is None:
@@ -148,7 +149,7 @@ def _judged(
     inverse = np.linalg.inv(J.T @ J + precision)
     R = inverse @ (J.T @ J)
     smoothing_error = np.eye(patches.n) - R
-    noise = inverse @ body.score_covariance(J) @ inverse
+    noise = inverse @ (J.T @ J) @ inverse
     covariance = smoothing_error @ C @ smoothing_error.T + noise
     local = prior.local_covariance(patches.centres, patches.centres)
     # Variance of the differences from the common level, before and after the scans.
@@ -171,8 +172,11 @@ class _Solved:
 class _Body:
     """The scene with a stiffness for each patch."""
 
-    def __init__(self, scene: CoupledScene, misfit: Misfit, patches: Patches, scale: float) -> None:
-        self.scene, self.misfit, self.patches, self.scale = scene, misfit, patches, scale
+    def __init__(self, fit: PlainFit, scene: CompositionScene, equilibrium: Equilibrium, patches: Patches) -> None:
+        self.scene, self.patches, self._scale = scene, patches, fit.posterior.scale
+        # At the fit the residual is the fit's own, whatever element solves for the map.
+        data, linearisation = fit.model.data_vectors[0], fit.linearisation.first
+        self._misfit = Misfit.of(fit).first(linearisation.residual - data.residual(scene, equilibrium.u))
         facts = scene.problem.facts
         self._unit = mooney_rivlin_parameters(1.0, bulk_modulus(1.0, facts.organ_poisson_ratio), 0.5)
         regions = scene.problem.mesh.regions[patches.cells]
@@ -186,7 +190,13 @@ class _Body:
         equilibrium = solve_equilibrium(
             self.scene.assembler, {**materials, TISSUE: self._tissue}, start=State(start.u, start.p)
         )
-        return _Solved(equilibrium, self.misfit.residual(equilibrium.u) / self.scale) if equilibrium.converged else None
+        if not equilibrium.converged:
+            return None
+        return _Solved(equilibrium, self._misfit.residual([self._points @ equilibrium.u]) / self._scale)
+
+    @property
+    def _points(self) -> sp.csr_matrix:
+        return self.scene.observation.all_points
 
     def jacobian(self, m: FloatArray, equilibrium: Equilibrium) -> FloatArray:
         """Whitened derivative (q + 3 k, n) at the equilibrium of ln G = m (n,)."""
@@ -195,12 +205,8 @@ class _Body:
         for j in range(self.patches.n):
             rate = np.where(self.patches.patch == j, G, 0.0)
             directions.append({r: rate[rows, None] * self._unit for r, rows in self._rows.items() if rate[rows].any()})
-        sensitivities = direct(equilibrium.tangent, directions)
-        return self.misfit.jacobian(equilibrium.u, sensitivities) / self.scale
-
-    def score_covariance(self, jacobian: FloatArray) -> FloatArray:
-        """(n, n) covariance of J' r under the noise, widened."""
-        return self.misfit.score_covariance(jacobian * self.scale) / self.scale**2
+        moves = np.stack([self._points @ s for s in direct(equilibrium.tangent, directions)])
+        return self._misfit.jacobian([self._points @ equilibrium.u], [moves]) / self._scale
 
     def descend(
         self, m: FloatArray, full: FloatArray, before: _Solved, precision: FloatArray, mean: float
@@ -219,7 +225,7 @@ class _Body:
         return m, before, np.zeros_like(m)
 
 
-def _regional(scene: CoupledScene, patches: Patches, theta: FloatArray) -> FloatArray:
+def _regional(scene: CompositionScene, patches: Patches, theta: FloatArray) -> FloatArray:
     """ln G (c,) of the organ's cells by region."""
     G = dict(zip(scene.problem.regions, scene.parameters.shear_moduli(theta), strict=True))
     regions = scene.problem.mesh.regions[patches.cells]

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from palpate.core.arrays import FloatArray
-from palpate.core.identify.misfit import LANDMARK_SD_MM
 from palpate.core.observe.contour_noise import EXTRACTION_MM
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
@@ -150,7 +150,7 @@ def _pairs(problem: IdentificationProblem) -> Iterator[tuple[str, SurfacePair]]:
 
 def _expected(problem: IdentificationProblem) -> dict[str, float]:
     contours = float(np.hypot(np.sqrt(2.0) * problem.facts.noise_sd_mm, EXTRACTION_MM))
-    return {**{name: contours for name, _ in _pairs(problem)}, "landmarks": LANDMARK_SD_MM}
+    return {**{name: contours for name, _ in _pairs(problem)}, "landmarks": NoiseModelOptions().landmark_mm}
 
 
 def _rms(values: FloatArray) -> float:

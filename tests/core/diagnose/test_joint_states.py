@@ -10,7 +10,6 @@ import pytest
 from synthetic_case import problem
 from triangle_shapes import ball
 
-from palpate.core.diagnose.case_data import CaseData, arrays, load
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.verdict.judge import Diagnosis
@@ -20,6 +19,7 @@ from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.residual.case_data import CaseData, arrays, load
 from palpate.core.residual.element_error import GOOD
 from palpate.core.residual.noise_covariance import NoiseParts
 from palpate.core.surfaces.surface import Surface

@@ -14,15 +14,16 @@ from palpate.core.fem.meshes import ORGAN, TISSUE, sphere_in_cube
 from palpate.core.fem.newton.newton import NewtonOptions, solve_equilibrium
 from palpate.core.fem.scenes import cap_pull, sphere_materials, sphere_scene
 from palpate.core.fem.space import Space
+from palpate.core.forward.composition_scene import plain_scene
 from palpate.core.forward.contact_force_scene import ContactForceScene
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
+from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.identify.identify import identify
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.messages import Reporter
 
 TRUTH = np.log([30.0, 70.0])
-ELEMENT = SceneOptions(element="p1p1")
+ELEMENT = "p1p1"
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +32,9 @@ def problem() -> IdentificationProblem:
 
 
 def test_true_interface_motion_gives_back_the_coupled_deformation(problem: IdentificationProblem) -> None:
-    coupled = CoupledScene(problem, ELEMENT)
+    coupled = plain_scene(problem, ELEMENT, walls=synthetic_case.FREE)
     u = coupled.settle(TRUTH).equilibrium.u
-    scene = ContactForceScene(problem, ELEMENT, u)
+    scene = ContactForceScene(SharedGeometry.of(problem, ELEMENT), u)
     found = scene.solve(TRUTH)
     assert found.converged and found.stable
     expected = coupled.observation.operator @ u
@@ -68,8 +69,8 @@ def test_force_and_hold_balance_the_coupled_body_node_by_node() -> None:
 
 
 def test_an_organ_too_soft_for_its_dead_load_is_reported_not_converged(problem: IdentificationProblem) -> None:
-    coupled = CoupledScene(problem, ELEMENT)
-    scene = ContactForceScene(problem, ELEMENT, coupled.settle(TRUTH).equilibrium.u)
+    coupled = plain_scene(problem, ELEMENT, walls=synthetic_case.FREE)
+    scene = ContactForceScene(SharedGeometry.of(problem, ELEMENT), coupled.settle(TRUTH).equilibrium.u)
     found = scene.solve(TRUTH - np.log(4.0))
     assert not found.converged
     assert found.reason != "" and np.isfinite(found.u).all()

@@ -12,20 +12,21 @@ import numpy as np
 import pytest
 import synthetic_case
 
+from palpate.core.diagnose.verdict.model_average import plain_stiffness
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
-from palpate.core.forward.parameters import middle
+from palpate.core.forward.composition_scene import plain_scene
 from palpate.core.identify.job import run
+from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.plain_fit import Counter, StateProblem, find_optimum, settle_first
 from palpate.core.identify.reidentify import identify_again
 from palpate.core.inference.gauss_newton import gauss_newton
-from palpate.core.inference.posterior import laplace, verdict
+from palpate.core.inference.posterior import verdict
 from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.fit_options import FitOptions
+from palpate.core.residual.plain_fit import PlainFit, fit_plain
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
-from palpate.core.worker.progress import silent
 
 TRUTH = (30.0, 70.0)
 
@@ -48,31 +49,49 @@ def _run(problem: IdentificationProblem, folder: Path, options: dict[str, Any]) 
 
 
 def test_taylor_hood_finds_both_stiffnesses_within_five_percent(problem: IdentificationProblem) -> None:
-    scene = CoupledScene(problem, SceneOptions(element="p2p1"))
-    count = Counter()
-    start = middle(scene.parameters.bounds)
-    first, misfit = settle_first(scene, start, count)
-    found = find_optimum([StateProblem(scene, misfit, first)], start[None], count, silent)
-    np.testing.assert_allclose(np.exp(found.fit.theta), TRUTH, rtol=0.05)
-    posterior = laplace(found.fit.theta, found.fit.residual, found.fit.jacobian, scene.parameters.bounds)
-    low, high = posterior.interval().T
+    fit = fit_plain([(problem, None)], how=FitOptions(element="p2p1", starts=1))
+    np.testing.assert_allclose(np.exp(fit.linearisation.theta), TRUTH, rtol=0.05)
+    low, high = fit.posterior.interval().T
     assert (low < TRUTH).all() and (high > TRUTH).all()
 
 
-def test_misfit_jacobian_is_the_derivative_of_the_misfit(problem: IdentificationProblem) -> None:
-    scene = CoupledScene(problem, SceneOptions(element="p1p1"))
-    theta = np.log([40.0, 50.0])
-    first, misfit = settle_first(scene, theta, Counter())
-    J = misfit.jacobian(first.u, scene.displacement_sensitivities(theta, first))
+@pytest.fixture(scope="module")
+def quick_fit(problem: IdentificationProblem) -> PlainFit:
+    return fit_plain([(problem, None)], how=FitOptions(element="p1p1", starts=1))
+
+
+def test_misfit_jacobian_is_the_derivative_of_the_misfit(quick_fit: PlainFit) -> None:
+    misfit, here = Misfit.of(quick_fit), quick_fit.linearisation.first
+    scene, theta, u = here.scene, here.theta, here.equilibrium.u
+    points = scene.observation.all_points
+    slopes = np.stack([points @ s for s in scene.displacement_sensitivities(theta, here.equilibrium)])
+    J = misfit.jacobian([points @ u], [slopes])
     h = 1e-3
     for k in range(2):
         step = h * np.eye(2)[k]
-        ahead, behind = (misfit.residual(scene.solve(theta + s, first.u).u) for s in (step, -step))
+        ahead, behind = (misfit.residual([points @ scene.solve(theta + s, u).u]) for s in (step, -step))
         np.testing.assert_allclose((ahead - behind) / (2 * h), J[:, k], atol=2e-4 * np.abs(J).max())
 
 
+def test_the_misfit_at_the_fit_is_the_fits_own(quick_fit: PlainFit) -> None:
+    here = quick_fit.linearisation.first
+    moved = here.scene.observation.all_points @ here.equilibrium.u
+    np.testing.assert_allclose(Misfit.of(quick_fit).residual([moved]), quick_fit.residual, atol=1e-10)
+
+
+def test_identification_and_diagnosis_give_one_number(
+    problem: IdentificationProblem, job_result: dict[str, Any]
+) -> None:
+    """To the last digit: `diagnose` fits the plain model as `identify` does."""
+    fit = fit_plain([(problem, None)], how=FitOptions(element="p1p1", starts=2))
+    theta, covariance = plain_stiffness(fit)
+    for k, values in enumerate(job_result["parameters"].values()):
+        assert values["G_kpa"] == np.exp(theta)[k]
+        assert values["sd_ln_G"] == np.sqrt(covariance[k, k])
+
+
 def test_walls_end_on_the_deformed_surface(problem: IdentificationProblem) -> None:
-    scene = CoupledScene(problem, SceneOptions(element="p1p1"))
+    scene = plain_scene(problem, "p1p1")
     settled = scene.settle(np.log(TRUTH))
     assert settled.equilibrium.converged
     gaps = scene.walls[0].gaps(settled.equilibrium.u)
@@ -86,12 +105,9 @@ def test_the_same_scan_twice_moves_nothing_and_tells_nothing(problem: Identifica
         walls={k: replace(v, deformed=v.rest) for k, v in problem.walls.items()},
         organ=replace(problem.organ, deformed=problem.organ.rest),
     )
-    scene = CoupledScene(still, SceneOptions(element="p1p1"))
-    start = middle(scene.parameters.bounds)
-    first, misfit = settle_first(scene, start, Counter())
-    assert np.abs(first.u).max() < 0.02
-    J = misfit.jacobian(first.u, scene.displacement_sensitivities(start, first))
-    posterior = laplace(start, misfit.residual(first.u), J, scene.parameters.bounds)
+    fit = fit_plain([(still, None)], how=FitOptions(element="p1p1", starts=1))
+    assert np.abs(fit.linearisation.first.equilibrium.u).max() < 0.02
+    posterior = fit.posterior
     assert "not identifiable" in verdict(("prostate_left", "prostate_right"), posterior)
 
 
@@ -175,7 +191,7 @@ def test_wrong_options_are_refused_in_one_line(change: dict[str, Any], message: 
 
 def test_a_problem_without_walls_is_refused(problem: IdentificationProblem) -> None:
     with pytest.raises(InputError, match="nothing drives the organ"):
-        CoupledScene(replace(problem, walls={}))
+        plain_scene(replace(problem, walls={}))
 
 
 def test_a_problem_survives_its_file(problem: IdentificationProblem, tmp_path: Path) -> None:

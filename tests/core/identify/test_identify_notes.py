@@ -20,7 +20,8 @@ def found(swarm: tuple[float, float] | None, sd: tuple[float, float]) -> Any:
     theta = None if swarm is None else np.log(swarm)
     return SimpleNamespace(
         scene=SimpleNamespace(parameters=SimpleNamespace(shear_moduli=np.exp, stiffness=slice(0, 2))),
-        optimum=SimpleNamespace(fit=SimpleNamespace(theta=optimum), agree=True),
+        theta=optimum,
+        starts_agree=True,
         swarm=None if theta is None else SimpleNamespace(theta=theta),
         agreement=0.0 if theta is None else float(np.abs(theta - optimum).max()),
         stiffness=SimpleNamespace(sd=np.array(sd)),

@@ -9,11 +9,17 @@ import pytest
 import synthetic_case
 
 from palpate.core.fem.state import State
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
-from palpate.core.identify.misfit import Misfit, wall_response
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.forward.slipping_walls import let_slip
 from palpate.core.identify.predicted_posterior import predict
-from palpate.core.observe.contour_noise import contour_covariance, noise_modes
+from palpate.core.observe.contour_noise import Weighting, noise_modes
 from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import Linearisation
+from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
+from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.surfaces.surface import Surface
 
 TRUTH = np.log([30.0, 70.0])
@@ -50,26 +56,31 @@ def test_half_the_deformation_tells_less(problem: IdentificationProblem) -> None
 
 def test_the_predicted_spread_is_that_of_a_hundred_noisy_scans(problem: IdentificationProblem) -> None:
     """One Gauss-Newton step from the truth for each of 100 draws of organ and wall noise, walls solved anew each time."""
-    told = predict(problem, TRUTH, element=ELEMENT)
+    options = NoiseModelOptions(own_mm=0.03, along=0.0)
+    told = predict(problem, TRUTH, element=ELEMENT, options=options)
     assert told.posterior is not None
-    scene = CoupledScene(problem, SceneOptions(element=ELEMENT))
+    geometry = SharedGeometry.of(problem, ELEMENT)
+    let_slip(geometry)
+    scene = CompositionScene(geometry, Composition(problem))
     found = scene.settle(TRUTH).equilibrium
-    misfit = Misfit.of(scene, wall_response(scene, found))
-    jacobian = misfit.jacobian(found.u, scene.displacement_sensitivities(TRUTH, found))
+    data = DataVector.of(scene.observation, None, options)
+    clean = data.residual(scene, found.u)
+    in_theta = data.response(scene, found.u, scene.displacement_sensitivities(TRUTH, found))
+    here = Linearisation(TRUTH, np.zeros(0), scene, found, clean, in_theta, np.zeros(0))
+    sizes = replace(NoiseSizes.of(options), length=problem.facts.noise_correlation_mm)
+    weights = Weighting(NoiseParts.of([here], [data], options).covariance(sizes, np.zeros((data.n, 0))))
     facts, rng = problem.facts, np.random.default_rng(7)
     sd, length = np.sqrt(2.0) * facts.noise_sd_mm, facts.noise_correlation_mm
-    organ = np.linalg.cholesky(contour_covariance(scene.observation.points, facts.noise_sd_mm, length))
+    organ = data.modes.T @ noise_modes(scene.observation.points, sd, length)
     modes = [noise_modes(wall.rest, sd, length) for wall in scene.walls]
     still, steps = scene.walls, []
-    clean = misfit.residual(found.u)
     for _ in range(100):
         noise = [m @ rng.standard_normal(m.shape[1]) for m in modes]
-        scene.assembler.terms = tuple(replace(w, shift=w.shift + e) for w, e in zip(still, noise, strict=True))
+        scene.walls = [replace(w, shift=w.shift + e) for w, e in zip(still, noise, strict=True)]
         moved = scene.solve(TRUTH, State(found.u, found.p))
         assert moved.converged
-        seen = misfit.surface.whiten(organ @ rng.standard_normal(organ.shape[1]))
-        residual = misfit.residual(moved.u) - clean
-        residual[: len(seen)] -= seen
-        steps.append(np.linalg.lstsq(jacobian, -residual, rcond=None)[0])
+        residual = data.residual(scene, moved.u) - clean - organ @ rng.standard_normal(organ.shape[1])
+        residual -= options.own_mm * rng.standard_normal(data.n)
+        steps.append(np.linalg.lstsq(weights.whiten(in_theta), -weights.whiten(residual), rcond=None)[0])
     # 100 draws know a standard deviation to 7 %.
     np.testing.assert_allclose(np.std(steps, axis=0), told.posterior.sd, rtol=0.25)

@@ -10,7 +10,7 @@ import pytest
 import synthetic_case
 
 from palpate.core.files.json_types import plain
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
+from palpate.core.forward.composition_scene import plain_scene
 from palpate.core.forward.parameters import SHARE_BOUNDS, StiffnessParameters
 from palpate.core.identify.job import run
 from palpate.core.identify.mu_split import separable
@@ -59,7 +59,7 @@ def test_their_sum_is_found_all_the_same(result: dict[str, Any]) -> None:
 
 
 def test_displacements_follow_the_share_as_their_sensitivities_say(problem: IdentificationProblem) -> None:
-    scene = CoupledScene(problem, SceneOptions(element="p1p1", split_mu=True))
+    scene = plain_scene(problem, "p1p1", split_mu=True)
     theta = np.array([np.log(30.0), 0.3, np.log(70.0), 0.6])
     settled = scene.settle(theta).equilibrium
     slopes = scene.displacement_sensitivities(theta, settled)

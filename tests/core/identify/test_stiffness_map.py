@@ -10,16 +10,18 @@ import pytest
 import synthetic_case
 
 from palpate.core.fem.newton.newton import Equilibrium
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.identify.map import stiffness_map as module
 from palpate.core.identify.map.patches import cut
 from palpate.core.identify.map.smoothness_prior import SmoothPrior
 from palpate.core.identify.map.stiffness_map import StiffnessMap, painted, stiffness_map
-from palpate.core.identify.misfit import Misfit, wall_response
+from palpate.core.observe.contour_noise import Weighting
 from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.fit_options import FitOptions
+from palpate.core.residual.plain_fit import PlainFit, fit_plain
 
 TRUTH = np.log([25.0, 75.0])
-Posed = tuple[CoupledScene, Misfit, Equilibrium]
+Posed = tuple[PlainFit, CompositionScene, Equilibrium]
 
 
 @cache
@@ -30,9 +32,9 @@ def made() -> IdentificationProblem:
 def posed(noise_sd_mm: float) -> Posed:
     problem = made()
     problem = replace(problem, facts=replace(problem.facts, noise_sd_mm=noise_sd_mm))
-    scene = CoupledScene(problem, SceneOptions(element="p1p1"))
-    found = scene.settle(TRUTH).equilibrium
-    return scene, Misfit.of(scene, wall_response(scene, found)), found
+    fit = fit_plain([(problem, None)], how=FitOptions(element="p1p1", starts=1))
+    here = fit.linearisation.first
+    return fit, here.scene, here.equilibrium
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +44,11 @@ def sharp() -> Posed:
 
 @pytest.fixture(scope="module")
 def mapped(sharp: Posed) -> StiffnessMap:
-    scene, misfit, found = sharp
-    return stiffness_map(scene, misfit, TRUTH, found, count=30)
+    return stiffness_map(*sharp, count=30)
 
 
 def test_patches_fill_the_organ_once(sharp: Posed) -> None:
-    mesh = sharp[0].problem.mesh
+    mesh = sharp[1].problem.mesh
     patches = cut(mesh, (1, 2), 30)
     assert set(patches.cells) == set(np.flatnonzero(mesh.regions != 3))
     assert patches.n >= 25
@@ -59,9 +60,9 @@ def test_patches_fill_the_organ_once(sharp: Posed) -> None:
 
 
 def test_derivative_by_finite_differences(sharp: Posed) -> None:
-    scene, misfit, found = sharp
+    fit, scene, found = sharp
     patches = cut(scene.problem.mesh, (1, 2), 12)
-    body = module._Body(scene, misfit, patches, 1.0)
+    body = module._Body(fit, scene, found, patches)
     m = patches.means(module._regional(scene, patches, TRUTH), scene.problem.mesh.volumes[patches.cells])
     here = body.at(m, found)
     assert here is not None
@@ -85,8 +86,7 @@ def test_it_shows_the_stiffer_half_without_being_told_of_halves(mapped: Stiffnes
 
 
 def test_noise_takes_the_map_back_to_the_prior(mapped: StiffnessMap) -> None:
-    scene, misfit, found = posed(20.0)
-    blind = stiffness_map(scene, misfit, TRUTH, found, count=30)
+    blind = stiffness_map(*posed(20.0), count=30)
     assert not blind.told.any()
     assert np.trace(blind.resolution) < 0.2 < 2.0 < np.trace(mapped.resolution)
     total = np.hypot(blind.prior.level_sd, blind.prior.local_sd)
@@ -95,8 +95,9 @@ def test_noise_takes_the_map_back_to_the_prior(mapped: StiffnessMap) -> None:
 
 
 def test_wider_noise_tells_less(sharp: Posed, mapped: StiffnessMap) -> None:
-    scene, misfit, found = sharp
-    wide = stiffness_map(scene, misfit, TRUTH, found, scale=4.0, count=30)
+    fit, scene, found = sharp
+    wider = replace(fit, weighting=Weighting(16.0 * fit.weighting.covariance))
+    wide = stiffness_map(wider, scene, found, count=30)
     assert (wide.gain <= mapped.gain + 0.02).all()
     assert np.trace(wide.resolution) < np.trace(mapped.resolution)
 
@@ -109,26 +110,25 @@ def test_what_is_painted_passes_through_the_patches(mapped: StiffnessMap) -> Non
 
 def test_spread_is_that_of_maps_of_simulated_bodies(sharp: Posed) -> None:
     """Bodies drawn from the prior, seen with noise, mapped by the linear estimator: squared errors average to what it says."""
-    scene, misfit, found = sharp
+    fit, scene, found = sharp
     patches = cut(scene.problem.mesh, (1, 2), 20)
     prior = SmoothPrior.of_bounds((20.0, 100.0))
-    body = module._Body(scene, misfit, patches, 1.0)
+    body = module._Body(fit, scene, found, patches)
     m = np.full(patches.n, np.log(45.0))
     here = body.at(m, found)
     assert here is not None
     J = body.jacobian(m, here.equilibrium)
     C = prior.covariance(patches.centres, patches.centres)
     judged = module._judged(body, patches, prior, m, J, C, np.linalg.inv(C), 1, True)
-    rng, q = np.random.default_rng(3), len(misfit.noise)
+    rng = np.random.default_rng(3)
     H = np.linalg.inv(J.T @ J + np.linalg.inv(C))
     bodies = rng.multivariate_normal(np.zeros(patches.n), C, 4000, method="cholesky")
-    noise = rng.standard_normal((4000, q)) @ np.linalg.cholesky(misfit.noise).T
-    seen = J[:q] @ bodies.T + misfit.surface.whiten(noise.T)
-    errors = H @ (J[:q].T @ seen) - bodies.T
+    noise = np.linalg.cholesky(fit.weighting.covariance) @ rng.standard_normal((len(J), 4000))
+    errors = H @ (J.T @ (J @ bodies.T + fit.weighting.whiten(noise))) - bodies.T
     np.testing.assert_allclose(errors.var(axis=1), np.diag(judged.covariance), rtol=0.1)
 
 
 def test_no_map_where_the_start_has_no_equilibrium(sharp: Posed, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, misfit, found = sharp
+    fit, scene, found = sharp
     monkeypatch.setattr(module._Body, "at", lambda *_: None)
-    assert stiffness_map(scene, misfit, TRUTH, found, count=10) is None
+    assert stiffness_map(fit, scene, found, count=10) is None

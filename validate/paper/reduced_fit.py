@@ -11,7 +11,6 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
-from palpate.core.identify.misfit import LANDMARK_SD_MM
 from palpate.core.inference.gauss_newton import GaussNewtonResult, gauss_newton
 from palpate.core.inference.posterior import NoiseFacts, Posterior, laplace
 from palpate.core.observe.contour_noise import Weighting
@@ -27,7 +26,6 @@ class ReducedFit:
     points : (q, 3) mm at rest, those of the model. target : of the deformed surface. weighting : of the residual (q, q).
     noise : (q, q) mm2, what the residual's covariance is taken to be. error_mm : (q,) what the contours err by, taken off the
     residual: for studies that draw it. expected : of the residual's squared weighted length at the truth, where it is known already.
-    landmarks : (k, 6) mm, rest and deformed; the model's points are then the surface's and these.
     """
 
     model: ReducedModel | None
@@ -37,41 +35,28 @@ class ReducedFit:
     noise: FloatArray
     error_mm: FloatArray = field(default_factory=lambda: np.zeros(0))
     expected: float | None = None
-    landmarks: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
 
     def value(self, theta: FloatArray) -> float:
         """Squared length of the weighted residual at theta (t,)."""
-        v, q = self._known.evaluate(theta), len(self.points)
-        distance = self.target.value_and_gradient(self.points + v[:q])[0]
-        surface = self.weighting.squared(distance - self.error_mm if len(self.error_mm) else distance)
-        return surface + float((self._marks(v[q:]) ** 2).sum())
+        distance = self.distance(theta)
+        return self.weighting.squared(distance - self.error_mm if len(self.error_mm) else distance)
 
     def distance(self, theta: FloatArray) -> FloatArray:
         """(q,) mm, unweighted distance of the surface points from the target at theta (t,), without `error_mm`."""
-        v = self._known.evaluate(theta)[: len(self.points)]
+        v = self._known.evaluate(theta)
         return self.target.value_and_gradient(self.points + v)[0]
 
     def linearise(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted residual (q + 3 k,) and Jacobian (q + 3 k, t) at theta (t,)."""
+        """Weighted residual (q,) and Jacobian (q, t) at theta (t,)."""
         return self.linearised(self._known.evaluate(theta), self._known.gradient(theta))
 
     def linearised(self, v: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weighted residual and Jacobian from the points' displacements v (q + k, 3) mm and their derivatives (t, q +
-        k, 3).
-        """
-        q = len(self.points)
-        distance, normal = self.target.value_and_gradient(self.points + v[:q])
+        """Weighted residual and Jacobian from the points' displacements v (q, 3) mm and their derivatives (t, q, 3)."""
+        distance, normal = self.target.value_and_gradient(self.points + v)
         if len(self.error_mm):
             distance = distance - self.error_mm
-        along = np.einsum("tqi,qi->qt", slopes[:, :q], normal)
-        both = self.weighting.whiten(np.column_stack([distance, along]))
-        marks = np.column_stack([self._marks(v[q:]), slopes[:, q:].reshape(len(slopes), -1).T / LANDMARK_SD_MM])
-        both = np.vstack([both, marks])
+        both = self.weighting.whiten(np.column_stack([distance, np.einsum("tqi,qi->qt", slopes, normal)]))
         return both[:, 0], both[:, 1:]
-
-    def _marks(self, v: FloatArray) -> FloatArray:
-        """Weighted residual (3 k,) of landmarks that move by v (k, 3)."""
-        return np.asarray((self.landmarks[:, :3] + v - self.landmarks[:, 3:]).ravel() / LANDMARK_SD_MM)
 
     def fit(self, starts: FloatArray, bounds: FloatArray) -> GaussNewtonResult:
         """Best optimum over the starts (s, t) within bounds (t, 2). Raises ConvergenceError where no start gives a
@@ -85,9 +70,8 @@ class ReducedFit:
 
     def posterior(self, optimum: GaussNewtonResult, bounds: FloatArray) -> Posterior:
         """Laplace approximation of the posterior at an optimum, see `posterior.laplace`."""
-        q = len(self.points)
-        back, marks = self.weighting.unwhiten_adjoint(optimum.jacobian[:q]), optimum.jacobian[q:]
-        noise = NoiseFacts(back.T @ self.noise @ back + marks.T @ marks, self._expected)
+        back = self.weighting.unwhiten_adjoint(optimum.jacobian)
+        noise = NoiseFacts(back.T @ self.noise @ back, self._expected)
         return laplace(optimum.theta, optimum.residual, optimum.jacobian, bounds, noise)
 
     @property
@@ -100,4 +84,4 @@ class ReducedFit:
     def _expected(self) -> float:
         if self.expected is not None:
             return self.expected
-        return float(np.trace(self.weighting.apply(self.noise))) + 3.0 * len(self.landmarks)
+        return float(np.trace(self.weighting.apply(self.noise)))

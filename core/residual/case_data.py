@@ -44,7 +44,7 @@ def arrays(data: CaseData) -> dict[str, NDArray[np.generic]]:
     """For numpy.savez; `load` is the inverse."""
     out: dict[str, NDArray[np.generic]] = {}
     for k, (problem, bones) in enumerate(data.pairs):
-        state_arrays = problem.arrays() | _of_bones(bones)
+        state_arrays = arrays_of_state(problem, bones)
         out |= {f"{_prefix(k)}{key}": values for key, values in state_arrays.items()}
     for k, other in enumerate(data.remeshed):
         out |= other.arrays(f"remeshed/{k}")
@@ -62,6 +62,18 @@ def load(path: Path) -> CaseData:
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not readable as a case's data ({error}); run diagnose again") from error
     return CaseData(*pairs[0], (_vector(gravity[0]), _vector(gravity[1])), remeshed, tuple(pairs[1:]))
+
+
+def arrays_of_state(problem: IdentificationProblem, bones: SurfacePair | None) -> dict[str, NDArray[np.generic]]:
+    """One deformed state for numpy.savez; `load_state` is the inverse."""
+    return problem.arrays() | _of_bones(bones)
+
+
+def load_state(path: Path) -> StateData:
+    """Problem and bones of one deformed state. Raises InputError when the file is missing or holds something else."""
+    problem = IdentificationProblem.load(path)
+    with np.load(path, allow_pickle=False) as archive:
+        return problem, _bones({key: archive[key] for key in archive.files if key.startswith("bones/")})
 
 
 def _prefix(state: int) -> str:

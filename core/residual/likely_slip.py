@@ -1,0 +1,42 @@
+"""How far the walls slid, as the data of a fit have it, and the scene with walls that slide so far.
+
+In the fit the slip is an unknown with a normal prior that is marginalised: its response R is part of the covariance S
+of the data. Its posterior mean is -R' S^-1 r at the residual r.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from palpate.core.forward.composition_scene import CompositionScene
+from palpate.core.observe.wall_motion import WallMotion
+from palpate.core.residual.noise_covariance import data_per_force, slide_responses
+from palpate.core.residual.plain_fit import PlainFit
+
+
+def likely_slips(fit: PlainFit, state: int) -> dict[str, WallMotion]:
+    """The walls' motions of a deformed state, with the likeliest slip; unchanged where none is known."""
+    at, rows = fit.linearisation.each[state], fit.model.rows[state]
+    scene, data = at.scene, fit.model.data_vectors[state]
+    out = dict(scene.geometry.motions)
+    if all(motion.slip is None for motion in out.values()):
+        return out
+    per_force = data_per_force(scene, data, at.equilibrium)
+    weighted = fit.weighting.apply(fit.linearisation.residual)[rows]
+    for (name, motion), wall in zip(scene.geometry.motions.items(), scene.walls, strict=True):
+        if motion.slip is None:
+            continue
+        half = motion.slip.at(wall.rest - wall.points.displacements(scene.shift))
+        amplitude = -float(np.dot(slide_responses(scene, per_force, wall, half[None])[:, 0], weighted))
+        slip = replace(motion.slip, halves=motion.slip.halves + amplitude)
+        out[name] = replace(motion, slip=slip)
+    return out
+
+
+def slid(fit: PlainFit, state: int, scene: CompositionScene) -> CompositionScene:
+    """A scene of the fit's deformed state, of any element, with walls that slide as far as is likely."""
+    if not scene.geometry.motions:
+        return scene
+    return CompositionScene(replace(scene.geometry, motions=likely_slips(fit, state)), scene.composition)

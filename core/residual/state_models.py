@@ -1,0 +1,65 @@
+"""Models of a case's deformed states, ready to be solved with the quick element."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.contact_force_scene import ContactForceScene
+from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.forward.slipping_walls import let_slip
+from palpate.core.observe.bone_registration import BoneRegistration
+from palpate.core.observe.wall_motion_options import WallMotionOptions
+from palpate.core.problem import IdentificationProblem, StateData, SurfacePair
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.fit_options import QUICK, FitOptions
+from palpate.core.residual.joint_states import JointModel
+from palpate.core.residual.linearised_model import SolveCount, StateModel
+from palpate.core.residual.noise_model_options import NoiseModelOptions
+
+
+def joint_model(
+    pairs: Sequence[StateData], options: NoiseModelOptions, walls: WallMotionOptions, how: FitOptions
+) -> JointModel:
+    """Raises InputError for a problem that cannot be posed. pairs : of each deformed state the problem and the bones."""
+    count = SolveCount()
+    return JointModel(
+        tuple(_state_model(problem, bones, k, options, walls, how, count) for k, (problem, bones) in enumerate(pairs))
+    )
+
+
+def _state_model(
+    problem: IdentificationProblem,
+    bones: SurfacePair | None,
+    state: int,
+    options: NoiseModelOptions,
+    walls: WallMotionOptions,
+    how: FitOptions,
+    count: SolveCount,
+) -> StateModel:
+    geometry = quick_geometry(problem, walls, how.split_mu)
+    only = ContactForceScene(geometry) if how.boundary == "contact-force" else None
+    observation = geometry.observation if only is None else only.observation
+    data = DataVector.of(observation, _registration(problem, bones, options), options)
+    plain = Composition(problem, state=state)
+    return StateModel(geometry, data, plain, np.zeros(data.n), only, count)
+
+
+def quick_geometry(
+    problem: IdentificationProblem, walls: WallMotionOptions | None = None, split_mu: bool = False
+) -> SharedGeometry:
+    """Geometry for the quick element, walls with their slip. split_mu : see `StiffnessParameters`."""
+    geometry = SharedGeometry.of(problem, QUICK, walls=walls, split_mu=split_mu)
+    let_slip(geometry)
+    return geometry
+
+
+def _registration(
+    problem: IdentificationProblem, bones: SurfacePair | None, options: NoiseModelOptions
+) -> BoneRegistration | None:
+    if bones is None:
+        return None
+    floor = np.repeat([options.bone_floor_mm, options.bone_floor_deg], 3)
+    return BoneRegistration.of(bones, problem.organ.rest.points.mean(axis=0), floor, options.bone_far_mm)
