@@ -1,4 +1,4 @@
-"""The whole way from two scans to a report: import, segment, mesh, identify, report.
+"""The whole way from two scans to a report: import, segment, mesh, identify, diagnose, report.
 
 Each step that has been done on the same input is passed over, so that a run that was stopped goes on where it was.
 """
@@ -8,10 +8,15 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from palpate.ui.cli.commands import further_states, identify, import_scans, mesh, report, segment
+from palpate.ui.cli.arguments import random_seed
+from palpate.ui.cli.commands import diagnose, further_states, identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
+
+if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
 
 NAME, HELP = "analyze", "the whole way from two DICOM folders to a report"
 
@@ -22,6 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     segment.add_options(parser)
     mesh.add_options(parser)
     identify.add_options(parser)
+    parser.add_argument(
+        "--no-diagnosis", action="store_true", help="do not ask what the model leaves out (saves about a minute)"
+    )
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
@@ -49,10 +57,30 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         meshed = mesh_step.run(case, mesh.options_of(args), progress)
     with console.progress(identify.NAME) as progress:
         found = identify_step.run(case, search, progress)
+    told, said = _diagnosed(case, args, console)
     record(case, args, time.monotonic() - began)
     with console.progress(report.NAME) as progress:
         written = report_step.run(case, None, progress)
     text = [*import_scans.text_of(imported), *states, *segment.text_of(labelled), mesh.text_of(case, meshed)]
-    text += [*identify.text_of(case, found), *report.text_of(written)]
+    text += [*identify.text_of(case, found), *said, *report.text_of(written)]
     data = {"case": str(case.path), "import": imported, "segment": labelled, "mesh": meshed, "result": plain(found)}
-    return data | {"report": written}, "\n".join(text)
+    return data | told | {"report": written}, "\n".join(text)
+
+
+def _diagnosed(case: CaseFolder, args: argparse.Namespace, console: Console) -> tuple[dict[str, object], list[str]]:
+    """Content of diagnosis.json under its name, and what a person reads of it.
+
+    A case that cannot be diagnosed keeps its stiffness: the reason is a line, and there is no diagnosis.
+    """
+    from palpate.case.steps import diagnose as diagnose_step
+    from palpate.core.errors import ConvergenceError, InputError
+    from palpate.core.files.json_types import plain
+
+    if args.no_diagnosis:
+        return {}, []
+    try:
+        with console.progress(diagnose.NAME) as progress:
+            found = diagnose_step.run(case, diagnose_step.DiagnoseOptions(seed=random_seed(args)), progress)
+    except (ConvergenceError, InputError) as error:
+        return {}, [f"note    no diagnosis: {error}"]
+    return {"diagnosis": plain(found)}, diagnose.text_of(case, found)
