@@ -13,7 +13,7 @@ from palpate.case.meshed import rigid_offset_of
 from palpate.case.problem import problem_of
 from palpate.case.steps.declarations import MATCH
 from palpate.core.arrays import FloatArray
-from palpate.core.forward.coupled_scene import CoupledScene, SceneOptions
+from palpate.core.forward.composition_scene import plain_scene
 from palpate.core.forward.parameters import StiffnessParameters, middle
 from palpate.core.matched_motion import MatchedMotion
 from palpate.core.problem import IdentificationProblem
@@ -59,7 +59,7 @@ def predicted_motion(problem: IdentificationProblem) -> Motion:
 
     No motion where the model has no equilibrium. Raises InputError when nothing drives or holds the organ.
     """
-    scene = CoupledScene(problem, SceneOptions(element="p1p1"))
+    scene = plain_scene(problem, "p1p1")
     equilibrium = scene.settle(middle(StiffnessParameters(problem.regions, problem.facts).bounds)).equilibrium
     moved = equilibrium.u if equilibrium.converged else np.zeros_like(equilibrium.u)
     tree = cKDTree(scene.space.nodes)

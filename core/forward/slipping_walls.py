@@ -12,6 +12,7 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.observe.wall_slip import WallSlip
 
+# Stiffness along a wall without friction, over the tissue's shear modulus, 1/mm.
 _FREE = 0.0
 
 
