@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from scipy import ndimage
@@ -29,12 +29,27 @@ def labels_with_contour_errors(
     labels : label (n,) of points (n, 3) mm. noise_sd_mm : standard deviation of the displacement along any direction,
     so along the normal; its correlation over a distance d is exp(-d^2 / (2 correlation_mm^2)).
     """
-    clean = labels_on(labels, grid)
     if noise_sd_mm == 0.0:
-        return clean
-    result = np.where(np.isin(clean.array, np.concatenate(_CONTOURED)), SURROUNDING_TISSUE, clean.array)
-    for members in _CONTOURED:
-        moved = _displaced(labels, clean, members, random_field(grid, noise_sd_mm, correlation_mm, rng))
+        return labels_on(labels, grid)
+    fields = ((members, random_field(grid, noise_sd_mm, correlation_mm, rng)) for members in _CONTOURED)
+    return displaced_labels(labels, grid, fields)
+
+
+def displaced_labels(
+    labels: Callable[[FloatArray], LabelArray],
+    grid: Volume,
+    fields: Iterable[tuple[tuple[int, ...], Callable[[FloatArray], FloatArray]]],
+) -> Volume:
+    """Labels on a grid, each structure's contour displaced by a field of its own.
+
+    fields : labels of a structure, and the displacement (n, 3) mm beside each point (n, 3) at which its label is asked for. Where two
+    structures would lie, the one named first does; what is left bare is surrounding tissue.
+    """
+    clean, pairs = labels_on(labels, grid), list(fields)
+    drawn = [label for members, _ in pairs for label in members]
+    result = np.where(np.isin(clean.array, drawn), SURROUNDING_TISSUE, clean.array)
+    for members, field in pairs:
+        moved = _displaced(labels, clean, members, field)
         mine = np.isin(moved, members) & (result == SURROUNDING_TISSUE)
         result[mine] = moved[mine]
     return grid.with_array(result.astype(np.uint8))

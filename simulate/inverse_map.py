@@ -16,7 +16,7 @@ from palpate.core.arrays import FloatArray, IntArray
 from palpate.simulate.wall_motion import WallMotion
 
 # A quadratic cell as eight linear ones; nodes 4 to 9 are the mid-edges 01, 12, 02, 03, 13, 23.
-_EIGHT = np.array(
+EIGHT = np.array(
     [
         [0, 4, 6, 7],
         [4, 1, 5, 8],
@@ -86,7 +86,7 @@ class BackwardMap:
 
     @cached_property
     def _deformed(self) -> pv.UnstructuredGrid:
-        corners = self.space.cell_nodes[:, _EIGHT].reshape(-1, 4)
+        corners = self.space.cell_nodes[:, EIGHT].reshape(-1, 4)
         grid = pv.UnstructuredGrid({pv.CellType.TETRA: corners}, self.space.nodes + self.u)
         grid.point_data["rest"] = self.space.nodes
         return grid

@@ -78,7 +78,7 @@ class Pose:
     known: list[tuple[dict[str, float], Made]] = field(default_factory=list)
 
     @cached_property
-    def _without(self) -> FloatArray:
+    def without(self) -> FloatArray:
         return shown(self._plain(), self.meshed.boundary, self.walls)[1].u
 
     def _plain(self) -> Simulated:
@@ -99,9 +99,9 @@ class Pose:
             return alike[-1][1]
         hidden = self._hidden(effects)
         boundary = self.meshed.boundary
-        near = alike[-1][1].deformed.u if alike else self._without
+        near = alike[-1][1].deformed.u if alike else self.without
         states = shown(hidden, boundary, self.walls, near)
-        out = Made(self.patient, hidden, self._plain(), boundary, self.walls, *states, self._without)
+        out = Made(self.patient, hidden, self._plain(), boundary, self.walls, *states, self.without)
         self.known.append((dict(effects), out))
         return out
 
