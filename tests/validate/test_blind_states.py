@@ -89,8 +89,7 @@ class Ball:
 
     source = None
 
-    @property
-    def grid(self) -> Volume:
+    def grid_of(self, voxel_mm: tuple[float, float, float]) -> Volume:
         affine = np.diag([1.2, 1.2, 1.2, 1.0])
         affine[:3, 3] = -HALF
         return Volume(np.zeros((26, 31, 26), dtype=np.uint8), affine)

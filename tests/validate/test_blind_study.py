@@ -18,7 +18,14 @@ from palpate.validate.blind import study as gap_study
 from palpate.validate.blind.achieved import achieved
 from palpate.validate.blind.noise_floor import noise_floor_mm
 from palpate.validate.blind.recipe import Recipe
-from palpate.validate.blind.recipes import NOISE_MM, StudyOptions, another, instead, recipes_of
+from palpate.validate.blind.recipes import (
+    BEST_NOISE_MM,
+    NOISE_MM,
+    StudyOptions,
+    another,
+    instead,
+    recipes_of,
+)
 from palpate.validate.blind.scores import scores
 from palpate.validate.blind.simulator.effects import LIBRARY, OUTSIDE
 from palpate.validate.blind.simulator.strength import Hopeless, TooWeak
@@ -168,9 +175,16 @@ def test_recipes_have_the_mixture_asked_for_and_are_the_same_every_time() -> Non
     wanted = [r.shown_mm / noise_floor_mm(r.noise_mm) for r in recipes if r.shown_mm is not None]
     assert len(wanted) == 60
     assert 1.0 <= min(wanted) < 1.3
-    assert 8.0 < max(wanted) <= 10.0
+    assert 5.0 < max(wanted) <= 6.0
     noise = [r.noise_mm for r in recipes]
-    assert NOISE_MM[0] <= min(noise) < 0.15 < 0.36 < max(noise) <= NOISE_MM[1]
+    assert NOISE_MM[0] <= min(noise) < 0.25 < 0.7 < max(noise) <= NOISE_MM[1]
+    assert {r.least_noise_mm for r in recipes} == {BEST_NOISE_MM}
+    assert len({r.noise for r in recipes}) == 60  # no two contours err by the same law, none as the diagnosis has it
+    assert 10 < sum(r.stated_over_true is None for r in recipes) < 32
+    assert len({r.voxel_mm for r in recipes}) > 55
+    assert min(r.voxel_mm[0] for r in recipes) >= 0.8
+    assert 2.0 < max(r.voxel_mm[2] for r in recipes) <= 3.0
+    assert all(r.free_edge for r in recipes if "gravity_change" in r.effects)
 
 
 @pytest.fixture
@@ -298,7 +312,7 @@ def test_a_patient_without_an_equilibrium_is_made_easier(tmp_path: Path, monkeyp
     assert (tmp_path / "cases" / "gap_000").is_dir()
 
 
-@pytest.mark.parametrize(("why", "patients"), [(TooWeak, 2), (Hopeless, 1)])
+@pytest.mark.parametrize(("why", "patients"), [(TooWeak, 4), (Hopeless, 1)])
 def test_an_effect_that_no_patient_shows_gives_its_place_to_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, why: type[TooWeak], patients: int
 ) -> None:
@@ -318,6 +332,41 @@ def test_an_effect_that_no_patient_shows_gives_its_place_to_another(
     assert [r.instead_of for r in tried] == [()] * patients + [tuple(first.effects)] * (patients + 1)
     assert all(set(r.effects) <= set(LIBRARY) for r in tried)
     assert (tmp_path / "cases" / "gap_001").is_dir()
+
+
+def test_the_next_patient_shows_more_of_an_effect_and_of_none_no_more() -> None:
+    first = recipes_of(StudyOptions(2, 5))[1]
+    second = another(first)
+    third = another(second)
+    assert [r.attempt for r in (first, second, third)] == [0, 1, 2]
+    assert all(r.build < 4 and r.effects == first.effects for r in (second, third))
+    plain = recipes_of(StudyOptions(1, 5))[0]
+    assert not plain.effects
+    assert another(plain).attempt == 0
+
+
+def test_every_effect_has_a_row() -> None:
+    shown = {"effect_left_mm": 2.0 * noise_floor_mm(0.3), "noise_mm": 0.3, "achieved": (0.8, 0.5, 0.1)}
+    pairs = [
+        (truth("inclusion") | shown, found("inclusion", "inclusion")),
+        (truth("inclusion") | shown, found("none")),
+        (truth("prestress") | shown | {"instead_of": ["gravity_change"]}, found("ambiguous", "inclusion", "prestress")),
+        (truth("organ_twist", library=False) | shown, None),
+        (truth("inclusion", "prestress") | shown, found("unknown")),
+        (truth(), found("none")),
+    ]
+    rows = scores(pairs)["by_effect"]
+    assert list(rows) == ["gravity_change", "inclusion", "prestress", "organ_twist"]
+    focus = rows["inclusion"]
+    assert (focus["cases"], focus["alone"], focus["in_candidates"], focus["answered_none"]) == (2, 0.5, 0.5, 0.5)
+    assert (focus["first"], focus["shown_floors"], focus["shrinkage_ci95_covers"]) == (1.0, pytest.approx(2.0), 1.0)
+    assert (rows["prestress"]["first"], rows["prestress"]["in_candidates"], rows["prestress"]["refused"]) == (
+        0.0,
+        1.0,
+        1.0,
+    )
+    assert rows["gravity_change"] | {"cases": 0, "gave_place": 1} == rows["gravity_change"]
+    assert (rows["organ_twist"]["in_library"], rows["organ_twist"]["refused"]) == (False, 0.0)
 
 
 def test_another_effect_is_of_the_same_kind_and_number() -> None:

@@ -12,7 +12,7 @@ from palpate.core.surfaces.closest_point import closest_points
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
 # What changes along the surface faster than this, mm, is voxels, and left out; share of the variance of so smooth a field that is kept.
-_LENGTH_MM, _SHARE = 7.0, 0.99
+_LENGTH_MM, _SHARE = 8.0, 0.99
 
 
 def achieved(

@@ -59,9 +59,10 @@ def _noise_mm(recipe: Recipe, made: Made) -> float:
 
     Raises TooWeak where the best contours that the recipe may have do not show them.
     """
-    best, wanted, left = recipe.best_noise_mm, recipe.shown_mm, made.effect_mm[1]
+    best, wanted = recipe.best_noise_mm, recipe.shown_mm
     if not recipe.effects or recipe.least_noise_mm is None or wanted is None:
         return recipe.noise_mm
+    left = made.effect_mm[1]
     if left < noise_floor_mm(best):
         raise TooWeak(f"{left:.2f} mm are left")
     wished = min(recipe.noise_mm * min(left / wanted, 1.0), noise_whose_floor_is(left))
@@ -100,6 +101,11 @@ def _truth(recipe: Recipe, made: Made) -> Truth:
         "effect_mm": done,
         "effect_left_mm": left,
         "noise_mm": recipe.noise_mm,
+        "noise": recipe.contour_noise.facts(),
+        "stated_noise_mm": recipe.stated_mm,
+        "voxel_mm": list(recipe.voxel_mm),
+        "has_fat_planes": recipe.build % 8 >= 4,
+        "free_edge": recipe.free_edge,
         "centre_mm": None if made.hidden.centre is None else made.hidden.centre.tolist(),
     }
     if made.more:

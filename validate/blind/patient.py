@@ -77,9 +77,14 @@ class Pose:
     walls: Mapping[str, WallMotion]
     known: list[tuple[dict[str, float], Made]] = field(default_factory=list)
 
+    @property
+    def boundary(self) -> Mapping[str, IntArray]:
+        """Faces (f, 3) of what holds or moves the body, by name."""
+        return {n: f for n, f in self.meshed.boundary.items() if n != "outer" or not self.recipe.free_edge}
+
     @cached_property
     def without(self) -> FloatArray:
-        return shown(self._plain(), self.meshed.boundary, self.walls)[1].u
+        return shown(self._plain(), self.boundary, self.walls)[1].u
 
     def _plain(self) -> Simulated:
         faces, _ = self.meshed.mesh.region_boundary(ORGAN_LABELS)
@@ -98,7 +103,7 @@ class Pose:
         if alike and alike[-1][0] == dict(effects):
             return alike[-1][1]
         hidden = self._hidden(effects)
-        boundary = self.meshed.boundary
+        boundary = self.boundary
         near = alike[-1][1].deformed.u if alike else self.without
         states = shown(hidden, boundary, self.walls, near)
         out = Made(self.patient, hidden, self._plain(), boundary, self.walls, *states, self.without)
@@ -118,7 +123,7 @@ class Pose:
     def plain_further(self) -> list[PlainState]:
         """The recipe's further states before anything is hidden. Raises ConvergenceError, InputError as `carried_walls`."""
         walls = [carried_walls(self.patient, filling) for filling in self.recipe.more]
-        return [(w, shown(self._plain(), self.meshed.boundary, w)[1].u) for w in walls]
+        return [(w, shown(self._plain(), self.boundary, w)[1].u) for w in walls]
 
     def further(self, effects: Mapping[str, float], made: Made, plain: Sequence[PlainState]) -> Made:
         """The patient in further deformed states too, of which `plain` is what `plain_further` gave. Raises ConvergenceError."""
@@ -126,6 +131,6 @@ class Pose:
         for (walls, without), shares in zip(plain, self.recipe.shares(), strict=True):
             hidden = self._hidden({name: size * shares.get(name, 1.0) for name, size in effects.items()})
             near = made.rest.u + without
-            deformed = shown_further(hidden, self.meshed.boundary, made.rest, walls, near)
+            deformed = shown_further(hidden, self.boundary, made.rest, walls, near)
             more.append(Further(shares, hidden, deformed, without))
         return replace(made, more=tuple(more)) if more else made

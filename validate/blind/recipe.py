@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from palpate.simulate.walls import BladderSpec, RectumSpec
 from palpate.validate.blind.simulator.effects import OWN_SHARE
+from palpate.validate.simulated.contour_noise import ContourNoise
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,11 @@ class Recipe:
     contours are drawn better in proportion, down to this. build : of the pelvis. rectum, bladder : how far the walls move. edge_mm : of the
     mesh. marks : whether points inside the organ are given. more : how far the walls move in each further deformed state. instead_of : the
     effects drawn first, where no patient's scans could show them.
+
+    noise : law of the contours' errors, whose size is noise_mm. stated_over_true : of that size, what case.json says over what is so; None:
+    it says nothing. voxel_mm : of the label volumes. free_edge : nothing holds the edge of the modelled region. marks_mm : error of points
+    inside the organ, of one scan and axis. attempt : how many patients were looked at before in vain for one that shows the effects.
+    bounds_kpa : of the stiffness, in case.json.
     """
 
     name: str
@@ -36,6 +42,23 @@ class Recipe:
     marks: bool = False
     more: tuple[tuple[RectumSpec, BladderSpec], ...] = ()
     instead_of: tuple[str, ...] = ()
+    noise: ContourNoise = field(default_factory=lambda: ContourNoise.plain(0.35, 6.5))
+    stated_over_true: float | None = 1.0
+    voxel_mm: tuple[float, float, float] = (1.1, 1.1, 1.8)
+    free_edge: bool = False
+    marks_mm: float = 0.3
+    attempt: int = 0
+    bounds_kpa: tuple[float, float] = (5.0, 500.0)
+
+    @property
+    def contour_noise(self) -> ContourNoise:
+        """Law of the contours' errors, of standard deviation noise_mm."""
+        return replace(self.noise, sd_mm=self.noise_mm)
+
+    @property
+    def stated_mm(self) -> float | None:
+        """Standard deviation that case.json states, mm."""
+        return None if self.stated_over_true is None else round(self.stated_over_true * self.noise_mm, 3)
 
     @property
     def best_noise_mm(self) -> float:

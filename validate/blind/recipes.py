@@ -8,16 +8,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.simulate.walls import BladderSpec, RectumSpec
 from palpate.validate.blind.noise_floor import noise_floor_mm
 from palpate.validate.blind.recipe import Recipe
 from palpate.validate.blind.simulator.effects import LIBRARY, OUTSIDE
+from palpate.validate.simulated.contour_noise import SD_MM, ContourNoise
+from palpate.validate.simulated.fillings import Filling, bladder_filling, rectum_filling, scaled_filling
 
-# Pelves, of each of which many patients are made by stretching, and the range of their two stiffnesses.
-BUILDS, SHEAR_MODULI_KPA = 4, (6.0, 60.0)
-# Standard deviations that contours may have, mm. With one alone no pelvis shows more than three times the noise of most effects, and
-# nothing would be learnt of the larger ones.
-NOISE_MM = (0.12, 0.4)
+# Pelves, of each of which many patients are made by stretching: the first half close to bladder and rectum, the others with fat between.
+# Range of their two stiffnesses, kPa.
+BUILDS, CLOSE_BUILDS, SHEAR_MODULI_KPA = 8, 4, (6.0, 60.0)
+# Standard deviations that contours may have, mm; where even the strongest effect shows less than it shall, down to the best ones. What an
+# effect shall show, in noise floors.
+NOISE_MM, BEST_NOISE_MM, SHOWN_FLOORS = SD_MM, 0.12, (1.0, 6.0)
+# In how many cases case.json states no size of the contours' error; where it does, the standard deviation of the logarithm of what it says
+# over what is so. In how many the edge of the modelled region is free. Voxels in the slice and across, mm; errors of marks, mm.
+_UNSTATED, _MISSTATED, _FREE_EDGE = 1 / 3, 0.2, 0.15
+_VOXEL_MM, _MARKS_MM = ((0.8, 1.3), (0.8, 3.0)), (0.2, 0.6)
+# For every patient that was looked at in vain the next one's walls move so much more, and its organ is so much softer; softest, kPa.
+_FARTHER, _SOFTER, _SOFTEST_KPA = 1.15, 0.75, 4.0
+# What the walls' motion cannot show while the region's edge is held: a body that is held all around carries its weight as a pressure.
+_NEEDS_FREE_EDGE = "gravity_change"
 
 
 @dataclass(frozen=True)
@@ -58,7 +68,7 @@ def recipes_of(options: StudyOptions) -> list[Recipe]:
 
 
 def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator, more: int) -> Recipe:
-    """Effects that leave one to ten times the noise floor, where a pelvis can show it; in one of four the rectum empties.
+    """Effects that leave one to six times the noise floor, where a pelvis can show it; in one of four the rectum empties.
 
     more : deformed states beside the first.
     """
@@ -72,43 +82,53 @@ def _recipe(name: str, chosen: Sequence[str], rng: np.random.Generator, more: in
         dict.fromkeys(chosen, 0.0),
         (G[0], G[1]),
         noise,
-        noise_floor_mm(noise) * float(10.0 ** rng.uniform()),
-        NOISE_MM[0],
+        noise_floor_mm(noise) * float(np.exp(rng.uniform(*np.log(SHOWN_FLOORS)))),
+        BEST_NOISE_MM,
         int(rng.integers(BUILDS)),
-        _rectum(empties, rng),
-        _bladder(empties, rng),
+        rectum_filling(empties, rng),
+        bladder_filling(empties, rng),
         marks=bool(rng.random() < 0.5),
     )
     own = recipe.random(7)  # so that patients are the same however many states they have
-    return replace(recipe, more=tuple(_filling(own) for _ in range(more)))
+    return replace(_scanned(recipe), more=tuple(_filling(own) for _ in range(more)))
 
 
-def _filling(rng: np.random.Generator) -> tuple[RectumSpec, BladderSpec]:
-    """Of a further state, in which the rectum empties as often as it fills: so that states differ."""
-    empties = bool(rng.random() < 0.5)
-    return _rectum(empties, rng), _bladder(empties, rng)
-
-
-def _rectum(empties: bool, rng: np.random.Generator) -> RectumSpec:
-    back = float(rng.uniform(1.0, 3.0) if empties else -rng.uniform(2.0, 6.0))
-    return RectumSpec(
-        inflate_mm=float(rng.uniform(-7.0, -5.0) if empties else rng.uniform(6.5, 10.0)),
-        bias=(float(rng.uniform(-0.4, 0.4)), float(rng.uniform(-0.2, 0.2))),
-        push_mm=(float(rng.uniform(-1.5, 1.5)), back, 0.0),
-        middle_mm=float(rng.uniform(-8.0, 8.0)),
-        half_length_mm=float(rng.uniform(28.0, 38.0)),
+def _scanned(recipe: Recipe) -> Recipe:
+    """With contour errors, voxels and an edge of its own."""
+    rng = recipe.random(30)
+    across, along = (round(float(rng.uniform(*limits)), 2) for limits in _VOXEL_MM)
+    unstated, misstated = bool(rng.random() < _UNSTATED), float(np.exp(_MISSTATED * rng.standard_normal()))
+    return replace(
+        recipe,
+        noise=ContourNoise.drawn(rng),
+        stated_over_true=None if unstated else misstated,
+        voxel_mm=(across, across, along),
+        free_edge=_NEEDS_FREE_EDGE in recipe.effects or bool(rng.random() < _FREE_EDGE),
+        marks_mm=float(rng.uniform(*_MARKS_MM)),
     )
 
 
-def _bladder(empties: bool, rng: np.random.Generator) -> BladderSpec:
-    up = float(-rng.uniform(2.0, 5.0) if empties else rng.uniform(0.0, 2.0))
-    return BladderSpec(balance=float(rng.uniform(0.3, 1.0)), push_mm=(0.0, float(rng.uniform(0.0, 2.0)), up))
+def _filling(rng: np.random.Generator) -> Filling:
+    """Of a further state, in which the rectum empties as often as it fills: so that states differ."""
+    empties = bool(rng.random() < 0.5)
+    return rectum_filling(empties, rng), bladder_filling(empties, rng)
+
+
+def recipe_of(name: str, effects: Sequence[str], rng: np.random.Generator) -> Recipe:
+    """One patient of one deformed state."""
+    return _recipe(name, effects, rng, 0)
 
 
 def another(recipe: Recipe) -> Recipe:
-    """The same effects in another patient."""
+    """The same effects in another patient, one who shows more of them: of a close build, softer, with walls that move farther."""
     made = _recipe(recipe.name, tuple(recipe.effects), np.random.default_rng(recipe.seed), len(recipe.more))
-    return replace(made, instead_of=recipe.instead_of)
+    made = replace(made, instead_of=recipe.instead_of)
+    if not recipe.effects:
+        return made
+    attempt = recipe.attempt + 1
+    left, right = (max(_SOFTER**attempt * G, min(G, _SOFTEST_KPA)) for G in made.G)
+    shown = replace(made, attempt=attempt, build=made.build % CLOSE_BUILDS, G=(round(left, 2), round(right, 2)))
+    return _moved(shown, _FARTHER**attempt)
 
 
 def instead(recipe: Recipe) -> Recipe:
@@ -119,23 +139,17 @@ def instead(recipe: Recipe) -> Recipe:
     others = sorted(set(kind) - set(recipe.effects))
     chosen = recipe.random(8).choice(others, len(recipe.effects), replace=False).tolist()
     first = recipe.instead_of or tuple(recipe.effects)
-    return replace(another(recipe), effects=dict.fromkeys(chosen, 0.0), instead_of=first)
+    begun = replace(recipe, effects=dict.fromkeys(chosen, 0.0), instead_of=first, attempt=-1)
+    return another(begun)
 
 
 def easier(recipe: Recipe, k: int) -> Recipe:
     """The recipe with walls that move less in every state, k times over."""
     share = 0.85**k
-    rectum, bladder = _less((recipe.rectum, recipe.bladder), share)
-    return replace(recipe, rectum=rectum, bladder=bladder, more=tuple(_less(filling, share) for filling in recipe.more))
+    return _moved(recipe, share)
 
 
-def _less(filling: tuple[RectumSpec, BladderSpec], share: float) -> tuple[RectumSpec, BladderSpec]:
-    rectum, bladder = filling
-    return (
-        replace(rectum, inflate_mm=share * rectum.inflate_mm, push_mm=_scaled(rectum.push_mm, share)),
-        replace(bladder, push_mm=_scaled(bladder.push_mm, share)),
-    )
-
-
-def _scaled(v: tuple[float, float, float], share: float) -> tuple[float, float, float]:
-    return share * v[0], share * v[1], share * v[2]
+def _moved(recipe: Recipe, share: float) -> Recipe:
+    """With walls that move so much less or more in every state."""
+    rectum, bladder = scaled_filling((recipe.rectum, recipe.bladder), share)
+    return replace(recipe, rectum=rectum, bladder=bladder, more=tuple(scaled_filling(f, share) for f in recipe.more))

@@ -31,6 +31,25 @@ class LargeOutside(TypedDict):
     refused: float | None
 
 
+class EffectRow(TypedDict):
+    """How cases of one effect were answered; those of two effects count for neither.
+
+    shown_floors : median of what shows of it, in noise floors. gave_place : times that no patient showed it and another was taken. first :
+    of the ranking. Rates are over cases, failed ones included.
+    """
+
+    cases: int
+    in_library: bool
+    gave_place: int
+    shown_floors: float | None
+    alone: float | None
+    in_candidates: float | None
+    first: float | None
+    answered_none: float | None
+    refused: float | None
+    shrinkage_ci95_covers: float | None
+
+
 class ShrinkageScore(TypedDict):
     """Median error of what is said of the shrinkage; share of 95 % intervals that hold what is achieved."""
 
@@ -75,6 +94,7 @@ class Scores(TypedDict):
     baseline_best_evidence: float | None
     large: dict[str, LargeEffects]
     large_outside: dict[str, LargeOutside]
+    by_effect: dict[str, EffectRow]
     location_error_mm: float | None
     shrinkage: ShrinkageScore
     stiffness_bias_ratio: float | None

@@ -10,13 +10,14 @@ import numpy as np
 from scipy.stats import kstest
 
 from palpate.core.statistics import rms
+from palpate.validate.blind.case_rows import case_row, confusion
+from palpate.validate.blind.effect_rows import by_effect, shown_floors
 from palpate.validate.blind.noise_floor import noise_floor_mm
 from palpate.validate.blind.records import Diagnosis, Modulus, Truth
 from palpate.validate.blind.score_table import (
     LargeEffects,
     LargeOutside,
     NothingHidden,
-    ScoreRow,
     Scores,
     ShrinkageScore,
 )
@@ -55,13 +56,14 @@ def scores(pairs: Sequence[Pair]) -> Scores:
         "baseline_best_evidence": _rate(single, lambda t, d: d["ranking"][0]["effect"] == t["effects"][0]),
         "large": _large(single),
         "large_outside": _large_outside(outside),
+        "by_effect": by_effect(pairs),
         "location_error_mm": _location(single),
         "shrinkage": _shrinkage(single),
         "stiffness_bias_ratio": _bias_ratio(single),
         "stiffness_95_without": _coverage(single, "without_effect"),
         "stiffness_95_with": _coverage(single, "with_effect"),
-        "confusion": _confusion(pairs),
-        "rows": [_row(t, d) for t, d in pairs],
+        "confusion": confusion(pairs),
+        "rows": [case_row(t, d) for t, d in pairs],
     }
 
 
@@ -135,6 +137,7 @@ def _large(pairs: Sequence[Pair]) -> dict[str, LargeEffects]:
         "twice_noise": lambda t: t.get("effect_mm", 0.0) > 2.0 * t.get("noise_mm", 0.0),
         "twice_floor": lambda t: t.get("effect_mm", 0.0) > 2.0 * noise_floor_mm(t.get("noise_mm", 0.0)),
         "identifiable": lambda t: t.get("effect_left_mm", 0.0) > IDENTIFIABLE_MM,
+        "shows_twice_floor": lambda t: shown_floors(t) > 2.0,
     }
     out: dict[str, LargeEffects] = {}
     for name, is_large in large.items():
@@ -151,7 +154,11 @@ def _large_outside(pairs: Sequence[Pair]) -> dict[str, LargeOutside]:
     """Refusals of effects outside the library that move the surface by more than twice one contour's noise, and by more than the noise
     floor: of what no scan shows, `none` is the right answer.
     """
-    least: dict[str, Callable[[float], float]] = {"twice_noise": lambda noise: 2.0 * noise, "floor": noise_floor_mm}
+    least: dict[str, Callable[[float], float]] = {
+        "twice_noise": lambda noise: 2.0 * noise,
+        "floor": noise_floor_mm,
+        "twice_floor": lambda noise: 2.0 * noise_floor_mm(noise),
+    }
     out: dict[str, LargeOutside] = {}
     for name, more_than in least.items():
         few = [p for p in pairs if p[0].get("effect_mm", 0.0) > more_than(p[0].get("noise_mm", 0.0))]
@@ -200,35 +207,3 @@ def _bias_ratio(pairs: Sequence[Pair]) -> float | None:
 def _largest_z(truth: Truth, stiffness: dict[str, Modulus] | None) -> float | None:
     zs = [abs(z) for z in _errors(truth, stiffness).values()]
     return max(zs) if zs else None
-
-
-def _confusion(pairs: Sequence[Pair]) -> dict[str, dict[str, int]]:
-    """True effects (joined by +) -> verdict -> how often."""
-    out: dict[str, dict[str, int]] = {}
-    for truth, found in pairs:
-        row = out.setdefault("+".join(truth["effects"]), {})
-        verdict = "failed" if found is None else str(found["verdict"])
-        row[verdict] = row.get(verdict, 0) + 1
-    return out
-
-
-def _row(truth: Truth, found: Diagnosis | None) -> ScoreRow:
-    row: ScoreRow = {
-        "case": truth["name"],
-        "truth": truth["effects"],
-        "sizes": truth["sizes"],
-        "verdict": None,
-        "candidates": [],
-        "effect_mm": truth.get("effect_mm"),
-        "effect_left_mm": truth.get("effect_left_mm"),
-        "noise_mm": truth.get("noise_mm"),
-        "instead_of": truth.get("instead_of"),
-        "achieved": truth.get("achieved"),
-    }
-    if found is not None:
-        row["verdict"], row["candidates"] = found["verdict"], found["candidates"]
-        row["p_value"] = found["gap"]["p_value"]
-        said = found.get("shrinkage")
-        row["shrinkage"] = said["noise_corrected_fraction"] if said else None
-        row["shrinkage_ci95"] = said["ci95"] if said else None
-    return row

@@ -33,7 +33,7 @@ from palpate.validate.sealed import SealedStudy, run_alone
 _EASIER = (0, 2, 4)
 # Patients that are looked at for one whose scans show the effect above the noise floor, before another effect takes its place; and how
 # many effects are tried.
-_PATIENTS, _EFFECTS = 2, 12
+_PATIENTS, _EFFECTS = 4, 12
 _CHILD = (
     "import sys; from palpate.case import case_folder as c; from palpate.case.steps import diagnose as d; "
     "d.run(c.CaseFolder(sys.argv[1]))"

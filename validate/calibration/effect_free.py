@@ -16,7 +16,7 @@ from palpate.imaging.labels import LABELS
 from palpate.meshing.mesh_labels import MeshOptions
 from palpate.validate.calibration.simulators import SIMULATORS, Drawn
 from palpate.validate.simulated.case_files import CasePlan, truth_arrays, write_case
-from palpate.validate.simulated.contour_noise import ContourErrors, ContourNoise
+from palpate.validate.simulated.contour_noise import ContourErrors, ContourNoise, errors_of
 from palpate.validate.simulated.two_states import TwoStates
 
 # Patients that are looked at for one whose walls can move as was drawn.
@@ -62,7 +62,7 @@ def make_effect_free(simulator: str, number: int, folder: Path, o: EffectFree) -
     noise = ContourNoise.drawn(rng, o.sd_mm)
     if o.plain_noise:
         noise = ContourNoise.plain(noise.sd_mm, noise.parts[0].length_mm)
-    errors = ContourErrors.of(noise, states, rng)
+    errors = errors_of(noise, states, rng)
     across, along = rng.uniform(*VOXEL_MM[0]), rng.uniform(*VOXEL_MM[1])
     voxel = (round(across, 2), round(across, 2), round(along, 2))
     stated = round(noise.sd_mm, 3) if o.stated else None

@@ -41,7 +41,9 @@ def solve_pressed(
     empties = bool(rng.random() < 0.25)
     wanted = float(rng.uniform(*(_EMPTIES_MM if empties else _FILLS_MM)))
     share = {"rectum": -1.0 if empties else 1.0, "bladder": float(rng.uniform(0.2, 0.8)) * (1.0 if empties else -1.0)}
-    pressure, state, found = _FIRST_KPA, None, None
+    pressure = _FIRST_KPA
+    state: State | None = None
+    found: FloatArray | None = None
     for _ in range(_TRIES):
         terms = [FollowerPressure.on(space, meshed.boundary[n], p * pressure) for n, p in share.items() if n in nodes]
         solved = solve_equilibrium(

@@ -10,17 +10,18 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
+from palpate.simulate.contour_errors import displaced_labels
 from palpate.simulate.source import labels_on
 from palpate.validate.simulated.random_fields import Family, Field, Part, random_vectors
-from palpate.validate.simulated.two_states import TwoStates
+from palpate.validate.simulated.two_states import Labels, Points, TwoStates
 
 # What a person contours, by name; bone and the modelled region are not.
 STRUCTURES: Mapping[str, tuple[int, ...]] = {"organ": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,)}
 STATES = ("rest", "deformed")
 # Range of what is drawn for a case: standard deviation and correlation lengths, mm; the walls' standard deviation over the organ's.
 SD_MM, LENGTH_MM, WALL_RATIO = (0.2, 0.8), (2.0, 15.0), (0.7, 1.4)
-# Voxels of the search for where a structure lies, and room about it, mm.
-_COARSE_MM, _ROOM_MM = 3.0, 8.0
+# Room about a structure within which its field lies, mm; the voxels in which structures are looked for are COARSE_MM.
+_ROOM_MM, COARSE_MM = 8.0, 3.0
 _FAMILIES: tuple[Family, ...] = ("gaussian", "matern32", "exponential")
 
 
@@ -48,7 +49,8 @@ class ContourNoise:
     def drawn(cls, rng: np.random.Generator, sd_mm: tuple[float, float] = SD_MM) -> ContourNoise:
         """Size, lengths, families, tails and what is common, each drawn: no two cases have the same law."""
         two = rng.random() < 0.5
-        lengths = np.exp(rng.uniform(*np.log(LENGTH_MM), 2))
+        shortest, longest = np.log(LENGTH_MM)
+        lengths = np.exp(rng.uniform(shortest, longest, 2))
         share = float(rng.uniform(0.3, 0.7)) if two else 1.0
         families = rng.choice(_FAMILIES, 2)
         parts = (Part(share, families[0], float(lengths[0])), Part(1.0 - share, families[1], float(lengths[1])))
@@ -67,7 +69,15 @@ class ContourNoise:
 
     def facts(self) -> dict[str, object]:
         """For JSON."""
-        return asdict(self)
+        return asdict(self) | {"parts": [asdict(part) for part in self.parts]}
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """What one scan shows. labels : points (n, 3) mm -> labels (n,). to_body : points of the scan -> where in the body, mm; None: there."""
+
+    labels: Labels
+    to_body: Points | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,23 +87,31 @@ class ContourErrors:
     fields: Mapping[tuple[str, str], Field]
 
     @classmethod
-    def none(cls) -> ContourErrors:
+    def none(cls, states: Sequence[str] = STATES) -> ContourErrors:
         """Perfect contours."""
-        return cls({(state, name): np.zeros_like for state in STATES for name in STRUCTURES})
+        return cls({(state, name): np.zeros_like for state in states for name in STRUCTURES})
 
     @classmethod
-    def of(cls, noise: ContourNoise, states: TwoStates, rng: np.random.Generator) -> ContourErrors:
-        """Every contour's own, and what both scans' contours of one structure have in common, which goes along with the tissue."""
+    def of(
+        cls, noise: ContourNoise, scans: Mapping[str, Scan], grid: Volume, rng: np.random.Generator
+    ) -> ContourErrors:
+        """Every contour's own, and what the contours of one structure have in common in all scans, which goes along with the tissue.
+
+        scans : by state. grid : a coarse one that holds all that is contoured.
+        """
         fields: dict[tuple[str, str], Field] = {}
-        coarse = states.grid((_COARSE_MM,) * 3)
-        seen = {state: labels_on(states.labels(state), coarse) for state in STATES}
+        seen = [labels_on(scan.labels, grid) for scan in scans.values()]
         for name, members in STRUCTURES.items():
-            box = _box(list(seen.values()), members)
+            box = _box(seen, members)
             both = _field(noise, name, box, rng) if noise.common > 0.0 else np.zeros_like
-            for state in STATES:
-                own = _field(noise, name, box, rng)
-                fields[state, name] = _together(own, both, states if state == "deformed" else None, noise.common)
+            for state, scan in scans.items():
+                fields[state, name] = _together(_field(noise, name, box, rng), both, scan.to_body, noise.common)
         return cls(fields)
+
+    def on(self, state: str, labels: Labels, grid: Volume) -> Volume:
+        """Label volume of a scan with these errors."""
+        fields = [(members, self.fields[state, name]) for name, members in STRUCTURES.items()]
+        return displaced_labels(labels, grid, fields)
 
 
 def _box(seen: Sequence[Volume], members: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
@@ -109,12 +127,18 @@ def _field(noise: ContourNoise, structure: str, box: tuple[FloatArray, FloatArra
     return lambda points: sd * unit(points)
 
 
-def _together(own: Field, both: Field, states: TwoStates | None, common: float) -> Field:
+def _together(own: Field, both: Field, to_body: Points | None, common: float) -> Field:
     if common == 0.0:
         return own
     a, b = np.sqrt(1.0 - common), np.sqrt(common)
 
     def at(points: FloatArray) -> FloatArray:
-        return np.asarray(a * own(points) + b * both(points if states is None else states.to_rest(points)))
+        return np.asarray(a * own(points) + b * both(points if to_body is None else to_body(points)))
 
     return at
+
+
+def errors_of(noise: ContourNoise, states: TwoStates, rng: np.random.Generator) -> ContourErrors:
+    """Errors of the contours of a simulated pair."""
+    scans = {"rest": Scan(states.rest), "deformed": Scan(states.deformed, states.to_rest)}
+    return ContourErrors.of(noise, scans, states.grid((COARSE_MM,) * 3), rng)

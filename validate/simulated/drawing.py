@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
-from palpate.simulate.contour_errors import displaced_labels
 from palpate.validate.simulated.contour_noise import STRUCTURES, ContourErrors
 from palpate.validate.simulated.two_states import TwoStates
 
@@ -34,8 +33,7 @@ class Drawing:
 
     def volume(self, grid: Volume) -> Volume:
         """Label volume on a grid."""
-        fields = [(members, self.errors.fields[self.state, name]) for name, members in STRUCTURES.items()]
-        return displaced_labels(self.states.labels(self.state), grid, fields)
+        return self.errors.on(self.state, self.states.labels(self.state), grid)
 
     def inside(self, structure: str) -> Inside:
         """Whether points (n, 3) mm lie inside a structure's contour; bone has no contour error."""
@@ -54,7 +52,7 @@ class Drawing:
                 found[name] = wall.with_points(on_contour(wall.points, wall.point_normals, self.inside(name)))
         return found
 
-    def _regions(self, organ: Surface) -> np.ndarray:
+    def _regions(self, organ: Surface) -> IntArray:
         field, labels = self.errors.fields[self.state, "organ"], self.states.labels(self.state)
         at = organ.points[organ.faces].mean(axis=1) - _DEEP_MM * organ.face_normals
         asked = labels(at + field(at)).astype(np.int64)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.mesh import TetMesh, cell_volumes
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import ORGAN_LABELS
@@ -31,7 +31,7 @@ def on_contours(meshed: MeshedCase, inside: Mapping[str, Inside]) -> MeshedCase:
         if name not in faces or name not in inside:
             continue
         nodes = np.unique(faces[name])
-        normals = Surface(mesh.points, faces[name], np.zeros(len(faces[name]))).point_normals
+        normals = Surface(mesh.points, faces[name], np.zeros(len(faces[name]), dtype=np.int64)).point_normals
         outwards = normals[nodes] if name == "organ" else -normals[nodes]  # a hole's boundary looks into the hole
         move[nodes] = on_contour(mesh.points[nodes], outwards, inside[name]) - mesh.points[nodes]
         held[nodes] = True
@@ -48,7 +48,7 @@ def on_contours(meshed: MeshedCase, inside: Mapping[str, Inside]) -> MeshedCase:
     return MeshedCase(TetMesh(points, mesh.cells, mesh.regions), meshed.boundary, meshed.quality)
 
 
-def _spread(mesh: TetMesh, move: FloatArray, held: np.ndarray) -> FloatArray:
+def _spread(mesh: TetMesh, move: FloatArray, held: BoolArray) -> FloatArray:
     """Motions (n, 3) of all nodes: given where held, elsewhere the mean of the neighbours'."""
     pairs = mesh.cells[:, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]].reshape(-1, 2)
     i, j = np.concatenate([pairs, pairs[:, ::-1]]).T

@@ -12,7 +12,7 @@ Filling = tuple[RectumSpec, BladderSpec]
 def drawn_filling(rng: np.random.Generator, empties: float = 0.25) -> Filling:
     """A filling. empties : probability that the rectum empties, and the bladder fills, rather than the other way round."""
     is_emptied = bool(rng.random() < empties)
-    return _rectum(is_emptied, rng), _bladder(is_emptied, rng)
+    return rectum_filling(is_emptied, rng), bladder_filling(is_emptied, rng)
 
 
 def scaled_filling(filling: Filling, share: float) -> Filling:
@@ -31,7 +31,8 @@ def scaled_filling(filling: Filling, share: float) -> Filling:
     )
 
 
-def _rectum(empties: bool, rng: np.random.Generator) -> RectumSpec:
+def rectum_filling(empties: bool, rng: np.random.Generator) -> RectumSpec:
+    """Of a rectum that fills or empties."""
     back = float(rng.uniform(1.0, 3.0) if empties else -rng.uniform(2.0, 6.0))
     return RectumSpec(
         inflate_mm=float(rng.uniform(-7.0, -5.0) if empties else rng.uniform(6.5, 10.0)),
@@ -42,7 +43,8 @@ def _rectum(empties: bool, rng: np.random.Generator) -> RectumSpec:
     )
 
 
-def _bladder(empties: bool, rng: np.random.Generator) -> BladderSpec:
+def bladder_filling(empties: bool, rng: np.random.Generator) -> BladderSpec:
+    """Of a bladder that fills while the rectum empties, or empties while it fills."""
     up = float(-rng.uniform(2.0, 5.0) if empties else rng.uniform(0.0, 2.0))
     return BladderSpec(balance=float(rng.uniform(0.3, 1.0)), push_mm=(0.0, float(rng.uniform(0.0, 2.0)), up))
 

@@ -3,6 +3,7 @@
 forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
 gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
 matching: how far local matching of two CTs finds a known motion, and whether its stated errors hold.
+calibration: ranks of the true stiffness among draws of what is said of it, for stiffnesses drawn from the prior.
 meshing: angles, volumes and surfaces of meshes of contoured scans.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
 table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from palpate.validate.blind.study import BlindTable
+    from palpate.validate.calibration.records import CalibrationTable
     from palpate.validate.forward.study import ForwardTable
     from palpate.validate.matching.study import MatchTable
     from palpate.validate.meshing_study import MeshingTable
@@ -74,14 +76,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cells", type=whole_number(80, 20_000), default=4000, metavar="N",
                         help="forward: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--cases", type=whole_number(1, 10_000), default=60, metavar="N",
-                        help="gap: how many cases (default %(default)s; each takes minutes)")  # fmt: skip
+                        help="gap, calibration: how many cases (default %(default)s; each takes minutes)")  # fmt: skip
     parser.add_argument("--states", type=whole_number(1, 9), default=1, metavar="N",
                         help="gap: how many deformed states every patient has, each of another filling of rectum and bladder "
                         "(default %(default)s)")  # fmt: skip
     parser.add_argument("--effect-free", action="store_true",
                         help="gap: hide nothing in any case; are p-values uniform, and how wrong is the stiffness?")  # fmt: skip
+    parser.add_argument("--simulator", default="blind", metavar="NAME",
+                        help="calibration: blind, phantom or pressure (default %(default)s)")  # fmt: skip
+    parser.add_argument("--effect", metavar="NAME", help="calibration: hidden in every patient (default: nothing)")
+    parser.add_argument("--bounds", type=float, nargs=2, default=(5.0, 500.0), metavar=("LOW", "HIGH"),
+                        help="calibration: the prior, even in the logarithm of G between these, kPa (default 5 500)")  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
-                        help="gap: for cases, answers and ledger; the same command goes on from it (default %(default)s)")  # fmt: skip
+                        help="gap, calibration: for cases, answers, ledger; the same command goes on (default %(default)s)")  # fmt: skip
     parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
                         help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
@@ -166,6 +173,25 @@ def _gap(args: argparse.Namespace, progress: Progress) -> BlindTable:
     return gap_study(args.folder, options, progress)
 
 
+def _calibration(args: argparse.Namespace, progress: Progress) -> CalibrationTable:
+    from palpate.validate.calibration.records import CalibrationOptions
+    from palpate.validate.calibration.study import run as calibrate
+
+    low, high = args.bounds
+    if not 0.001 <= low < high <= 1e6:
+        raise UsageError(f"--bounds: {low:g} {high:g} are no bounds; give two rising numbers from 0.001 to 1e6")
+    options = CalibrationOptions(
+        args.cases, random_seed(args), args.workers or 1, args.simulator, args.effect, (low, high)
+    )
+    return calibrate(args.folder, options, progress)
+
+
+def _calibration_text(found: CalibrationTable) -> str:
+    from palpate.validate.calibration.study import calibration_text
+
+    return calibration_text(found)
+
+
 def _drawn_by(name: str) -> Callable[[Mapping[str, object]], Figure]:
     """The picture of `ui.pictures.studies.NAME`."""
 
@@ -243,6 +269,7 @@ STUDIES: dict[str, Study[Any]] = {
     "table2": Study(paper.tables, paper.tables_text, _drawn_by("table")),
     "drop": Study(paper.drop, paper.drop_text, _drawn_by("drop")),
     "gap": Study(_gap),
+    "calibration": Study(_calibration, _calibration_text),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "meshing": Study(_meshing, _meshing_text),
     "touch": Study(touch.touch, touch.touch_text),

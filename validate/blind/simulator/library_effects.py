@@ -15,7 +15,7 @@ from palpate.validate.blind.simulator.patients import Rigid
 from palpate.validate.blind.simulator.simulated_body import Hide, Simulated
 
 # Weight of 1000 kg/m3, kPa/mm for each m/s2.
-_WEIGHT = 1e-6
+_WEIGHT = 1e-3
 _LAYER_MM = 3.0
 
 

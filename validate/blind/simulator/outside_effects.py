@@ -1,24 +1,56 @@
-"""Six effects beside the library, for which the diagnosis has no name."""
+"""Eight effects beside the library, for which the diagnosis has no name; hardly any is a relative of one that has."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
-from palpate.validate.blind.simulator.draws import ball, direction, sign
+from palpate.imaging.labels import SURROUNDING_TISSUE
+from palpate.validate.blind.simulator.draws import direction, sign
 from palpate.validate.blind.simulator.simulated_body import Hide, Simulated
 
 
-def _uneven_growth(s: Simulated, size: float, rng: np.random.Generator) -> None:
-    """One half swells and the other shrinks."""
-    for label, way in zip(rng.permutation(ORGAN_LABELS).tolist(), (1.0, -1.0), strict=True):
-        s.growth = np.where(s.body.regions == label, (1.0 + way * size) ** (1.0 / 3.0), s.growth)
+def _stretched(s: Simulated, size: float, rng: np.random.Generator) -> None:
+    """The deformed scan is too long or too short along one axis by `size`: a couch that moves at another pace, a wrong pixel size."""
+    axis = np.eye(3)[rng.integers(3)]
+    share, middle = sign(rng) * size, s.middle
+    s.scan = lambda points: share * ((points - middle) @ axis)[:, None] * axis
 
 
-def _two_foci(s: Simulated, size: float, rng: np.random.Generator) -> None:
-    """One stiff, one soft, in the two halves."""
-    for label, factor in zip(rng.permutation(ORGAN_LABELS).tolist(), (size, 1.0 / size), strict=True):
-        s.stiffer(ball(s, rng, int(label))[0], factor)
+def _shifted(s: Simulated, size: float, rng: np.random.Generator) -> None:
+    """The patient moved by `size` mm while the deformed scan was taken: slices above a level lie elsewhere."""
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    way, level = size * np.array([np.cos(angle), np.sin(angle), 0.0]), s.middle[2] + rng.uniform(-6.0, 6.0)
+    s.scan = lambda points: way / (1.0 + np.exp(-np.clip((points[:, 2:] - level) / 1.0, -40.0, 40.0)))
+
+
+def _wall_wide(s: Simulated, size: float, rng: np.random.Generator) -> None:
+    """The contour of rectum or bladder in the deformed scan, not the organ's, is too wide or too tight by `size` mm."""
+    s.wall_offsets = {str(rng.choice(["rectum", "bladder"])): sign(rng) * size}
+
+
+def _catheter(s: Simulated, size: float, rng: np.random.Generator) -> None:
+    """A catheter along the organ's axis pulls at its inside, up or down: `size` kPa/mm within 4 mm of the axis."""
+    near = np.linalg.norm((s.centres - s.middle)[:, :2], axis=1) < 4.0
+    cells = np.flatnonzero(near & s.in_organ)
+    pull = sign(rng) * size * s.body.weights[cells].sum(axis=1)
+    force = np.zeros((len(s.body.nodes), 3))
+    # A constant force on a quadratic cell is carried by its mid-edges, less what its corners have.
+    for column in range(10):
+        np.add.at(force[:, 2], s.body.cell_nodes[cells, column], (0.2 if column >= 4 else -0.05) * pull)
+    s.pull(force)
+
+
+def _twist(s: Simulated, size: float, rng: np.random.Generator) -> None:
+    """Something turns the organ about an axis through its middle: `size` kPa along its surface, no push as a whole."""
+    axis = np.array(direction(rng))
+    X = s.body.points[s.organ_faces]
+    area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
+    along = np.cross(axis, X.mean(axis=1) - s.middle)
+    force = size * area[:, None] * along / np.linalg.norm(along, axis=1).max()
+    load = np.zeros((len(s.body.nodes), 3))
+    for column in s.body.face_nodes(s.organ_faces)[:, 3:].T:
+        np.add.at(load, column, force / 3.0)
+    s.pull(load)
 
 
 def _tear(s: Simulated, size: float, rng: np.random.Generator) -> None:
@@ -45,13 +77,7 @@ def _tissue_fibres(s: Simulated, size: float, rng: np.random.Generator) -> None:
     s.fibre = np.where(s.in_organ, s.fibre, 3.0 * size * s.G)
 
 
-def _one_sided_contour(s: Simulated, size: float, rng: np.random.Generator) -> None:
-    """The contour is too wide on one side alone."""
-    a = np.array(direction(rng))
-    s.offset = lambda normals: size * np.clip(normals @ a, 0.0, None) ** 2
-
-
 OUTSIDE: dict[str, Hide] = {
-    "uneven_growth": _uneven_growth, "two_foci": _two_foci, "tissue_tear": _tear, "shrunken_tissue": _shrunken_tissue,
-    "tissue_fibres": _tissue_fibres, "one_sided_contour": _one_sided_contour,
+    "scan_stretched": _stretched, "slices_shifted": _shifted, "wall_drawn_wide": _wall_wide, "catheter_pull": _catheter,
+    "organ_twist": _twist, "tissue_tear": _tear, "shrunken_tissue": _shrunken_tissue, "tissue_fibres": _tissue_fibres,
 }  # fmt: skip

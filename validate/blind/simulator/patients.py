@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
 from palpate.simulate.wall_motion import WallMotion
-from palpate.validate.blind.simulator.pelvis import Pelvis
+
+
+class Anatomy(Protocol):
+    """A body at rest that patients are made of."""
+
+    @property
+    def model_labels(self) -> Volume:
+        """Labels to be meshed."""
+
+    @property
+    def label_grid(self) -> Volume:
+        """Grid on which labels are written."""
+
+    def labels(self, points: FloatArray) -> LabelArray:
+        """Label (n,) of points (n, 3) mm at rest; 0 outside the modelled region."""
 
 
 @dataclass(frozen=True, eq=False)
 class Patient:
     """turn : (3, 3) takes the pelvis about `centre` (mm) to this patient."""
 
-    source: Pelvis
+    source: Anatomy
     turn: FloatArray
     centre: FloatArray
 
     @classmethod
-    def of(cls, source: Pelvis, rng: np.random.Generator) -> Patient:
+    def of(cls, source: Anatomy, rng: np.random.Generator) -> Patient:
         """Up to a tenth larger or smaller along each axis, sheared by up to 5 %."""
         turn = np.diag(rng.uniform(0.92, 1.1, 3)) + np.triu(rng.uniform(-0.05, 0.05, (3, 3)), 1)
         grid = source.label_grid
@@ -43,15 +58,19 @@ class Patient:
     @property
     def grid(self) -> Volume:
         """Grid that holds the modelled region."""
-        plain = self.source.label_grid
+        return self.grid_of(self.source.label_grid.spacing)
+
+    def grid_of(self, voxel_mm: tuple[float, float, float] | FloatArray) -> Volume:
+        """Grid of such voxels that holds the modelled region."""
+        plain, spacing = self.source.label_grid, np.asarray(voxel_mm)
         corners = plain.to_lps(
             np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) * plain.array.shape
         )
         made = self.made(corners)
         low, high = made.min(axis=0), made.max(axis=0)
-        affine = np.diag([*plain.spacing, 1.0])
+        affine = np.diag([*spacing, 1.0])
         affine[:3, 3] = low
-        shape = np.ceil((high - low) / plain.spacing).astype(int) + 1
+        shape = np.ceil((high - low) / spacing).astype(int) + 1
         return Volume(np.zeros(tuple(shape), dtype=np.uint8), affine)
 
 

@@ -1,7 +1,8 @@
 """The blind check's pelves: prostate, bladder, rectum and bone as plain solids, close to one another as in men.
 
 The demonstration's phantom has a centimetre of fat around its prostate. What walls do then reaches the organ as a push of the whole, and
-hardly anything hidden in it shows. Here 3 to 6 mm lie between them.
+hardly anything hidden in it shows. Here 3 to 6 mm lie between them; in every second four builds a plane of fat
+of 8 to 13 mm does.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from palpate.simulate.source import labels_on
 
 # Semi-axes of the modelled region, a box with rounded edges, and its middle over the prostate's, mm; the power that rounds it.
 _REGION_MM, _MIDDLE_MM, _POWER = np.array([50.0, 54.0, 54.0]), np.array([0.0, 5.0, 9.0]), 20
+# Between prostate, bladder and rectum, mm: of builds without and with a plane of fat there.
+_CLOSE_MM, _FAT_MM = (3.0, 6.0), (8.0, 13.0)
 _VOXEL_MM, _MODEL_VOXEL_MM = (1.1, 1.1, 1.8), (1.25, 1.25, 1.25)
 
 
@@ -45,7 +48,7 @@ class Pelvis:
         """One of any number of builds, the same one for the same number."""
         rng = np.random.default_rng([build, 60])
         x, y, z = rng.uniform([19.0, 14.5, 18.5], [23.0, 17.5, 22.0])
-        gap = rng.uniform(3.0, 6.0, 2)
+        gap = rng.uniform(*(_FAT_MM if build % 8 >= 4 else _CLOSE_MM), 2)
         prostate = Union(
             (
                 Ellipsoid((0.36 * x, 0.3, 0.5), (0.66 * x, y, z), 2.2),

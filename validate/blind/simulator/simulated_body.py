@@ -23,6 +23,8 @@ class Simulated:
     organ_faces : (f, 3) of its outer surface, normals outwards. G, K, growth, fibre : (m,) of every cell. load : (n, 3) mN on nodes
     in the deformed state. bone : its motion. filled : share of the walls' extra filling already there in the scan at rest, by
     wall. offset : normals (k, 3) -> mm by which the deformed contour is too wide. centre : where the effect is, if anywhere.
+    scan : points (k, 3) mm -> how far (k, 3) mm from there the deformed scan shows them. wall_offsets : by wall, mm by which its contour in
+    the deformed scan is too wide.
     """
 
     body: Body
@@ -38,6 +40,8 @@ class Simulated:
     filled: dict[str, float] = field(default_factory=dict)
     offset: Callable[[FloatArray], FloatArray] | None = None
     centre: FloatArray | None = None
+    scan: Callable[[FloatArray], FloatArray] | None = None
+    wall_offsets: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def plain(cls, body: Body, organ_faces: IntArray, G: dict[int, float]) -> Simulated:

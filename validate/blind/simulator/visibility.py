@@ -45,10 +45,12 @@ def effect_rows(
     model = Simulated(body, plain.organ_faces, plain.G, plain.K, plain.growth, plain.fibre)
     known = {name: motion for name, motion in deformed.motions.items() if name != "bone"}
     driven = held_nodes(s.body, boundary, known) - np.nan_to_num(held_nodes(s.body, boundary, rest.motions))
+    driven = driven + _wall_errors(s, boundary, deformed)
     laws = model.laws()
     u = equilibrium_near(deformed.u if near is None else near, body, laws, driven)
     nodes, normals, area = _surface(body.nodes + u, body.face_nodes(s.organ_faces))
-    done = ((s.body.nodes + deformed.u - body.nodes - u)[nodes] * normals).sum(axis=1)
+    seen = scanned(s, s.body.nodes + deformed.u)
+    done = ((seen - body.nodes - u)[nodes] * normals).sum(axis=1)
     if s.offset is not None:
         done = done + s.offset(normals)
     moved = slopes_in(body, laws, ORGAN_LABELS, u, driven)
@@ -60,14 +62,37 @@ def effect_rows(
 def true_surfaces(s: Simulated, rest: Shown, deformed: Shown) -> dict[str, FloatArray | IntArray]:
     """The organ as scans would show it without noise: points (k, 3) mm deformed, at_rest (k, 3) the same at rest, faces (f, 3) of both."""
     faces = s.body.face_nodes(s.organ_faces)
-    nodes, normals, _ = _surface(s.body.nodes + deformed.u, faces)
-    points = (s.body.nodes + deformed.u)[nodes]
+    seen = scanned(s, s.body.nodes + deformed.u)
+    nodes, normals, _ = _surface(seen, faces)
+    points = seen[nodes]
     if s.offset is not None:
         points = points + s.offset(normals)[:, None] * normals
     number = np.full(len(s.body.nodes), -1)
     number[nodes] = np.arange(len(nodes))
     four = faces[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
     return {"points": points, "at_rest": (s.body.nodes + rest.u)[nodes], "faces": number[four]}
+
+
+def scanned(s: Simulated, points: FloatArray) -> FloatArray:
+    """Where the deformed scan shows points (k, 3) mm."""
+    return points if s.scan is None else points + s.scan(points)
+
+
+def _wall_errors(s: Simulated, boundary: Mapping[str, IntArray], deformed: Shown) -> FloatArray:
+    """How far (n, 3) mm the deformed scan and its contours put the nodes of the walls off."""
+    off = np.zeros_like(s.body.nodes)
+    if s.scan is None and not s.wall_offsets:
+        return off
+    at = s.body.nodes + deformed.u
+    for name in ("rectum", "bladder"):
+        if name in boundary:
+            nodes, inwards, _ = _surface(
+                at, s.body.face_nodes(boundary[name])
+            )  # normals of the mesh look into the hollow
+            off[nodes] = scanned(s, at[nodes]) - at[nodes] - s.wall_offsets.get(name, 0.0) * inwards
+    for name in {"bone", "outer"} & set(boundary):
+        off[np.unique(s.body.face_nodes(boundary[name]))] = 0.0
+    return off
 
 
 def _surface(at: FloatArray, faces: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -89,7 +114,10 @@ def marked(s: Simulated, rng: np.random.Generator) -> IntArray:
     return np.asarray(rng.permutation(inside if len(inside) >= 4 else corners)[:4])
 
 
-def read_marks(s: Simulated, chosen: IntArray, state: Shown, rng: np.random.Generator) -> FloatArray:
-    """Where a scan of a state shows nodes chosen (k,), (k, 3) mm, with 0.3 mm of error an axis."""
-    at = s.body.points[chosen]
-    return np.asarray(at + state.u[chosen] + rng.normal(0.0, 0.3, at.shape))
+def read_marks(
+    s: Simulated, chosen: IntArray, state: Shown, rng: np.random.Generator, sd_mm: float = 0.3, is_rest: bool = False
+) -> FloatArray:
+    """Where a scan of a state shows nodes chosen (k,), (k, 3) mm, with an error of sd_mm an axis."""
+    at = s.body.points[chosen] + state.u[chosen]
+    seen = at if is_rest else scanned(s, at)
+    return np.asarray(seen + rng.normal(0.0, sd_mm, at.shape))
