@@ -21,7 +21,6 @@ from palpate.ui.report.diagnosis_words import (
     chance,
     gap_is_seen,
     plain,
-    two_noises,
     two_stiffnesses,
 )
 from palpate.ui.report.document import Block, Bullets, Notice, Paragraph, Picture, Section, Table
@@ -67,8 +66,6 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     if gap_is_seen(found):
         blocks.append(Paragraph(FALSE_ALARMS))
     blocks.append(_figures(found))
-    noises = two_noises(found, record)
-    blocks += [Paragraph(noises, "small")] if noises else []
     blocks += [pictures[n] for n in ("gap_residual", "gap_force") if n in pictures]
     if gap_is_seen(found):
         blocks += [_ranking(found), *_told(_shrinkage(found)), *_told(_stiffness(found))]

@@ -48,9 +48,7 @@ def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> 
 def test_without_a_gap_there_is_neither_force_nor_ranking() -> None:
     section = gap_section(diagnosed("none"), {})
     kinds = [type(block).__name__ for block in section.blocks]
-    assert kinds == ["Paragraph", "Table", "Paragraph", "Paragraph", "Bullets"]
-    within = gap_section(diagnosed("none", prostate_left=120.0, prostate_right=40.0), {})
-    assert not any("Trust the Summary's" in getattr(block, "text", "") for block in within.blocks)
+    assert kinds == ["Paragraph", "Table", "Bullets"]
 
 
 def diagnosed(verdict: str, **stiffness: float) -> CaseRecord:
@@ -82,9 +80,6 @@ def test_summary_and_page_do_not_contradict_each_other() -> None:
     assert "explains" not in misfit and "no larger than the contours' own error would make it (0.57 mm" in misfit
     assert "found a gap (1.40 mm rms where noise would leave 0.50 mm, p below 0.001), its cause not settled" in told
     assert "(perhaps inclusion, unmodelled load or prestress)" in told and "may differ from the sentence before" in told
-    assert "Why the noise here is not the Summary's" in texts(record) and "0.40 mm (as the case states)" in texts(
-        record
-    )
 
 
 def test_a_pair_without_a_gap_says_so_and_one_without_a_diagnosis_nothing() -> None:
@@ -97,16 +92,11 @@ def test_an_alarm_says_that_it_may_be_a_false_one() -> None:
     assert "docs/gap.md" not in texts(diagnosed("none"))
 
 
-def test_stiffness_of_the_diagnosis_is_for_comparison_and_said_to_be_off_where_it_is() -> None:
-    """The fixture's interval is 100 to 144 kPa on the left, 33 to 48 on the right."""
+def test_one_stiffness_and_where_two_were_found_otherwise_it_is_said() -> None:
     near, far = (diagnosed("inclusion", prostate_left=120.0, prostate_right=G) for G in (40.0, 80.0))
-    assert "values to quote are the Summary's" in texts(near) and "lies outside" not in texts(near)
-    assert "right half of the prostate, 80.0 kPa, not 33.3 to 48.0. Trust the Summary's" in texts(far)
-    assert "left half of the prostate, 120" not in texts(far), "that one is within"
-    assert (
-        summary(far)[-1].endswith("trust those above, why is said there.")
-        and "why is said there" not in summary(near)[-1]
-    )
+    assert "is the Summary's: one fit gives both" in texts(near)
+    assert "is not the Summary's, which was found with other options" in texts(far)
+    assert not any("trust" in sentence for sentence in summary(far))
     (table,) = (b for b in gap_section(near, {}).blocks if isinstance(b, Table) and b.header[0] == "region")
     assert table.rows[0][:2] == ("left half of the prostate", "120 (81.3 to 177)")
 
