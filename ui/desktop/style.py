@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication
 
 GROUND, PANEL, RAISED, LINE = "#15181c", "#1e2227", "#2a3037", "#3a424c"
 TEXT, FAINT, ACCENT, GOOD, WARN, BAD = "#e6e9ed", "#98a2ae", "#3d8bfd", "#4cb782", "#e0a63a", "#e5645a"
-CROSSHAIR, SEED = "#4fd1ff", "#ff5fd2"
+CROSSHAIR, SEED, RULER = "#4fd1ff", "#ff5fd2", "#ffd84d"
 
 SHEET = f"""
 QWidget {{ background: {PANEL}; color: {TEXT}; }}

@@ -34,6 +34,8 @@ SERIES_NUMBERS = {
     "rtstruct": 9106,
     "deformed rtstruct": 9107,
     "series": 9108,
+    "pm low": 9109,
+    "pm high": 9110,
 }
 
 

@@ -14,17 +14,34 @@ from palpate.case.case_folder import CaseFolder
 from palpate.core.arrays import FloatArray
 from palpate.imaging.contours.outlines import labels_on_slices, outlines
 from palpate.imaging.dicom.series import SeriesFacts
-from palpate.imaging.labels import LABEL_COLOURS, LABELS, SURROUNDING_TISSUE
+from palpate.imaging.labels import (
+    BLADDER,
+    BONE,
+    LABEL_COLOURS,
+    LABELS,
+    PROSTATE_LEFT,
+    PROSTATE_RIGHT,
+    RECTUM,
+    SURROUNDING_TISSUE,
+)
 from palpate.imaging.volume import Volume
 from palpate.ui.dicom.label_segments import algorithm_types, labels_in_own_scan
 from palpate.ui.dicom.making import Making, begun, making
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to
 
+# Names of structures by AAPM Task Group 263 (Mayo et al. 2018, IJROBP 100:1057): organ, then side.
+TG263 = {
+    PROSTATE_LEFT: "Prostate_L",
+    PROSTATE_RIGHT: "Prostate_R",
+    BONE: "Bone",
+    BLADDER: "Bladder",
+    RECTUM: "Rectum",
+}
 _STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"  # Detached Study Management, retired, which this sequence still asks for
 
 
 def structure_set(case: CaseFolder, state: str) -> FileDataset:
-    """Contours of prostate halves, bladder, rectum and bone on the slices of the state's own CT.
+    """Contours of prostate halves, bladder, rectum and bone on the slices of the state's own CT, named as AAPM TG-263 asks.
 
     Holes are contours within contours. The surrounding tissue is no organ and left out.
     Raises InputError when the case has no labels or no CT of that state.
@@ -41,7 +58,7 @@ def structure_set(case: CaseFolder, state: str) -> FileDataset:
     for number, value in enumerate([int(v) for v in np.unique(drawn.array) if v], start=1):
         how = types.get(LABELS[value], "MANUAL")
         data.StructureSetROISequence.append(_item(
-            ROINumber=number, ReferencedFrameOfReferenceUID=source.header.FrameOfReferenceUID, ROIName=LABELS[value],
+            ROINumber=number, ReferencedFrameOfReferenceUID=source.header.FrameOfReferenceUID, ROIName=TG263[value],
             ROIGenerationAlgorithm=how,
         ))  # fmt: skip
         contours = _contours(drawn, value, first, facts)

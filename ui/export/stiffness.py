@@ -28,6 +28,22 @@ def stiffness_volume(case: CaseFolder) -> Volume:
     return labels.with_array(value)
 
 
+def interval_volumes(case: CaseFolder) -> dict[str, Volume] | None:
+    """Ends of each region's 95 % interval, kPa, float32, by "low" and "high", on the grid of the labels at rest; 0 outside.
+
+    None where no interval is known. Raises InputError when the case has not been identified.
+    """
+    labels = case.labels("rest")
+    ends = {name: found.ci95_kpa for name, found in identified_regions(case).items() if found.ci95_kpa is not None}
+    out = {}
+    for index, word in enumerate(("low", "high")):
+        value = np.zeros(labels.array.shape, dtype=np.float32)
+        for name, interval in ends.items():
+            value[labels.array == LABEL_VALUES[name]] = interval[index]
+        out[word] = labels.with_array(value)
+    return out if ends else None
+
+
 def near_organ(G: Volume) -> Volume:
     """The slices that hold the organ and some beside them."""
     slices = np.flatnonzero(G.array.any(axis=(0, 1)))

@@ -14,10 +14,10 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.identify.map.stiffness_map import nearest_patch, painted
-from palpate.core.identify.result_record import RegionRecord
 from palpate.imaging.contours.nifti_labels import write_nifti
-from palpate.imaging.labels import LABEL_VALUES, ORGAN_LABELS
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
+from palpate.ui.export.stiffness import interval_volumes
 
 WRITES = "NIfTI: each half's 95 % limits in kPa, and the smooth map with its factor and where the scans tell it"
 _MAP = "identify/stiffness_map.npz"
@@ -33,7 +33,7 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     smoothness that was assumed. The maps are left out where the case has none. Raises InputError when it has no result.
     """
     labels, result = case.labels("rest"), read_result(case)
-    volumes = _limits(labels, result.parameters)
+    volumes = {f"stiffness_{end}_kpa": volume for end, volume in (interval_volumes(case) or {}).items()}
     if result.stiffness_map and case.has(_MAP):
         volumes |= _map(labels, case.read_npz(_MAP))
     if not volumes:
@@ -41,17 +41,6 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
             f"{case.file('result.json')} gives no interval and there is no map; run `palpate identify` again"
         )
     return [_write(folder / f"{name}.nii.gz", volume) for name, volume in volumes.items()]
-
-
-def _limits(labels: Volume, parameters: Mapping[str, RegionRecord]) -> dict[str, Volume]:
-    ends = {name: found.ci95_kpa for name, found in parameters.items() if found.ci95_kpa is not None}
-    out = {}
-    for index, end in enumerate(("low", "high")):
-        value = np.zeros(labels.array.shape, dtype=np.float32)
-        for name, interval in ends.items():
-            value[labels.array == LABEL_VALUES[name]] = interval[index]
-        out[f"stiffness_{end}_kpa"] = labels.with_array(value)
-    return out if ends else {}
 
 
 def _map(labels: Volume, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, Volume]:

@@ -105,7 +105,7 @@ def _slices(figures: Figures, images: CaseImages, folder: Path, same: bool) -> N
         else ""
     )
     bar = " Lines in the colour bar: the values found." if images.told else ""
-    ground = "CT at rest, window 40/400 HU" if images.ct is not None else "no CT: labels at rest in grey and colour"
+    ground = "CT at rest, W 400 L 40" if images.ct is not None else "no CT: labels at rest in grey and colour"
     told = ", ".join(f"label {label}: {three_figures(G)} kPa" for label, G in images.stiffness_kpa.items())
     says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
     figures.add(

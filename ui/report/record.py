@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TypedDict, TypeVar
 
 import numpy as np
@@ -52,13 +53,25 @@ class _History(TypedDict, total=False):
     commands: list[Entry]
 
 
+@dataclass(frozen=True)
+class ScanFacts:
+    """How a scan was made; nothing that names the patient. date : as YYYY-MM-DD, "" where it is blank. voxel_mm : along columns, rows
+    and slices."""
+
+    date: str
+    scanner: str
+    slices: int
+    voxel_mm: tuple[float, float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class CaseRecord:
     """facts : case.json. result : result.json. The others are the JSON files of their steps, empty where absent.
 
     simulated : None, or in words what of this pair was computed rather than scanned. volumes_cc : of labels, by state.
     ln_covariance : (t, t) of ln G, regions in the order of their labels; None where unknown.
-    diagnosis : diagnosis.json; matched : motion from the images; None where there is none.
+    diagnosis : diagnosis.json; matched : motion from the images; None where there is none. scans : what the CTs' headers say of
+    how they were made, by state.
     """
 
     facts: CaseFacts
@@ -73,6 +86,7 @@ class CaseRecord:
     ln_covariance: FloatArray | None = None
     diagnosis: DiagnosisRecord | None = None
     matched: MatchedMotion | None = None
+    scans: Mapping[str, ScanFacts] = field(default_factory=dict)
 
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
@@ -141,7 +155,25 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
         case.read_npz("identify/fields.npz").get("covariance") if case.has("identify/fields.npz") else None,
         read_diagnosis(case) if case.has(DIAGNOSIS) else None,
         read_matched_motion(case),
+        {state: scan for state in STATES if (scan := _scan(case, state)) is not None},
     )
+
+
+def _scan(case: CaseFolder, state: str) -> ScanFacts | None:
+    """From the headers of the first and the second slice; None without a CT, or one whose headers do not say it."""
+    files = sorted(case.file(f"{state}_ct").glob("*.dcm"))
+    if len(files) < 2:
+        return None
+    first, second = (_header(path) for path in files[:2])
+    places = [header.get("ImagePositionPatient") for header in (first, second)]
+    across = first.get("PixelSpacing")
+    if across is None or any(place is None for place in places):
+        return None
+    step = float(np.linalg.norm(np.subtract(*(np.array(place, dtype=np.float64) for place in places))))
+    day = str(first.get("AcquisitionDate") or first.get("StudyDate") or "")
+    date = f"{day[:4]}-{day[4:6]}-{day[6:8]}" if len(day) == 8 and day.isdigit() else ""
+    scanner = " ".join(str(first.get(key) or "").strip() for key in ("Manufacturer", "ManufacturerModelName")).strip()
+    return ScanFacts(date, scanner, len(files), (float(across[1]), float(across[0]), step))
 
 
 def simulated(case: CaseFolder, result: ResultRecord | None) -> str | None:
@@ -162,12 +194,16 @@ def _is_simulated_scan(case: CaseFolder, state: str) -> bool:
     first = next(iter(sorted(case.file(f"{state}_ct").glob("*.dcm"))), None)
     if first is None:
         return False
-    try:
-        header = pydicom.dcmread(first, stop_before_pixels=True)
-    except (InvalidDicomError, OSError) as error:
-        raise InputError(f"{first} is not readable as DICOM; run `palpate import` again") from error
+    header = _header(first)
     ours = (header.get("Manufacturer"), header.get("ManufacturerModelName")) == ("Palpate", "simulate")
     return ours and "simulated" in str(header.get("SeriesDescription", "")).lower()
+
+
+def _header(path: Path) -> pydicom.Dataset:
+    try:
+        return pydicom.dcmread(path, stop_before_pixels=True)
+    except (InvalidDicomError, OSError) as error:
+        raise InputError(f"{path} is not readable as DICOM; run `palpate import` again") from error
 
 
 def _optional(case: CaseFolder, name: str, kind: type[T]) -> T:

@@ -9,6 +9,7 @@ from msgspec import UNSET
 from palpate.case.history import Entry
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
+from palpate.ui.report.first_page import minute, published
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.motion_section import motion_section
 from palpate.ui.report.quality import quality
@@ -37,7 +38,7 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
     found = [Paragraph(text, "lead") for text in summary(record)]
-    return [*found, Paragraph(limits(record)), *_shown(pictures, "stiffness_planes")]
+    return [*found, *minute(record), Paragraph(limits(record)), *published(), *_shown(pictures, "stiffness_planes")]
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
@@ -80,7 +81,7 @@ def _provenance(record: CaseRecord, date: str, version: str) -> Section:
     ]  # fmt: skip
     rows += [("command", _command(entry)) for entry in record.history]
     rows += [(f"sha256 of {name}", str(value)) for name, value in result.inputs_sha256.items()]
-    return Section("Provenance", [Table(("", ""), rows, numbers=False)])
+    return Section("Appendix: provenance", [Table(("", ""), rows, numbers=False)])
 
 
 def _command(entry: Entry) -> str:

@@ -73,7 +73,7 @@ def test_a_case_from_opening_to_coming_back_after_a_kill(controller: Controller,
     assert ct.array[tuple(np.rint(ct.to_index(MARKER[None])[0]).astype(int))] == 1000
     assert controller.display.overlay == "stiffness"
     controller.look_at(*ORGAN)
-    assert words_at_crosshair(controller) == "0 HU, prostate left, G = 120 kPa"
+    assert words_at_crosshair(controller) == "0 HU, prostate left, G = 120 kPa (95 % 100\N{EN DASH}144)"
 
     before = controller.labels("rest").array.copy()  # type: ignore[union-attr]
     controller.editing.seed("rest", "prostate", ORGAN)
@@ -196,7 +196,9 @@ def test_the_map_says_where_it_tells_nothing(controller: Controller, tmp_path: P
     controller.open_case(case.path)
     wait(controller)
     controller.show(overlay="map", crosshair=ORGAN)
-    assert words_at_crosshair(controller) == "prostate left, G here = 60.0 kPa"
+    assert words_at_crosshair(controller) == (
+        "prostate left, G here = 60.0 kPa (95 % 49.3\N{EN DASH}73.0), quote the half: 120 kPa (95 % 100\N{EN DASH}144)"
+    )
     opened = controller.case
     assert opened is not None and opened.stiffness_map is not None
     assert opened.scale == map_scale([120.0, 40.0], opened.stiffness_map), "one scale for halves and map, the report's"
@@ -205,7 +207,7 @@ def test_the_map_says_where_it_tells_nothing(controller: Controller, tmp_path: P
     controller.show(surest_factor=None, crosshair=(ORGAN[0], ORGAN[1], ORGAN[2] + 9.0))
     assert words_at_crosshair(controller) == "prostate left, the map does not tell G here"
     controller.show(mode="deformed")
-    assert words_at_crosshair(controller) == "prostate left, G of the half = 120 kPa"
+    assert words_at_crosshair(controller) == "prostate left, G of the half = 120 kPa (95 % 100\N{EN DASH}144)"
 
 
 def test_a_stroke_puts_what_was_found_out_of_date_till_it_is_undone(controller: Controller, tmp_path: Path) -> None:
@@ -216,10 +218,10 @@ def test_a_stroke_puts_what_was_found_out_of_date_till_it_is_undone(controller: 
     wait(controller)
     controller.look_at(*ORGAN)
     assert not controller.out_of_date("identify") and not controller.out_of_date("report")
-    assert words_at_crosshair(controller) == "prostate left, G = 120 kPa"
+    assert words_at_crosshair(controller) == "prostate left, G = 120 kPa (95 % 100\N{EN DASH}144)"
     paint(controller, 5, (ORGAN[0], ORGAN[1] + 8.0, ORGAN[2]))
     assert controller.out_of_date("identify") == controller.out_of_date("report")
     assert controller.out_of_date("identify") == "an earlier step has been changed since"
-    assert words_at_crosshair(controller) == "prostate left, G = 120 kPa, out of date"
+    assert words_at_crosshair(controller) == "prostate left, G = 120 kPa (95 % 100\N{EN DASH}144), out of date"
     controller.editing.undo()
     assert not controller.out_of_date("identify") and not controller.out_of_date("diagnose")

@@ -28,6 +28,7 @@ from palpate.imaging.grid import labels_on
 from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.ui.cli import main as cli
+from palpate.ui.dicom.structure_set import TG263
 from palpate.ui.export import exporter
 
 # Form -> file at rest, file of the deformed scan (in its own frame), whether surrounding tissue is in it.
@@ -116,7 +117,7 @@ def test_simpleitk_and_pydicom_agree_on_place(fine: CaseFolder, tmp_path: Path) 
     rois = {r.ROINumber: r.ROIName for r in structures.StructureSetROISequence}
     for roi in structures.ROIContourSequence:
         points = np.concatenate([np.array(c.ContourData, dtype=float).reshape(-1, 3) for c in roi.ContourSequence])
-        value = next(v for v, name in LABELS.items() if name == rois[roi.ReferencedROINumber])
+        value = next(v for v, name in TG263.items() if name == rois[roi.ReferencedROINumber])
         drawn = fine.labels("rest")
         inside = drawn.to_lps(np.argwhere(drawn.array == value).astype(float))
         np.testing.assert_allclose(points.min(axis=0), inside.min(axis=0), atol=3.0)

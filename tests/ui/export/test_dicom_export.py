@@ -180,7 +180,7 @@ def test_the_same_case_gives_the_same_objects(
 
 @pytest.mark.skipif(shutil.which("dciodvfy") is None, reason="dciodvfy is absent: apt-get install dicom3tools")
 def test_dciodvfy_finds_no_error(written: dict[str, Path]) -> None:
-    assert len(written) == 7
+    assert len(written) == 9
     assert_valid(written)
 
 

@@ -79,6 +79,7 @@ def test_forms_are_found_by_their_files() -> None:
         "itksnap",
         "nrrd",
         "rtstruct",
+        "transform",
         "uncertainty",
         "vtu",
     )

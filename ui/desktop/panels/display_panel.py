@@ -18,7 +18,11 @@ _MODES = (
 _OVERLAYS = (
     ("labels", "Labels", "Organs in colour"),
     ("stiffness", "Stiffness", "Shear modulus of each half of the organ, kPa"),
-    ("map", "Map", "Shear modulus within the organ at rest, kPa, smoothed; hatched where the scans do not tell it"),
+    (
+        "map",
+        "Map",
+        "Shear modulus within the organ at rest, kPa, smoothed; hatched where the scans cannot determine it",
+    ),
     ("misfit", "Misfit", "Where the model's organ lies off the scan's, mm"),
     ("none", "None", "The scan alone"),
 )
@@ -44,15 +48,15 @@ class DisplayPanel(QWidget):
         self.blend = slider(0, 100, 50, lambda v: self._controller.show(blend=v / 100.0), "Share of the deformed scan")
         form.addRow("Blend", self.blend)
         self.preset = combo(["Custom", *PRESETS], self._choose_preset, "Which Hounsfield units are black and white")
-        form.addRow("Window", self.preset)
+        form.addRow("Preset", self.preset)
         self.centre = slider(
-            -1000, 2000, 40, lambda v: self._controller.show(centre=float(v)), "Centre, HU (right drag up, down)"
+            -1000, 2000, 40, lambda v: self._controller.show(centre=float(v)), "Level: HU shown as middle grey"
         )
         self.wide = slider(
-            1, 4000, 400, lambda v: self._controller.show(width=float(v)), "Width, HU (right drag left, right)"
+            1, 4000, 400, lambda v: self._controller.show(width=float(v)), "Window: HU from black to white"
         )
-        form.addRow("Centre", self.centre)
-        form.addRow("Width", self.wide)
+        form.addRow("Window", self.wide)
+        form.addRow("Level", self.centre)
         return box
 
     def _overlay(self) -> QWidget:
@@ -70,6 +74,7 @@ class DisplayPanel(QWidget):
         self.sure = slider(11, _NO_LIMIT_TENTHS, _NO_LIMIT_TENTHS, self._choose_sure,
                            "Stiffness known less well is hatched, not coloured")  # fmt: skip
         self.sure_words = QLabel()
+        self.sure_words.setWordWrap(True)
         form.addRow("Hatch", self.sure)
         form.addRow("", self.sure_words)
         self.outlines = QCheckBox("Outlines of organs")
@@ -118,7 +123,9 @@ class DisplayPanel(QWidget):
         self.preset.setCurrentText(named)  # only a person's choice is told
         factor = display.surest_factor
         self.sure_words.setText(
-            "what the pair does not tell" if factor is None else f"what is known worse than to a factor of {factor:.1f}"
+            "Hatch regions that the scans cannot determine"
+            if factor is None
+            else f"Hatch regions that the scans cannot determine to a factor of {factor:.1f}"
         )
         self.blend.setEnabled(display.mode == "blend")
         stiff = case is not None and bool(case.regions)

@@ -4,19 +4,52 @@ from __future__ import annotations
 
 from PySide6.QtCore import QSignalBlocker
 from PySide6.QtGui import QColor, QIcon, QPixmap
-from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QDoubleSpinBox,
+    QFormLayout,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
 
+from palpate.core.errors import InputError
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.segmentation.prompts import SEED_NAMES
 from palpate.ui.desktop.panels.panel_parts import Choice, combo, group, slider
 from palpate.ui.desktop.session.controller import Controller
 
 _TOOLS = (
-    ("look", "Look", "Click or drag: move the crosshair"),
-    ("seed", "Point", "Click into an organ, where Segment does not find it by itself"),
-    ("brush", "Brush", "Paint the chosen label"),
-    ("eraser", "Eraser", "Take the chosen label away"),
+    ("look", "Look", "Click or drag: move the crosshair (1)"),
+    ("seed", "Point", "Click into an organ, where Segment does not find it by itself (2)"),
+    ("brush", "Brush", "Paint the chosen label; with Ctrl, take it away (3)"),
+    ("eraser", "Eraser", "Take the chosen label away (4)"),
 )
+_MEASURING = (
+    ("window", "Window", "Drag: window (sideways) and level (up and down) (5)"),
+    ("ruler", "Ruler", "Drag: a distance in mm (6)"),
+)
+# Title, operation, tip, and row, column and columns of the button.
+_OPERATIONS = (
+    ("Fill between slices", "fill between slices", "Draw the axial slices that lie between drawn ones", 0, 0, 3),
+    ("Smooth", "smooth", "Take steps and spikes of the label away", 1, 0, 1),
+    (
+        "Keep largest piece",
+        "keep the largest piece",
+        "Take away the pieces that are apart from the largest one",
+        1,
+        1,
+        2,
+    ),
+    ("Grow", "grow", "By the distance beside; never into another organ", 2, 0, 1),
+    ("Shrink", "shrink", "By the distance beside", 2, 1, 1),
+)
+_MOST_MM = 20.0
+_NO_HU = -1025  # below what a CT holds: no limit
 
 
 class EditPanel(QWidget):
@@ -30,6 +63,8 @@ class EditPanel(QWidget):
         box, form = group("Point and correct")
         self.tools = Choice(_TOOLS, lambda tool: controller.show(tool=tool))
         form.addRow(self.tools)
+        self.measuring = Choice(_MEASURING, lambda tool: controller.show(tool=tool))
+        form.addRow(self.measuring)
         self.seed = combo(
             SEED_NAMES, lambda name: controller.show(seed_name=name, tool="seed"), "What the click points at"
         )
@@ -39,10 +74,28 @@ class EditPanel(QWidget):
             if value:
                 self.label.addItem(_swatch(value), name.replace("_", " "), value)
         form.addRow("Label", self.label)
-        self.radius = slider(5, 200, 40, lambda v: controller.show(radius_mm=v / 10.0), "Radius of brush and eraser")
+        self.radius = slider(
+            5,
+            200,
+            40,
+            lambda v: controller.show(radius_mm=v / 10.0),
+            "Radius of brush and eraser (keys + and \N{MINUS SIGN})",
+        )
         self.radius_words = QLabel()
         form.addRow("Radius", self.radius)
-        form.addRow("", self.radius_words)
+        self.ball = QCheckBox("in 3D")
+        self.ball.setToolTip("A ball instead of a disc in the slice")
+        self.ball.toggled.connect(lambda on: controller.show(ball=on))
+        row = QHBoxLayout()
+        row.addWidget(self.radius_words)
+        row.addWidget(self.ball)
+        form.addRow("", row)
+        self.low, self.high = self._limit(), self._limit()
+        limits = QHBoxLayout()
+        for part in (self.low, QLabel("to"), self.high):
+            limits.addWidget(part)
+        form.addRow("Only HU", limits)
+        self.operations = self._operations(form)
         self.undo = self._button("Undo", "Ctrl+Z", controller.editing.undo)
         self.redo = self._button("Redo", "Ctrl+Shift+Z", controller.editing.redo)
         self.save = self._button("Save", "Ctrl+S", controller.save)
@@ -52,6 +105,45 @@ class EditPanel(QWidget):
             grid.addWidget(button, number // 2, number % 2)
         form.addRow(grid)
         column.addWidget(box)
+
+    def _limit(self) -> QSpinBox:
+        out = QSpinBox()
+        out.setRange(_NO_HU, 3071)
+        out.setSpecialValueText("any")
+        out.setValue(_NO_HU)
+        out.setToolTip("Threshold of the brush: only voxels whose CT lies between are changed")
+        out.valueChanged.connect(self._choose_limits)
+        return out
+
+    def _choose_limits(self) -> None:
+        low, high = (None if spin.value() == _NO_HU else float(spin.value()) for spin in (self.low, self.high))
+        self._controller.show(paint_low_hu=low, paint_high_hu=high)
+
+    def _operations(self, form: QFormLayout) -> list[QPushButton]:
+        """Buttons that change the whole label, and by how much it grows or shrinks."""
+        self.amount = QDoubleSpinBox()
+        self.amount.setRange(0.5, _MOST_MM)
+        self.amount.setValue(1.0)
+        self.amount.setSingleStep(0.5)
+        self.amount.setSuffix(" mm")
+        grid, buttons = QGridLayout(), []
+        for title, name, tip, line, column, columns in _OPERATIONS:
+            button = QPushButton(title)
+            button.setToolTip(tip)
+            button.clicked.connect(lambda _=False, n=name: self._apply(n))
+            grid.addWidget(button, line, column, 1, columns)
+            buttons.append(button)
+        grid.addWidget(self.amount, 2, 2)
+        form.addRow(grid)
+        return buttons
+
+    def _apply(self, operation: str) -> None:
+        state = "deformed" if self._controller.display.mode == "deformed" else "rest"
+        amount = self.amount.value() if operation in ("grow", "shrink") else 0.0
+        try:
+            self._controller.editing.apply(state, operation, amount)
+        except InputError as error:
+            self._controller.say(str(error))
 
     def _button(self, title: str, shortcut: str, act: object) -> QPushButton:
         out = QPushButton(title)
@@ -71,6 +163,11 @@ class EditPanel(QWidget):
         controller, display = self._controller, self._controller.display
         reason = controller.editing.why_not()
         self.tools.select(display.tool)
+        self.measuring.select(display.tool)
+        with QSignalBlocker(self.ball):
+            self.ball.setChecked(display.ball)
+        for button in self.operations:
+            button.setEnabled(not reason)
         self.seed.setCurrentText(display.seed_name)
         self.label.setCurrentIndex(self.label.findData(display.label))
         with QSignalBlocker(self.radius):

@@ -25,7 +25,7 @@ class JobPanel(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         box, form = group("Progress")
-        self.title, self.message, self.left = QLabel("Nothing runs"), QLabel(""), QLabel("")
+        self.title, self.message, self.left = QLabel("Idle"), QLabel(""), QLabel("")
         self.message.setWordWrap(True)
         self.message.setStyleSheet(f"color: {style.FAINT}")
         self.left.setStyleSheet(f"color: {style.FAINT}")
@@ -64,7 +64,7 @@ class JobPanel(QWidget):
         )
         busy = controller.jobs.running or controller.reader.running
         self.stop.setEnabled(busy and not controller.jobs.cancelling)
-        self.stop.setToolTip("Stop within a second; what is done is kept" if busy else "Nothing runs")
+        self.stop.setToolTip("Stop within a second; what is done is kept" if busy else "No step is running")
         if job is None:
             self._clear()
             return
@@ -74,8 +74,7 @@ class JobPanel(QWidget):
         self.bar.setValue(1000 if done else round(1000 * job.step_fraction))
         self.message.setText(job.error or ("" if job.outcome else job.message))
         seconds = job.seconds_left(time.monotonic())
-        self.left.setText("" if seconds is None else f"about {_duration(seconds)} left")
-        self.left.setVisible(seconds is not None)
+        self.left.setText(_time_words(job.seconds_since(time.monotonic()), seconds, bool(job.outcome)))
         self.chart.setVisible(bool(job.swarm.iterations))
         if job.swarm.iterations:
             case = controller.case
@@ -83,7 +82,7 @@ class JobPanel(QWidget):
             self.chart.show_swarm(job.swarm, (float(bounds[0]), float(bounds[1])))
 
     def _clear(self) -> None:
-        self.title.setText("Nothing runs")
+        self.title.setText("Idle")
         self.bar.setValue(0)
         self.bar.setTextVisible(False)  # "0 %" would be of nothing
         self.message.clear()
@@ -98,6 +97,16 @@ class JobPanel(QWidget):
             return f"<b>{name}</b>" + (" (stopping)" if stopping else "")
         words, tone = _OUTCOMES[job.outcome]
         return f"<b>{name}</b> <span style='color:{tone}'>{words}</span>"
+
+
+def _time_words(spent: float, left: float | None, over: bool) -> str:
+    """How long it has taken, and how long it will."""
+    if over:
+        return f"took {_duration(spent)}"
+    if left is None:
+        return f"{_duration(spent)} so far"
+    rest = "longer than was thought" if left < 1.0 else f"about {_duration(left)} left"
+    return f"{_duration(spent)} so far, {rest}"
 
 
 def _duration(seconds: float) -> str:

@@ -68,6 +68,11 @@ class Choice(QWidget):
             self.buttons[value] = button
 
     def select(self, value: str) -> None:
-        """Presses one without telling."""
+        """Presses one without telling; none where it is not among them."""
         if value in self.buttons:
             self.buttons[value].setChecked(True)
+            return
+        self._group.setExclusive(False)
+        for button in self.buttons.values():
+            button.setChecked(False)
+        self._group.setExclusive(True)

@@ -15,7 +15,7 @@ from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.words.number_words import three_figures
 
 _RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."
-_NOTHING = f"<span style='color:{style.FAINT}'>Nothing found yet.</span>"
+_NOTHING = f"<span style='color:{style.FAINT}'>No stiffness yet. Run Stiffness.</span>"
 
 
 class ResultPanel(QWidget):
@@ -84,7 +84,7 @@ def _found(case: OpenCase, old: str) -> str:
             value = f"<{weight} style='color:{tone}'>{three_figures(region.G)} kPa</{weight}>{beside_value}"
             value += f"<br><span style='color:{style.FAINT}'>95 % {interval}</span>"
         else:
-            value = f"<span style='color:{style.WARN}'>not told by this pair</span>"
+            value = f"<span style='color:{style.WARN}'>the scans cannot determine it</span>"
         rows.append(f"<tr><td style='padding-right:10px'>{escape(region.words)}</td><td>{value}</td></tr>")
     misfit = None if case.result is None else case.result.misfit
     expected = None if misfit is None else known(misfit.expected_noise_rms_mm)

@@ -150,6 +150,10 @@ class Controller:
         """
         self._running.start(names)
 
+    def export(self, form: str, folder: Path) -> None:
+        """Writes the case in one of the forms of `palpate export` into a folder. Raises InputError when it cannot."""
+        self._running.export(form, folder)
+
     def cancel(self) -> None:
         """Stops what runs."""
         self.jobs.cancel()

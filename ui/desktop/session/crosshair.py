@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.identify.map.stiffness_map import nearest_patch
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.map_values import map_at
+from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.pictures.planes import centre_of
+from palpate.ui.report.regions import RegionStiffness
 from palpate.ui.words.number_words import three_figures
 
 Point = tuple[float, float, float]
@@ -36,12 +39,33 @@ def _stiffness_words(session: Session, label: int, state: str, at: FloatArray) -
         return []
     old = ["out of date"] if session.out_of_date("identify") else []
     if display.overlay == "map" and case.stiffness_map is not None and state == "rest":
-        (G,), (told,) = map_at(case.stiffness_map, at, display.surest_factor)
-        return [f"G here = {three_figures(G)} kPa", *old] if told else ["the map does not tell G here"]
+        return _map_words(case, label, at, display.surest_factor, old)
     whole = "of the half " if display.overlay == "map" and len(case.regions) > 1 else ""
     found = [r for r in case.regions if r.label == label]
-    values = [f"G {whole}= {three_figures(r.G)} kPa" if r.told else "stiffness not told" for r in found]
-    return values + (old if found else [])
+    return [f"G {whole}= {value_words(r)}" if r.told else "stiffness not determined" for r in found] + (
+        old if found else []
+    )
+
+
+def _map_words(case: OpenCase, label: int, at: FloatArray, factor: float | None, old: list[str]) -> list[str]:
+    """The map's value at a point (1, 3) mm with its 95 % interval, and the half's, which is the one to quote."""
+    arrays = case.stiffness_map
+    assert arrays is not None
+    (G,), (told,) = map_at(arrays, at, factor)
+    if not told:
+        return ["the map does not tell G here"]
+    spread = float(np.exp(1.96 * np.asarray(arrays["sd"])[nearest_patch(arrays, at)][0]))
+    here = f"G here = {three_figures(G)} kPa (95 % {three_figures(G / spread)}\N{EN DASH}{three_figures(G * spread)})"
+    halves = [f"quote the half: {value_words(r)}" for r in case.regions if r.label == label and r.told]
+    return [here, *old, *halves]
+
+
+def value_words(region: RegionStiffness) -> str:
+    """A region's value with its 95 % interval, kPa."""
+    value = f"{three_figures(region.G)} kPa"
+    if region.ci is None:
+        return value
+    return f"{value} (95 % {three_figures(region.ci[0])}\N{EN DASH}{three_figures(region.ci[1])})"
 
 
 def _voxel(volume: Volume | None, at: FloatArray) -> float | None:

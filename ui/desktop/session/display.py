@@ -18,7 +18,8 @@ class Display:
     """crosshair : (x, y, z) mm LPS. blend : share of the deformed scan, 0 to 1. opacity : of the overlay.
 
     low_kpa, high_kpa : stiffness outside is not coloured; None is no limit. surest_factor : stiffness known to a larger
-    factor than this is hatched instead of coloured; None hatches only what the pair does not tell at all.
+    factor than this is hatched instead of coloured; None hatches only what the pair does not tell at all. ball : the brush
+    paints in 3D. paint_low_hu, paint_high_hu : the brush changes only voxels whose CT lies between. ruler : its two ends, mm.
     """
 
     crosshair: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -36,6 +37,10 @@ class Display:
     label: int = 1
     radius_mm: float = 4.0
     seed_name: str = "prostate"
+    ball: bool = False
+    paint_low_hu: float | None = None
+    paint_high_hu: float | None = None
+    ruler: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
     @property
     def window(self) -> WindowLevel:
@@ -53,7 +58,7 @@ class Display:
             out = msgspec.convert(data, cls)
         except msgspec.ValidationError:
             out = cls()
-        out.tool = "look"
+        out.tool, out.ruler = "look", None
         if out.mode not in MODES or out.overlay not in OVERLAYS:
             out.mode, out.overlay = MODES[0], OVERLAYS[0]
         return out

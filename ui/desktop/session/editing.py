@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
+from palpate.ui.desktop.session.label_operations import changed_label, values_at
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.strokes import Drag, erased_to, footprint
 from palpate.ui.pictures.planes import Plane
@@ -60,8 +61,11 @@ class Editing:
             case.save_session()
             self._session.notify("labels")
 
-    def begin(self, state: str, plane: Plane | None, point: Point) -> None:
-        """Presses the brush, or the eraser, on a slice; plane None draws a ball. Raises InputError when it cannot draw."""
+    def begin(self, state: str, plane: Plane | None, point: Point, erase: bool = False) -> None:
+        """Presses the brush, or the eraser, on a slice; plane None draws a ball. erase : the brush takes away.
+
+        Raises InputError when it cannot draw.
+        """
         reason = self.why_not()
         if reason:
             raise InputError(reason)
@@ -69,7 +73,7 @@ class Editing:
         assert case is not None
         if shown.label not in LABELS or state not in case.volumes:
             raise InputError(f"the {state} scan has no labels yet; run Segment first")
-        erase = shown.tool == "eraser"
+        erase = erase or shown.tool == "eraser"
         label = erased_to(shown.label) if erase else shown.label
         self._drag = Drag(case.corrections, state, label, shown.label if erase else None)
         self._from = None
@@ -87,8 +91,36 @@ class Editing:
         along = [start + (to - start) * share for share in np.linspace(0.0, 1.0, count + 1)[1:]]
         parts = [footprint(case.volumes[drag.state], p, radius, plane) for p in along]
         self._from = to
-        if drag.add(np.concatenate(parts)) is not None:
+        if drag.add(self._within_threshold(drag.state, np.unique(np.concatenate(parts)))) is not None:
             self._session.notify("labels")
+
+    def _within_threshold(self, state: str, index: IntArray) -> IntArray:
+        """Those of flat voxel indices of the labels whose CT lies within the brush's threshold; all where there is none."""
+        shown, labels, ct = self._session.display, self._session.labels(state), self._session.ct(state)
+        if (shown.paint_low_hu is None and shown.paint_high_hu is None) or labels is None or ct is None:
+            return index
+        low = -np.inf if shown.paint_low_hu is None else shown.paint_low_hu
+        high = np.inf if shown.paint_high_hu is None else shown.paint_high_hu
+        hu = values_at(ct, labels, index)
+        return index[(low <= hu) & (hu <= high)]
+
+    def apply(self, state: str, operation: str, amount_mm: float = 0.0) -> None:
+        """One of `label_operations.OPERATIONS` on the chosen label of a scan; one undo takes it back. Raises InputError when it
+        cannot be done or changes nothing."""
+        reason = self.why_not()
+        if reason:
+            raise InputError(reason)
+        case, label = self._session.case, self._session.display.label
+        assert case is not None
+        if state not in case.volumes:
+            raise InputError(f"the {state} scan has no labels yet; run Segment first")
+        stroke = changed_label(case.volumes[state], state, label, operation, amount_mm)
+        if stroke is None:
+            raise InputError(f"that changes nothing of {LABELS[label].replace('_', ' ')} in the {state} scan")
+        case.corrections.make(stroke)
+        if case.journal is not None:
+            case.journal.stroke(stroke)
+        self._session.notify("labels")
 
     def end(self) -> None:
         """Releases the brush: the stroke can be undone, and is on disk."""

@@ -54,6 +54,8 @@ class JobState:
     found: list[Found] = field(default_factory=list)
     swarm: Swarm = field(default_factory=Swarm)
     cancel_seconds: float | None = None
+    end_told: float | None = None
+    seconds_taken: float | None = None
 
     @property
     def running(self) -> bool:
@@ -61,11 +63,20 @@ class JobState:
         return not self.outcome
 
     def seconds_left(self, now: float) -> float | None:
-        """Of this step, by how fast it went so far; None where that cannot be told yet."""
+        """Of this step, by how fast it went so far; None where that cannot be told yet.
+
+        What a person was told does not grow: a step that turns out longer has 0 s left and goes on.
+        """
         spent, fraction = now - self.step_began, self.step_fraction
         if not self.running or spent < _LEAST_SECONDS or fraction < _LEAST_FRACTION:
             return None
-        return spent * (1.0 - fraction) / fraction
+        end = now + spent * (1.0 - fraction) / fraction
+        self.end_told = end if self.end_told is None else min(end, self.end_told)
+        return max(self.end_told - now, 0.0)
+
+    def seconds_since(self, now: float) -> float:
+        """Since the job began, or that it took."""
+        return now - self.began if self.seconds_taken is None else self.seconds_taken
 
 
 class JobControl:
@@ -124,7 +135,7 @@ class JobControl:
         if kind == "progress":
             step = str(message.get("step", ""))
             if step != state.step:
-                state.step, state.step_began = step, time.monotonic()
+                state.step, state.step_began, state.end_told = step, time.monotonic(), None
             state.fraction, state.message = float(message["fraction"]), str(message["message"])
             state.step_fraction = float(message.get("step_fraction", state.fraction))
             if "found" in message:
@@ -133,6 +144,7 @@ class JobControl:
                 state.swarm.hear(message)
         elif kind == "end":
             state.outcome, state.error, state.result = message["outcome"], message["error"], message["result"]
+            state.seconds_taken = message["time"] - state.began
             if self._asked is not None:
                 state.cancel_seconds = message["time"] - self._asked
 

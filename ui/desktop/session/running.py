@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from palpate.core.errors import InputError
-from palpate.ui.desktop.session import step_job, steps
+from palpate.ui.desktop.session import export_job, step_job, steps
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.step_requests import step_request
@@ -32,6 +34,21 @@ class Running:
         session.jobs.start(job, steps.BY_COMMAND[names[0]].title)
         session.notify("job")
 
+    def export(self, form: str, folder: Path) -> None:
+        """Writes the case in one form for other programs. Raises InputError when no case is open or a step runs."""
+        session = self._session
+        if session.case is None:
+            raise InputError("no case is open; open two scans or a case first")
+        if session.jobs.running:
+            raise InputError("a step runs; wait for it or cancel it first")
+        if session.case.corrections.unsaved:
+            session.save()
+        session.case.flush()
+        self.names = ()
+        job = export_job.export_job(session.case.folder.path, form, folder, session.case.folder.file("desktop/job"))
+        session.jobs.start(job, f"Export {form}")
+        session.notify("job")
+
     def _checked(self, names: tuple[str, ...]) -> OpenCase:
         """The case that the steps can run on."""
         session = self._session
@@ -56,6 +73,9 @@ class Running:
         said = error if outcome == "failed" else ""
         if outcome == "cancelled":
             said = "cancelled; run the step again to go on from where it stopped"
+        files = self._session.jobs.state.result.get("files") if self._session.jobs.state is not None else None
+        if outcome == "done" and isinstance(files, list) and files:
+            said = f"written: {len(files)} file{'s' * (len(files) > 1)} in {Path(files[0]).parent}"
         try:
             said = self._session.take_in(outcome == "done", "segment" in self.names) or said
         except InputError as damaged:

@@ -18,25 +18,26 @@ class StrokeData(TypedDict):
     """A stroke as JSON; see `Stroke`."""
 
     state: str
-    after: int
+    after: int | list[int]
     index: list[int]
     before: list[int]
 
 
 @dataclass(frozen=True, eq=False)
 class Stroke:
-    """state : "rest" or "deformed". index (n,) flat voxel indices (C order), before (n,) their labels, after : the new label."""
+    """state : "rest" or "deformed". index (n,) flat voxel indices (C order), before (n,) their labels, after : the new label, one of
+    all or (n,)."""
 
     state: str
     index: IntArray
     before: LabelArray
-    after: int
+    after: int | LabelArray
 
     def to_dict(self) -> StrokeData:
         """JSON-able form."""
         return {
             "state": self.state,
-            "after": self.after,
+            "after": self.after if isinstance(self.after, int) else self.after.tolist(),
             "index": self.index.tolist(),
             "before": self.before.tolist(),
         }
@@ -45,9 +46,12 @@ class Stroke:
     def from_dict(cls, data: StrokeData) -> Stroke:
         """Raises KeyError, TypeError or ValueError when the data is no stroke."""
         index, before = np.array(data["index"], dtype=np.int64), np.array(data["before"], dtype=np.uint8)
-        if index.shape != before.shape or data["after"] not in LABELS or data["state"] not in ("rest", "deformed"):
+        given = data["after"]
+        after = np.array(given, dtype=np.uint8) if isinstance(given, list) else int(given)
+        known = np.isin(after, list(LABELS)).all() and np.shape(after) in ((), index.shape)
+        if index.shape != before.shape or not known or data["state"] not in ("rest", "deformed"):
             raise ValueError("no stroke")
-        return cls(data["state"], index, before, int(data["after"]))
+        return cls(data["state"], index, before, after)
 
 
 def footprint(volume: Volume, centre: FloatArray, radius_mm: float, plane: Plane | None) -> IntArray:

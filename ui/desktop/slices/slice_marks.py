@@ -15,13 +15,15 @@ from palpate.ui.pictures.slice_axes import LETTER_FONT
 
 _BARS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 _NEAR_MM = 3.0
+# Where the edge of a letter is drawn, pixels: around it, one and two away.
+_EDGE = [(dx, dy) for dx in (-2, -1, 0, 1, 2) for dy in (-2, -1, 0, 1, 2) if 0 < dx * dx + dy * dy <= 5]
 _SHORT = {"Axial": "Ax", "Sagittal": "Sag", "Coronal": "Cor"}
 
 
 def text(painter: QPainter, where: QRectF, words: str, flags: Qt.AlignmentFlag, colour: str = style.TEXT) -> None:
-    """Words with a dark edge, so that they are read on bone as on air."""
-    painter.setPen(QColor(0, 0, 0, 210))
-    for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+    """Words with a black edge two pixels wide, so that they are read on bone, on air and on every grey between."""
+    painter.setPen(QColor("black"))
+    for dx, dy in _EDGE:
         painter.drawText(where.translated(dx, dy), int(flags), words)
     painter.setPen(QColor(colour))
     painter.drawText(where, int(flags), words)
@@ -51,22 +53,23 @@ def captions(painter: QPainter, screen: Screen, plane: str, state: str, further:
     text(painter, QRectF(8, 4, room, 16), first, corner)
     wide = screen.size.width() - 12.0
     for row, words in enumerate(filter(None, lines), start=1):
-        tone = style.TEXT if words == state else style.FAINT
         if _wide(painter, words) > wide:
             words = words.removesuffix(" mm")
+        if _wide(painter, words) > wide and words.startswith("slice "):
+            words = words.partition(",")[0]
         # The last words may need further lines; they end above the letter at the left.
         top = 4.0 + 16.0 * row
         room = max(16.0, min(48.0, screen.size.height() / 2.0 - 12.0 - top))
-        text(painter, QRectF(8, top, wide, room), words, corner | Qt.TextFlag.TextWordWrap, tone)
+        text(painter, QRectF(8, top, wide, room), words, corner | Qt.TextFlag.TextWordWrap)
 
 
 def window_words(painter: QPainter, screen: Screen, centre: float, width: float) -> None:
-    """Window and level in the lower right corner, as long as there is room right of the letter below."""
+    """Window and level, in this order as everywhere, in the lower right corner, as long as there is room beside the letter below."""
     size, low = screen.size, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom
     room = _half(screen) - 8.0
-    forms = (f"C {centre:.0f}  W {width:.0f} HU", f"C {centre:.0f} W {width:.0f}")
+    forms = tuple(f"W {width:.0f}{gap}L {centre:.0f}".replace("-", "\N{MINUS SIGN}") for gap in ("  ", " "))
     words = next((form for form in forms if _wide(painter, form) <= room), "")
-    text(painter, QRectF(size.width() - 8 - room, size.height() - 24, room, 18), words, low, style.FAINT)
+    text(painter, QRectF(size.width() - 8 - room, size.height() - 24, room, 18), words, low)
 
 
 def _half(screen: Screen) -> float:
@@ -144,7 +147,23 @@ def hatch(painter: QPainter, paths: Iterable[QPainterPath]) -> None:
         painter.fillPath(path, brush)
 
 
-def position_words(screen: Screen, position: float) -> str:
-    """``z = -148.0 mm`` with a true minus sign."""
+def position_words(screen: Screen, position: float, slices: tuple[int, int] | None = None) -> str:
+    """``slice 12 of 60, z = -148.0 mm`` with a true minus sign. slices : which one of how many, where there is a scan."""
     sign = "\N{MINUS SIGN}" if position < 0 else ""
-    return f"{'xyz'[screen.plane.normal]} = {sign}{abs(position):.1f} mm"
+    place = f"{'xyz'[screen.plane.normal]} = {sign}{abs(position):.1f} mm"
+    return place if slices is None else f"slice {slices[0]} of {slices[1]}, {place}"
+
+
+def ruler(painter: QPainter, screen: Screen, ends: tuple[Sequence[float], Sequence[float]], position: float) -> None:
+    """A measured distance with its length in mm, where both ends lie near the slice."""
+    if any(abs(end[screen.plane.normal] - position) > _NEAR_MM for end in ends):
+        return
+    a, b = (screen.to_pixel(end[screen.plane.across], end[screen.plane.down]) for end in ends)
+    for ink, width in ((QColor("black"), 4.0), (QColor(style.RULER), 1.8)):
+        painter.setPen(QPen(ink, width))
+        painter.drawLine(a, b)
+        for end in (a, b):
+            painter.drawEllipse(end, 3.0, 3.0)
+    length = float(np.linalg.norm(np.subtract(*ends)))
+    side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
+    text(painter, QRectF(max(a.x(), b.x()) + 8, (a.y() + b.y()) / 2 - 9, 90, 18), f"{length:.1f} mm", side, style.RULER)

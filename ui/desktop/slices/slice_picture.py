@@ -10,7 +10,7 @@ from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices import overlay, slice_marks
 from palpate.ui.desktop.slices.map_layer import map_layer
 from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sampled_slice
-from palpate.ui.desktop.slices.slice_sampling import SampledSlice
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice, numbered
 from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.pictures.planes import Plane
 
@@ -99,6 +99,11 @@ class SlicePicture:
             return overlay.painted_stiffness(display, case.regions, case.scale)
         return None
 
+    def _number(self, position: float) -> tuple[int, int] | None:
+        """Which slice of how many."""
+        ct = self._controller.ct("deformed" if self._state == "deformed" else "rest")
+        return None if ct is None else numbered(ct, self._plane, position)
+
     def _marks(self, painter: QPainter, screen: Screen, position: float, shown: bool) -> None:
         case, display = self._controller.case, self._controller.display
         if case is not None and case.gap is not None and display.overlay == "misfit" and self._state != "deformed":
@@ -115,7 +120,9 @@ class SlicePicture:
         name = {"rest": "at rest", "deformed": "deformed", BLEND: "rest, deformed dashed"}[self._state]
         there = case is not None and (case.stiffness_map if display.overlay == "map" else case.gap) is not None
         why = overlay.only_at_rest(display.overlay, self._state) if there else ""
-        place = slice_marks.position_words(screen, position)
+        place = slice_marks.position_words(screen, position, self._number(position))
+        if display.ruler is not None:
+            slice_marks.ruler(painter, screen, display.ruler, position)
         slice_marks.captions(painter, screen, self._plane.name.capitalize(), name, (place, why))
         slice_marks.window_words(painter, screen, display.centre, display.width)
         if not shown:

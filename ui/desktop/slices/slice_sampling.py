@@ -68,6 +68,13 @@ def positions(volume: Volume, plane: Plane) -> tuple[float, float, float]:
     return float(corners.min()) + step / 2.0, float(corners.max()) - step / 2.0, step
 
 
+def numbered(volume: Volume, plane: Plane, position: float) -> tuple[int, int] | None:
+    """Which slice, counted from 1 along the patient's axis, of how many; None where the volume does not reach."""
+    first, last, step = positions(volume, plane)
+    count, number = round((last - first) / step) + 1, int(np.floor((position - first) / step + 0.5)) + 1
+    return (number, count) if 1 <= number <= count else None
+
+
 def _own_voxels(volume: Volume, plane: Plane, position: float) -> SampledSlice | None:
     n, a, d = plane.normal, plane.across, plane.down
     origin, spacing = volume.affine[:3, 3], np.diag(volume.affine[:3, :3])

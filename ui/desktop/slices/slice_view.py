@@ -1,9 +1,16 @@
-"""One slice view: shows its picture, and turns mouse and wheel into calls of the controller."""
+"""One slice view: shows its picture, and turns mouse, wheel and keys into calls of the controller.
+
+The habits of 3D Slicer and ITK-SNAP: the left button does what the chosen tool does, the right one magnifies, the middle one (or
+shift) moves the picture, the wheel goes through the slices; arrows and Page Up and Down move the crosshair by voxels.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
 from PySide6.QtCore import QEvent, QPointF, QSize, Qt
-from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QWheelEvent
+from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from palpate.core.errors import InputError
@@ -13,13 +20,27 @@ from palpate.ui.desktop.slices.slice_viewport import Screen, Viewport
 from palpate.ui.pictures.planes import Plane
 
 _LEFT, _RIGHT, _MIDDLE = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton, Qt.MouseButton.MiddleButton
+_DRAWS = ("brush", "eraser")
+# Right drag: pixels up that double the magnification. Window tool: HU a pixel.
+_DOUBLES_PIXELS, _HU_PIXEL = 120.0, 2.0
+# Voxels across and down the screen, and slices, that a key moves the crosshair by; five times that with shift.
+_KEYS = {
+    Qt.Key.Key_Left: (-1, 0, 0), Qt.Key.Key_Right: (1, 0, 0), Qt.Key.Key_Up: (0, -1, 0), Qt.Key.Key_Down: (0, 1, 0),
+    Qt.Key.Key_PageUp: (0, 0, 1), Qt.Key.Key_PageDown: (0, 0, -1),
+}  # fmt: skip
+_SHIFTED = 5
 
 
 class SliceView(QWidget):
-    """plane : which. state : "rest", "deformed", or "blend" for one over the other. viewport : shared by all views."""
+    """plane : which. state : "rest", "deformed", or "blend" for one over the other. viewport : shared by all views. enlarge : what
+    a double click does."""
 
-    def __init__(self, controller: Controller, viewport: Viewport, plane: Plane, state: str) -> None:
+    def __init__(
+        self, controller: Controller, viewport: Viewport, plane: Plane, state: str,
+        enlarge: Callable[[QWidget], None] = lambda view: None,
+    ) -> None:  # fmt: skip
         super().__init__()
+        self._enlarge = enlarge
         self.controller, self.viewport, self.plane, self.state = controller, viewport, plane, state
         self._picture = SlicePicture(controller, plane, state)
         self._pressed: tuple[Qt.MouseButton, QPointF, str] | None = None
@@ -58,7 +79,7 @@ class SliceView(QWidget):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         screen = self.screen_map
         self._picture.paint(painter, screen, self.position)
-        if self.controller.display.tool in ("brush", "eraser") and self._mouse is not None:
+        if self.controller.display.tool in _DRAWS and self._mouse is not None:
             painter.setPen(QPen(QColor("white"), 1.2))
             painter.setBrush(Qt.BrushStyle.NoBrush)
             radius = self.controller.display.radius_mm / self.viewport.mm_per_pixel
@@ -68,50 +89,75 @@ class SliceView(QWidget):
     # Mouse
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        point = self.screen_map.point(event.position(), self.controller.display.crosshair)
-        shift = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
-        tool = self.controller.display.tool
-        self._pressed = (event.button(), event.position(), "pan" if shift or event.button() == _MIDDLE else tool)
-        if event.button() != _LEFT or shift:
+        act = self._act(event)
+        self._pressed = (event.button(), event.position(), act)
+        if act in ("pan", "zoom", "window"):
             return
+        point = self.screen_map.point(event.position(), self.controller.display.crosshair)
         try:
-            if tool == "seed":
-                self.controller.editing.seed(self.editing_state, self.controller.display.seed_name, point)
-            elif tool in ("brush", "eraser"):
-                self.controller.editing.begin(self.editing_state, self.plane, point)
-            else:
-                self.controller.look_at(*point)
+            self._begin(act, point, bool(event.modifiers() & Qt.KeyboardModifier.ControlModifier))
         except InputError as error:
             self._pressed = None
             self.controller.say(str(error))
 
+    def _act(self, event: QMouseEvent) -> str:
+        """What a button does: the tool's name, or "pan", "zoom"."""
+        if event.button() == _MIDDLE or event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
+            return "pan"
+        return "zoom" if event.button() == _RIGHT else self.controller.display.tool
+
+    def _begin(self, act: str, point: tuple[float, float, float], erase: bool) -> None:
+        controller, display = self.controller, self.controller.display
+        if act == "seed":
+            controller.editing.seed(self.editing_state, display.seed_name, point)
+        elif act in _DRAWS:
+            controller.editing.begin(self.editing_state, None if display.ball else self.plane, point, erase)
+        elif act == "ruler":
+            controller.show(ruler=(point, point))
+        else:
+            controller.look_at(*point)
+
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         self._mouse = event.position()
         if self._pressed is None:
-            if self.controller.display.tool in ("brush", "eraser"):
+            if self.controller.display.tool in _DRAWS:
                 self.update()
             return
         button, last, act = self._pressed
-        moved = event.position() - last
-        if button == _RIGHT:
-            window = self.controller.display.window.moved(2.0 * moved.y(), 2.0 * moved.x())
-            self.controller.show(centre=window.centre, width=window.width)
+        self._pressed = (button, event.position(), act)
+        self._drag(act, event.position() - last, event.position())
+
+    def _drag(self, act: str, moved: QPointF, now: QPointF) -> None:
+        controller, display = self.controller, self.controller.display
+        point = self.screen_map.point(now, display.crosshair)
+        if act == "window":
+            window = display.window.moved(_HU_PIXEL * moved.y(), _HU_PIXEL * moved.x())
+            controller.show(centre=window.centre, width=window.width)
+        elif act == "zoom":
+            self.viewport.zoom(2.0 ** (-moved.y() / _DOUBLES_PIXELS))
+            controller.notify("view")
         elif act == "pan":
             self.viewport.centre[self.plane.across] -= moved.x() * self.viewport.mm_per_pixel
             self.viewport.centre[self.plane.down] -= self.plane.down_sign * moved.y() * self.viewport.mm_per_pixel
-            self.controller.notify("view")
-        else:
-            point = self.screen_map.point(event.position(), self.controller.display.crosshair)
-            if act in ("brush", "eraser"):
-                self.controller.editing.go_on(self.plane, point)
-            elif act == "look":
-                self.controller.look_at(*point)
-        self._pressed = (button, event.position(), act)
+            controller.notify("view")
+        elif act in _DRAWS:
+            controller.editing.go_on(None if display.ball else self.plane, point)
+        elif act == "ruler" and display.ruler is not None:
+            controller.show(ruler=(display.ruler[0], point))
+        elif act == "look":
+            controller.look_at(*point)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        if self._pressed is not None and self._pressed[2] in ("brush", "eraser"):
+        if self._pressed is not None and self._pressed[2] in _DRAWS:
             self.controller.editing.end()
         self._pressed = None
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        if event.button() == _LEFT and self.controller.display.tool in ("look", "window"):
+            self._pressed = None
+            self._enlarge(self)
+        else:
+            self.mousePressEvent(event)
 
     def leaveEvent(self, event: QEvent) -> None:
         self._mouse = None
@@ -123,14 +169,26 @@ class SliceView(QWidget):
             self.viewport.zoom(1.15**turns)
             self.controller.notify("view")
         else:
-            self.scroll_slices(turns)
+            self._step(0, 0, turns)
 
-    def scroll_slices(self, count: float) -> None:
-        """Moves through the scan by so many slices, towards the head, the left or the back."""
+    # Keys
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        move = _KEYS.get(Qt.Key(event.key()))
+        if move is None:
+            super().keyPressEvent(event)
+            return
+        times = _SHIFTED if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
+        self._step(*(times * voxels for voxels in move))
+
+    def _step(self, across: float, down: float, slices: float) -> None:
+        """Moves the crosshair by voxels of the scan across and down the screen, and through the slices: towards the head, the
+        left or the back."""
         state = self.editing_state
         volume = self.controller.ct(state)
         volume = self.controller.labels(state) if volume is None else volume
         if volume is not None:
-            at = list(self.controller.display.crosshair)
-            at[self.plane.normal] += count * float(volume.spacing[self.plane.normal])
-            self.controller.look_at(*at)
+            plane, at = self.plane, np.array(self.controller.display.crosshair)
+            for axis, count in ((plane.across, across), (plane.down, plane.down_sign * down), (plane.normal, slices)):
+                at[axis] += count * float(volume.spacing[axis])
+            self.controller.look_at(*at.tolist())

@@ -28,12 +28,16 @@ from palpate.ui.desktop.panels.step_bar import StepBar
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import words_at_crosshair
 from palpate.ui.desktop.window import geometry, questions
+from palpate.ui.desktop.window.menu import Menu, MenuParts
 from palpate.ui.desktop.window.open_page import OpenPage
 from palpate.ui.desktop.window.responsiveness import ResponsivenessMeter
+from palpate.ui.desktop.window.statistics_page import statistics_page
 from palpate.ui.desktop.window.views import Views
 
 _POLL_MS = 30
 _PANEL_WIDTH = 360
+# A key changes the brush by this factor, within these limits, mm.
+_WIDER, _RADIUS_MM = 1.25, (0.5, 20.0)
 
 
 class MainWindow(QMainWindow):
@@ -51,6 +55,8 @@ class MainWindow(QMainWindow):
         self.results, self.job = ResultPanel(controller, self.open_report), JobPanel(controller)
         self.page = OpenPage(controller, self._opened)
         self._lay_out()
+        parts = MenuParts(controller, self.views, self.page, self.show_open_page, self.show_statistics)
+        self.menu = Menu(self, parts)
         self.setAcceptDrops(True)
         geometry.fit(self)
         controller.listeners.append(self.told)
@@ -105,9 +111,17 @@ class MainWindow(QMainWindow):
         self._second.start(1000)
 
     def _shortcuts(self) -> None:
-        for keys, act in (("F", self.views.fit), ("Ctrl+O", self.show_open_page)):
-            QShortcut(QKeySequence(keys), self).activated.connect(act)
-        for key, tool in (("1", "look"), ("2", "seed"), ("3", "brush"), ("4", "eraser")):
+        QShortcut(QKeySequence("F"), self).activated.connect(self.views.fit)
+        for keys, factor in (("+", _WIDER), ("=", _WIDER), ("-", 1.0 / _WIDER)):
+            QShortcut(QKeySequence(keys), self).activated.connect(lambda f=factor: self._brush(f))
+        for key, tool in (
+            ("1", "look"),
+            ("2", "seed"),
+            ("3", "brush"),
+            ("4", "eraser"),
+            ("5", "window"),
+            ("6", "ruler"),
+        ):
             QShortcut(QKeySequence(key), self).activated.connect(lambda t=tool: self.controller.show(tool=t))
 
     def told(self, what: str) -> None:
@@ -154,6 +168,15 @@ class MainWindow(QMainWindow):
         case = self.controller.case
         if case is not None:
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(case.folder.file("report/report.html").absolute())))
+
+    def show_statistics(self) -> None:
+        """The table of what is in every label."""
+        statistics_page(self, self.controller)
+
+    def _brush(self, factor: float) -> None:
+        """Another radius of the brush, as far as the panel's slider goes."""
+        radius = self.controller.display.radius_mm * factor
+        self.controller.show(radius_mm=min(max(radius, _RADIUS_MM[0]), _RADIUS_MM[1]))
 
     def _opened(self) -> None:
         self.stack.setCurrentIndex(1)

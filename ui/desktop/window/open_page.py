@@ -27,6 +27,10 @@ from palpate.ui.desktop.session.dropped_files import Pair, case_beside
 from palpate.ui.desktop.session.recent import recent_cases
 
 _CONTOURS = "if you have any: RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace, .seg.nrrd"
+_STATES = (
+    "<b>Rest</b>: the organ as it lies by itself. <b>Deformed</b>: the same patient with the organ pushed out of shape, "
+    "by a full bladder, a filled rectum or a probe."
+)
 _ROWS = (
     ("rest", "Scan at rest", "drop a folder here"),
     ("rest_labels", "    its contours", _CONTOURS),
@@ -56,6 +60,10 @@ class OpenPage(QWidget):
         column.addWidget(title)
         column.addSpacing(16)
         column.addWidget(QLabel("<b>New case</b>: drop the two folders with the DICOM slices here, or choose them"))
+        told = QLabel(_STATES)
+        told.setWordWrap(True)
+        told.setStyleSheet(f"color: {style.FAINT}")
+        column.addWidget(told)
         column.addLayout(self._pair_grid())
         column.addSpacing(18)
         column.addWidget(QLabel("<b>Earlier cases</b>"))

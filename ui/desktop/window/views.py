@@ -27,7 +27,7 @@ class Views(QWidget):
         self._controller = controller
         self.viewport = Viewport(np.zeros(3))
         self.slices = {
-            (plane.name, state): SliceView(controller, self.viewport, plane, state)
+            (plane.name, state): SliceView(controller, self.viewport, plane, state, self.enlarge)
             for plane in _PLANES
             for state in ("rest", "deformed", BLEND)
         }
@@ -36,6 +36,7 @@ class Views(QWidget):
         self._grid.setContentsMargins(0, 0, 0, 0)
         self._grid.setSpacing(2)
         self._mode = ""
+        self._alone: QWidget | None = None
         self._fitted: tuple[bool, bool] | None = None
         self.arrange("rest")
 
@@ -57,7 +58,7 @@ class Views(QWidget):
         """Four views of one state or of the blend; or three of each state with the 3D view beside them."""
         if mode == self._mode:
             return
-        self._mode = mode
+        self._mode, self._alone = mode, None
         for view in (*self.slices.values(), self.solid):
             self._grid.removeWidget(view)
             view.hide()
@@ -72,6 +73,17 @@ class Views(QWidget):
                 self._put(self.slices[plane.name, mode], row, column)
             self._put(self.solid, 0, 1)
             self._stretch(2)
+
+    def enlarge(self, view: QWidget) -> None:
+        """Shows one view alone, or all again where it was alone."""
+        alone = None if self._alone is view else view
+        mode, self._mode = self._mode, ""
+        self.arrange(mode)
+        self._alone = alone
+        if alone is not None:
+            for other in (*self.slices.values(), self.solid):
+                if other is not alone:
+                    other.hide()
 
     def fit(self) -> None:
         """Shows the labels with what is around them, or the whole scan where there are none."""

@@ -1,0 +1,89 @@
+"""Ten lines at a prompt: a stiff ball in a cube, found from surfaces; and a case folder opened."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import palpate
+from palpate.core.errors import InputError
+from palpate.ui.python.sphere import Sphere
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "fixtures"))
+from phantoms import write_case
+
+TEN_LINES = """
+import palpate
+
+ball = palpate.example_sphere(G=60.0)
+found = palpate.identify(**ball, tissue_G=20.0, noise_sd_mm=0.05, element="p1p1")
+print(found)
+"""
+
+
+@pytest.fixture(scope="module")
+def ball() -> Sphere:
+    return palpate.example_sphere(G=60.0)
+
+
+def test_the_ten_lines_find_the_ball_and_write_nothing(ball: Sphere, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", TEN_LINES], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    first = done.stdout.splitlines()[0]
+    assert first.startswith("region_1: G = ") and "95 %" in first
+    assert float(first.split("= ")[1].split(" kPa")[0]) == pytest.approx(60.0, rel=0.25)
+    assert list(tmp_path.iterdir()) == [] and len(TEN_LINES.strip().splitlines()) <= 10
+
+
+def test_pyvista_and_arrays_are_the_same_body(ball: Sphere) -> None:
+    mesh, after = ball["mesh"], ball["deformed"]
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: mesh.cells}, mesh.points)
+    grid.cell_data["region"] = mesh.regions
+    used = np.unique(after.faces)
+    surface = pv.PolyData.from_regular_faces(after.points[used], np.searchsorted(used, after.faces))
+    nodes, wall = ball["driven"]
+    found = palpate.identify(
+        grid, deformed=surface, fixed=np.flatnonzero(ball["fixed"]), driven=(nodes, (wall.points, wall.faces)),
+        tissue_G=40.0, noise_sd_mm=0.05, element="p1p1", starts=1,
+    )  # fmt: skip
+    # Twice the tissue's modulus, twice the ball's: only their ratio moves anything.
+    assert found.G_kpa["region_1"] == pytest.approx(120.0, rel=0.25)
+    (row,) = found.table()
+    interval = found.interval_kpa["region_1"]
+    assert (
+        interval is not None
+        and (row["low_kpa"], row["high_kpa"]) == interval
+        and interval[0] < 120.0 < interval[1] * 1.3
+    )
+    axes = found.plot()
+    assert axes.get_xlabel() == "shear modulus G, kPa" and axes.get_xscale() == "log"
+
+
+def test_what_cannot_be_posed_is_said(ball: Sphere) -> None:
+    with pytest.raises(InputError, match="tissue_G = 0 is not above 0"):
+        palpate.identify(**ball, tissue_G=0)
+    with pytest.raises(InputError, match="fixed: no outer face"):
+        palpate.identify(**{**ball, "fixed": np.zeros(len(ball["mesh"].points), dtype=bool)})
+    with pytest.raises(InputError, match="fixed: give a mask of the mesh's"):
+        palpate.identify(**{**ball, "fixed": [-1]})
+    only_tissue = (ball["mesh"].points, ball["mesh"].cells, np.full(len(ball["mesh"].cells), 3))
+    with pytest.raises(InputError, match="no region but 3"):
+        palpate.identify(**{**ball, "mesh": only_tissue})
+    with pytest.raises(AttributeError, match="no attribute 'guess'"):
+        palpate.guess  # noqa: B018
+
+
+def test_a_case_is_opened(tmp_path: Path) -> None:
+    case = palpate.load(write_case(tmp_path / "case").path)
+    assert repr(case).startswith("case case: rest labels, deformed labels\nprostate_left: G = 120 kPa, 95 % 100 to 144")
+    assert case.stiffness is not None and case.stiffness.G_kpa == {"prostate_left": 120.0, "prostate_right": 40.0}
+    assert case.diagnosis is None and case.labels().array.any()
+    with pytest.raises(InputError, match="is no folder; give the path of a case folder"):
+        palpate.load(tmp_path / "none")

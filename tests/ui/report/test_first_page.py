@@ -1,0 +1,72 @@
+"""The first page: a word for how sure by its printed rule, published values with sources, what is missing."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "fixtures"))
+from dicom_cases import NAME, NUMBER, pair
+from phantoms import affine, result
+
+from palpate.ui.report import first_page
+from palpate.ui.report.record import CaseRecord, read_record
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> CaseRecord:
+    case = pair(tmp_path / "case", affine())
+    return read_record(case, {"rest": case.labels("rest")})
+
+
+def with_interval(record: CaseRecord, tmp_path: Path, factor: float, **misfit: float) -> str:
+    facts = result()
+    for region in facts["parameters"].values():
+        region["ci95_kpa"] = [region["G_kpa"] / factor, region["G_kpa"] * factor]
+    facts["misfit"] |= misfit
+    case = pair(tmp_path / f"case_{factor}_{len(misfit)}", affine(), deformed=False)
+    case.write_json("result.json", facts)
+    read = read_record(case, {})
+    return first_page.how_sure(read.regions[0], read)
+
+
+@pytest.mark.parametrize(
+    ("factor", "word"), [(1.1, "high"), (1.24, "high"), (1.4, "moderate"), (2.0, "low"), (60.0, "none")]
+)
+def test_the_word_follows_the_printed_rule(record: CaseRecord, tmp_path: Path, factor: float, word: str) -> None:
+    assert with_interval(record, tmp_path, factor) == word
+    assert all(f"{name}:" in first_page.SURE_RULE for name in ("high", "moderate", "low", "none"))
+    assert all(f"up to {most:g}" in first_page.SURE_RULE for most, _ in first_page.SURE)
+
+
+def test_a_misfit_beyond_the_contours_own_error_takes_a_word_away(record: CaseRecord, tmp_path: Path) -> None:
+    assert with_interval(record, tmp_path, 1.1, expected_noise_rms_mm=0.2) == "moderate"
+    assert with_interval(record, tmp_path, 2.0, expected_noise_rms_mm=0.2) == "low"
+
+
+def test_scans_volumes_and_values_stand_in_tables_that_name_nobody(record: CaseRecord) -> None:
+    scans, found = first_page.scanned(record), first_page.found(record)
+    assert scans is not None and [row[0] for row in scans.rows] == ["rest", "deformed"]
+    assert scans.rows[0][3] == "33" and scans.rows[0][4] == "2 \N{MULTIPLICATION SIGN} 1.5 \N{MULTIPLICATION SIGN} 3 mm"
+    left, right, whole = found.rows
+    assert left[2:] == ("120", "100 to 144", "high") and right[2] == "40.0"
+    volumes = [float(row[1].removesuffix(" cc")) for row in (left, right, whole)]
+    assert volumes[2] == pytest.approx(volumes[0] + volumes[1], abs=0.11)
+    low, high = (float(value) for value in whole[2].split(" to "))
+    assert 40.0 < low < high < 120.0
+    said = str([scans, found, *first_page.missing(record)])
+    assert NAME not in said and NUMBER not in said
+
+
+def test_every_published_value_has_its_source_and_its_modulus() -> None:
+    for _, said, G, _, source in first_page.PUBLISHED:
+        value = float(said.split()[1])
+        assert pytest.approx(value / 3.0 if said.startswith("E") else value) == G
+        assert source.startswith(("doi:10.", "PMID "))
+
+
+def test_what_is_missing_is_told(record: CaseRecord) -> None:
+    lines = first_page.missing(record)
+    assert any("Diagnose has not been run" in line for line in lines) and any("assumed" in line for line in lines)

@@ -1,0 +1,141 @@
+"""The menu: open, recent cases, the sample, every export, the picture, the report, help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from PySide6.QtCore import QUrl
+from PySide6.QtGui import QAction, QDesktopServices
+from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
+
+from palpate.core.errors import InputError
+from palpate.ui.desktop.session import sample
+from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.session.display import MODES
+from palpate.ui.desktop.session.recent import recent_cases
+from palpate.ui.desktop.window import help_page
+from palpate.ui.desktop.window.open_page import OpenPage
+from palpate.ui.desktop.window.views import Views
+from palpate.ui.export import names
+
+_REPORTS = (("as a page", "report/report.html"), ("as PDF", "report/report.pdf"), ("its folder", "report"))
+
+# By the names of `palpate export`; one that is not here is listed by its name.
+_FORMS = {
+    "dicom-pdf": "DICOM: report as PDF",
+    "dicom-pm": "DICOM: stiffness as Parametric Map",
+    "dicom-seg": "DICOM: labels as SEG",
+    "dicom-series": "DICOM: stiffness as Secondary Capture",
+    "dicom-sr": "DICOM: measurements as SR",
+    "itksnap": "ITK-SNAP: NIfTI and workspaces",
+    "nrrd": "3D Slicer: NRRD and segmentations",
+    "rtstruct": "DICOM: contours as RTSTRUCT",
+    "transform": "ITK: alignment and displacement field",
+    "uncertainty": "NIfTI: limits of the stiffness and map",
+    "vtu": "ParaView: mesh as VTU",
+}
+
+
+@dataclass(frozen=True)
+class MenuParts:
+    """What of the window the menu acts on."""
+
+    controller: Controller
+    views: Views
+    page: OpenPage
+    show_open_page: Callable[[], None]
+    show_statistics: Callable[[], None]
+
+
+class Menu:
+    """Fills the menu bar of a window. Every entry that cannot be used now is off."""
+
+    def __init__(self, window: QMainWindow, parts: MenuParts) -> None:
+        self._window, self._parts = window, parts
+        bar = window.menuBar()
+        file, view, guide = bar.addMenu("&File"), bar.addMenu("&View"), bar.addMenu("&Help")
+        self._entry(file, "Open scans or a case \N{HORIZONTAL ELLIPSIS}", parts.show_open_page, "Ctrl+O")
+        self._recent = file.addMenu("Open recent")
+        self._recent.aboutToShow.connect(self._list_recent)
+        self._entry(file, "Open the sample", self._open_sample)
+        file.addSeparator()
+        self._of_case = [self._exports(file), self._reports(file)]
+        self._picture = self._entry(file, "Save picture \N{HORIZONTAL ELLIPSIS}", self._save_picture)
+        file.addSeparator()
+        self._entry(file, "Quit", lambda: window.close(), "Ctrl+Q")
+        for mode in MODES:
+            self._entry(view, mode.capitalize(), partial(parts.controller.show, mode=mode))
+        view.addSeparator()
+        self._entry(view, "Fit to the organ (F)", parts.views.fit)
+        self._statistics = self._entry(view, "Statistics of labels \N{HORIZONTAL ELLIPSIS}", parts.show_statistics)
+        self._entry(guide, "Mouse and keys", lambda: help_page.mouse_and_keys(window), "F1")
+        self._entry(guide, "About Palpate", lambda: help_page.about(window))
+        file.aboutToShow.connect(self.refresh)
+        view.aboutToShow.connect(self.refresh)
+
+    def refresh(self) -> None:
+        """Turns off what needs a case or a report that is not there."""
+        case = self._parts.controller.case
+        for menu in self._of_case:
+            menu.setEnabled(case is not None)
+        for action, (_, name) in zip(self._of_case[1].actions(), _REPORTS, strict=True):
+            action.setEnabled(case is not None and case.folder.file(name).exists())
+        self._picture.setEnabled(case is not None)
+        self._statistics.setEnabled(case is not None and bool(case.volumes))
+
+    def _exports(self, file: QMenu) -> QMenu:
+        out = file.addMenu("Export")
+        for name in names():
+            self._entry(out, _FORMS.get(name, name), partial(self._export, name))
+        return out
+
+    def _reports(self, file: QMenu) -> QMenu:
+        out = file.addMenu("Report")
+        for words, name in _REPORTS:
+            self._entry(out, words, partial(self._show_file, name))
+        return out
+
+    def _entry(self, menu: QMenu, words: str, act: Callable[[], object], keys: str = "") -> QAction:
+        action = menu.addAction(words)
+        action.triggered.connect(lambda _=False: act())
+        if keys:
+            action.setShortcut(keys)
+        return action
+
+    def _list_recent(self) -> None:
+        self._recent.clear()
+        for path in recent_cases():
+            self._entry(self._recent, str(path), partial(self._parts.page.open_case, path))
+        if self._recent.isEmpty():
+            self._recent.addAction("none yet").setEnabled(False)
+
+    def _open_sample(self) -> None:
+        try:
+            pair = sample.sample_pair()
+        except InputError as error:
+            self._parts.controller.say(str(error))
+            return
+        page = self._parts.page
+        page.pair.rest, page.pair.deformed, page.pair.case = pair
+        self._parts.show_open_page()
+
+    def _export(self, name: str) -> None:
+        folder = QFileDialog.getExistingDirectory(self._window, f"Folder for the files of {name}")
+        if folder:
+            try:
+                self._parts.controller.export(name, Path(folder))
+            except InputError as error:
+                self._parts.controller.say(str(error))
+
+    def _show_file(self, name: str) -> None:
+        case = self._parts.controller.case
+        if case is not None:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(case.folder.file(name).absolute())))
+
+    def _save_picture(self) -> None:
+        chosen, _ = QFileDialog.getSaveFileName(self._window, "Save the views as a picture", "views.png", "PNG (*.png)")
+        if chosen and not self._parts.views.grab().save(chosen):
+            self._parts.controller.say(f"{chosen} cannot be written; choose another place")

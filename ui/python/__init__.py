@@ -1,0 +1,1 @@
+"""The door for Python: arrays and meshes in, findings out."""
