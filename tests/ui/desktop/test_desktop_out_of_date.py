@@ -47,7 +47,7 @@ Diagnose = Callable[..., Any]
 @pytest.fixture
 def diagnosed(monkeypatch: pytest.MonkeyPatch) -> Diagnose:
     """The diagnose step with its sums left out: what it reads, notes and passes over stays its own."""
-    monkeypatch.setattr(diagnose, "data_of", lambda case: diagnose.Remeshed(None, None))
+    monkeypatch.setattr(diagnose, "data_of", lambda *_: diagnose.Remeshed(None, None))
     monkeypatch.setattr(diagnose, "remeshed", lambda *_: None)
     monkeypatch.setattr(diagnose, "replace", lambda data, **_: data)
     monkeypatch.setattr(diagnose, "arrays", lambda data: {})
