@@ -132,11 +132,11 @@ def another(recipe: Recipe) -> Recipe:
 
 
 def instead(recipe: Recipe) -> Recipe:
-    """Other effects, as many of the library or beside it, in another patient; without effects another patient."""
+    """Other effects than those tried first and last, as many, in another patient; without effects another patient."""
     if not recipe.effects:
         return another(recipe)
     kind = LIBRARY if set(recipe.effects) <= set(LIBRARY) else OUTSIDE
-    others = sorted(set(kind) - set(recipe.effects))
+    others = sorted(set(kind) - set(recipe.effects) - set(recipe.instead_of))
     chosen = recipe.random(8).choice(others, len(recipe.effects), replace=False).tolist()
     first = recipe.instead_of or tuple(recipe.effects)
     begun = replace(recipe, effects=dict.fromkeys(chosen, 0.0), instead_of=first, attempt=-1)
