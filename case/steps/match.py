@@ -14,7 +14,8 @@ from palpate.case.problem import problem_of
 from palpate.case.steps.declarations import MATCH
 from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition_scene import plain_scene
-from palpate.core.forward.parameters import StiffnessParameters, middle
+from palpate.core.forward.parameters import StiffnessParameters
+from palpate.core.inference.starts import middle
 from palpate.core.matched_motion import MatchedMotion
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.progress import Progress, silent

@@ -7,11 +7,9 @@ from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.contact_force_scene import ContactForceScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 
-BOUNDARIES = ("coupled", "contact-force")
-
 
 def make_scene(geometry: SharedGeometry, boundary: str) -> CompositionScene:
-    """boundary : one of BOUNDARIES.
+    """boundary : "coupled" or "contact-force".
 
     Raises InputError or ConvergenceError as the scene's class does.
     """

@@ -86,8 +86,3 @@ class StiffnessParameters:
             K = bulk_modulus(G, self.facts.organ_poisson_ratio)
             rows.append(mooney_rivlin_parameters(G, K, mu1 / (mu1 + mu2)))
         return rows
-
-
-def middle(bounds: FloatArray) -> FloatArray:
-    """Start (t,) at 40 % of the way from the lower to the upper bound of theta (t, 2), where sensitivities are largest."""
-    return bounds[:, 0] + 0.4 * (bounds[:, 1] - bounds[:, 0])

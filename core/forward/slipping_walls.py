@@ -7,8 +7,8 @@ from dataclasses import replace
 from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
-from palpate.core.forward.parameters import middle
 from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.inference.starts import middle
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.observe.wall_slip import WallSlip
 

@@ -115,7 +115,8 @@ def identify(
     if options.method == "swarm":
         swarm, reduced = search_with_swarm(folder, files, fit, options, fingerprint, reporter)
         if swarm.misfit < float(fit.residual @ fit.residual) - _LOWER:
-            fit = fit_plain(pairs, how=how, further=further, start=swarm.theta)
+            before, fit = fit.count, fit_plain(pairs, how=how, further=further, start=swarm.theta)
+            fit.count.include(before)
     reporter.progress(0.92, "uncertainty")
     solutions = tuple(_solution(fit, k, options.element) for k in range(len(pairs)))
     return Identification(fit, solutions, swarm, reduced, time.perf_counter() - began)

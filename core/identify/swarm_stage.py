@@ -57,14 +57,8 @@ def search_with_swarm(
             reporter,
         )
     for state in states:
-        _add(fit.count, state)
+        fit.count.include(SolveCount(state.full_solves, state.factorisations, state.failed))
     return outcome, sum(state.reduced_evaluations for state in states)
-
-
-def _add(count: SolveCount, state: StateEvaluator) -> None:
-    count.solves += state.full_solves
-    count.factorisations += state.factorisations
-    count.failed += state.failed
 
 
 def _write_reference(path: Path, at: Linearisation, fingerprint: str) -> None:

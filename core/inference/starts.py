@@ -10,8 +10,13 @@ from palpate.core.arrays import FloatArray
 _FIRST = 0.4
 
 
+def middle(bounds: FloatArray) -> FloatArray:
+    """Start (t,) at 40 % of the way from the lower to the upper bound of theta (t, 2), where sensitivities are largest."""
+    return bounds[:, 0] + _FIRST * (bounds[:, 1] - bounds[:, 0])
+
+
 def spread_starts(bounds: FloatArray, count: int) -> FloatArray:
-    """Start points (count, t) within bounds (t, 2): one at 40 % of the way, then a low-discrepancy sequence.
+    """Start points (count, t) within bounds (t, 2): `middle`, then a low-discrepancy sequence.
 
     The sequence is the R-sequence (Roberts 2018): the same for every search.
     """
@@ -19,7 +24,7 @@ def spread_starts(bounds: FloatArray, count: int) -> FloatArray:
     golden = np.array([1.0 / _plastic(n) ** (k + 1) for k in range(n)])
     share = (0.5 + np.outer(np.arange(1, count), golden)) % 1.0
     low, width = bounds[:, 0], np.ptp(bounds, axis=1)
-    return np.vstack([(low + _FIRST * width)[None], low + (0.15 + 0.7 * share) * width])
+    return np.vstack([middle(bounds)[None], low + (0.15 + 0.7 * share) * width])
 
 
 def _plastic(n: int) -> float:

@@ -84,6 +84,12 @@ class SolveCount:
         self.factorisations += equilibrium.factorisations
         self.failed += 0 if equilibrium.converged else 1
 
+    def include(self, other: SolveCount) -> None:
+        """Count what another has counted too."""
+        self.solves += other.solves
+        self.factorisations += other.factorisations
+        self.failed += other.failed
+
 
 @dataclass(eq=False)
 class StateModel:
