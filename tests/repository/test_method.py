@@ -12,9 +12,9 @@ from palpate.core.inference.heldout import Linear, Split
 from palpate.core.inference.posterior import NoiseFacts, laplace
 from palpate.core.inference.swarm import sphere_centre
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, MOONEY_RIVLIN_PRINTED, bulk_modulus, mooney_rivlin_parameters
-from palpate.core.observe.contour_noise import contour_covariance, weighting_covariance
 from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.validate.paper.contour_weights import contour_covariance, weighting_covariance
 
 N, T, K = 30, 2, 3  # data, stiffnesses, parameters of an effect
 _rng = np.random.default_rng(33)
@@ -88,7 +88,16 @@ def test_the_swarms_sphere_is_that_of_eq_17() -> None:
     assert np.abs(sphere_centre(x, own, own, np.array([True])) - (2 * x + c * (own - x)) / 2).max() < 1e-15
 
 
-def test_posterior_has_the_sandwich_covariance() -> None:
+def test_posterior_is_laplaces_widened_where_the_misfit_is_too_large() -> None:
+    bounds = np.array([[0.0, 4.0], [1.0, 5.0]])
+    prior = np.diag(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
+    for r in (0.1 * R, 20.0 * R):
+        s = max(1.0, r @ WEIGHT @ r / (N - T))
+        written = np.linalg.inv(J.T @ WEIGHT @ J / s + prior)
+        assert np.abs(laplace(np.ones(T), white(r), white(J), bounds).covariance - written).max() < 1e-9
+
+
+def test_posterior_of_the_studies_has_the_sandwich_covariance() -> None:
     noise = np.diag(np.random.default_rng(3).uniform(1.0, 2.0, N))
     bounds = np.array([[0.0, 4.0], [1.0, 5.0]])
     H, spread, expected = J.T @ WEIGHT @ J, J.T @ WEIGHT @ noise @ WEIGHT @ J, float(np.trace(WEIGHT @ noise))

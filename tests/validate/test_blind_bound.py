@@ -1,6 +1,6 @@
-"""The weights against the Cramer-Rao bound of the blind cases without a hidden effect, from the answers' own sensitivities.
+"""The studies' weights of a lone surface against the Cramer-Rao bound of the blind cases without a hidden effect.
 
-In short: no mesh and no solve. In full: `palpate identify CASE --method gauss-newton` on each, see docs/measured.md.
+From the answers' own sensitivities: no mesh and no solve.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from palpate.core.observe.contour_noise import (
     EXTRACTION_LENGTH_MM,
     EXTRACTION_MM,
     Weighting,
-    contour_covariance,
-    weighting_covariance,
 )
+from palpate.validate.paper.contour_weights import contour_covariance, weighting_covariance
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 CASES = {"case_004": "blind_dev", "case_006": "blind_dev", "case_304": "blind_dev_b", "case_306": "blind_dev_b"}

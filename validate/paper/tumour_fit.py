@@ -14,9 +14,7 @@ from palpate.core.inference.gauss_newton import GaussNewtonResult
 from palpate.core.inference.posterior import Posterior
 from palpate.core.observe.contour_noise import (
     Weighting,
-    contour_covariance,
     smooth_covariance,
-    weighting_covariance,
 )
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
@@ -25,6 +23,7 @@ from palpate.core.statistics import rms
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.progress import Progress, silent
+from palpate.validate.paper.contour_weights import contour_covariance, weighting_covariance
 from palpate.validate.paper.reduced_fit import ReducedFit
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, TumourData
 from palpate.validate.paper.tumour_scene import Divisions, DrivenScene, halved_ball, organ_volume

@@ -199,7 +199,7 @@ class _Body:
         return self.scene.observation.all_points
 
     def jacobian(self, m: FloatArray, equilibrium: Equilibrium) -> FloatArray:
-        """Whitened derivative (q + 3 k, n) at the equilibrium of ln G = m (n,)."""
+        """Whitened derivative (rows of the data vector, n) at the equilibrium of ln G = m (n,)."""
         G = np.exp(self.patches.of_cells(m))
         directions: list[Direction] = []
         for j in range(self.patches.n):

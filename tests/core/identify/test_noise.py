@@ -8,10 +8,9 @@ import pytest
 from palpate.core.inference.posterior import NoiseFacts, laplace
 from palpate.core.observe.contour_noise import (
     Weighting,
-    contour_covariance,
     smooth_covariance,
-    weighting_covariance,
 )
+from palpate.validate.paper.contour_weights import contour_covariance, weighting_covariance
 
 SD, LENGTH = 0.4, 7.0
 BOUNDS = np.log([[1e-6, 1e6], [1e-6, 1e6]])
