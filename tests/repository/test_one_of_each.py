@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -51,3 +52,9 @@ def test_one_module_defines_the_types_of_arrays() -> None:
     ]
     # What compares with other programs runs in their environments, where palpate is not installed.
     assert [name for name in named if name != "validate/bench/peers/protocol.py"] == ["core/arrays.py"] * 2
+
+
+def test_no_two_test_files_have_one_name() -> None:
+    """pytest imports them by their name alone: of two of one name, one is not collected."""
+    names = Counter(path.name for path in (TOP / "tests").rglob("test_*.py"))
+    assert [name for name, count in names.items() if count > 1] == []

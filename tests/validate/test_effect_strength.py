@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from palpate.core.errors import ConvergenceError
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
-from palpate.validate.blind.recipes import BUILDS
+from palpate.validate.blind.recipes import BUILDS, CLOSE_BUILDS
 from palpate.validate.blind.simulator.pelvis import Pelvis
 from palpate.validate.blind.simulator.strength import Hopeless, TooWeak, strength
 
@@ -77,7 +77,11 @@ def test_what_cannot_show_the_least_says_why() -> None:
 
 @pytest.mark.parametrize("build", range(BUILDS))
 def test_a_pelvis_is_anatomy(build: int) -> None:
-    """Prostate of 25 to 70 cc in two like halves, bladder above, rectum behind, each 2 to 8 mm from it; bone on all sides."""
+    """Prostate of 25 to 70 cc in two like halves, bladder above, rectum behind, bone on all sides.
+
+    Walls lie 2 to 8 mm from it, and as far as the plane of fat is thick (8 to 13 mm, a voxel more or less) where there is one.
+    """
+    least, most = (2.0, 8.0) if build < CLOSE_BUILDS else (6.7, 14.3)
     labels = Pelvis.of(build).model_labels
     values, cc = labels.array, np.prod(labels.spacing) / 1000.0
     left, right = ((values == k).sum() * cc for k in ORGAN_LABELS)
@@ -89,7 +93,7 @@ def test_a_pelvis_is_anatomy(build: int) -> None:
     for label, axis in ((BLADDER, 2), (RECTUM, 1)):
         there = labels.to_lps(np.argwhere(values == label).astype(float)).mean(axis=0)
         assert there[axis] > middle[axis] + 15.0
-        assert 2.0 < away[values == label].min() < 8.0
+        assert least < away[values == label].min() < most
     bone = labels.to_lps(np.argwhere(values == BONE).astype(float)) - middle
     assert bone[:, 0].min() < -30.0
     assert bone[:, 0].max() > 30.0
