@@ -9,7 +9,7 @@ import numpy as np
 from palpate.case.aligned_labels import in_own_frame
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
+from palpate.imaging.contours.user_labels import lying_in, read_label_volume, read_user_labels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
@@ -28,10 +28,10 @@ def second_contours(case: CaseFolder, state: str, path: Path) -> Volume:
         raise InputError(f"{path} is not there; give the labels drawn on the {state} scan")
     if case.has(f"{state}_ct"):
         ct, facts = case.series(state)
-        contours = read_user_labels(path, ct, facts)
+        contours = read_user_labels(path, ct, facts, placed=state == "rest")
         if state == "deformed":
             case_grid = case.labels(state) if case.has_labels(state) else None
-            contours = in_own_frame(contours, ct, case.deformed_to_rest(), case_grid)
+            contours = lying_in(in_own_frame(contours, ct, case.deformed_to_rest(), case_grid), ct, path)
         volume = contours.volume
     elif path.name.lower().endswith(_NIFTI):
         volume = read_label_volume(path).volume

@@ -70,6 +70,16 @@ class BoneRecord(TypedDict):
     confidence: float
 
 
+class FemoralHeadRecord(TypedDict):
+    """The ball that fits a femoral head: centre, mm, LPS in the rest frame; radius; share of its surface that shows, 0 to
+    1.
+    """
+
+    centre_mm: list[float]
+    radius_mm: float
+    seen: float
+
+
 class SplitRecord(TypedDict):
     """The plane between left and right: a point, mm, the unit normal to the patient's left, and how it was found."""
 
@@ -79,13 +89,14 @@ class SplitRecord(TypedDict):
 
 
 class SegmentedRecord(TypedDict, total=False):
-    """One state in segmentation.json. volume_in_region_cc : of the labels as written. source : of labels that came with
-    the case, alone.
+    """One state in segmentation.json. femoral_heads : by side. volume_in_region_cc : of the labels as written. source :
+    of labels that came with the case, alone.
     """
 
     organs: dict[str, OrganRecord]
     bones: dict[str, BoneRecord]
     bone: OrganRecord
+    femoral_heads: dict[str, FemoralHeadRecord]
     volume_in_region_cc: dict[str, float]
     split: SplitRecord
     spacing_mm: list[float]

@@ -31,3 +31,40 @@ def labels_on(labels: Volume, grid: Volume) -> Volume:
     """Labels on another grid: of each of its voxels the value that its centre lies in, 0 outside."""
     image = sitk.Resample(labels.to_sitk(), grid.to_sitk(), sitk.Transform(), sitk.sitkNearestNeighbor, 0.0)
     return Volume.from_sitk(image)
+
+
+def labels_resampled(labels: Volume, grid: Volume) -> Volume:
+    """Labels (uint8) on another grid: of each of its voxels the label with the largest share at its centre.
+
+    Shares are linear interpolations of each label's mask, so that the staircase of a coarser grid is not copied onto a
+    finer one. Voxels whose centres lie beyond the labels' grid are 0. On the same grid nothing changes.
+    """
+    out = np.zeros(grid.array.shape, dtype=np.uint8)
+    box = _index_box(labels, grid)
+    if box is None:
+        return grid.with_array(out)
+    affine = grid.affine.copy()
+    affine[:3, 3] = grid.to_lps(np.array([[float(s.start) for s in box]]))[0]
+    part = Volume(out[box], affine).to_sitk()
+    best = np.full(out[box].shape, 0.0, dtype=np.float32)
+    for value in np.unique(labels.array):
+        mask = sitk.Cast(labels.with_array((labels.array == value).astype(np.uint8)).to_sitk(), sitk.sitkFloat32)
+        share = Volume.from_sitk(sitk.Resample(mask, part, sitk.Transform(), sitk.sitkLinear, 0.0)).array
+        wins = share > best
+        out[box][wins], best[wins] = value, share[wins]
+    return grid.with_array(out)
+
+
+def _index_box(labels: Volume, grid: Volume) -> tuple[slice, slice, slice] | None:
+    """The voxels of a grid among which all labelled ones lie; None where there are none."""
+    labelled = np.argwhere(labels.array)
+    if not len(labelled):
+        return None
+    low, high = labelled.min(axis=0) - 1.0, labelled.max(axis=0) + 1.0
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    index = grid.to_index(labels.to_lps(corners))
+    first = np.clip(np.floor(index.min(axis=0)), 0, grid.array.shape).astype(int)
+    last = np.clip(np.ceil(index.max(axis=0)) + 1, 0, grid.array.shape).astype(int)
+    if (last <= first).any():
+        return None
+    return slice(first[0], last[0]), slice(first[1], last[1]), slice(first[2], last[2])

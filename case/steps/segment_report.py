@@ -59,6 +59,14 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatA
             name: {"volume_cc": round(part.segmentation.bones.volume_cc(name), 2), "confidence": confidence}
             for name, confidence in part.segmentation.bones.confidence.items()
         },
+        "femoral_heads": {
+            side: {
+                "centre_mm": [round(float(x), 2) for x in head.centre],
+                "radius_mm": round(head.radius_mm, 2),
+                "seen": round(head.seen, 3),
+            }
+            for side, head in part.segmentation.bones.heads.items()
+        },
         "bone": {
             "method": "threshold" if part.contours is None or part.contours.bone is None else "threshold and user"
         },

@@ -31,6 +31,8 @@ PAINT_ORDER = {
     "prostate_left": PROSTATE_LEFT,
     "prostate_right": PROSTATE_RIGHT,
 }
+# Share of the prostate by which the whole one and its halves may differ without a note: rounding of outlines.
+_SAME_PROSTATE = 0.02
 # Organs that reach from their first slice to their last.
 ONE_PIECE = ("prostate", "prostate_left", "prostate_right", "bladder", "rectum")
 
@@ -72,6 +74,10 @@ def labels_of(
         found = ", ".join(segments.names[:20]) or "nothing"
         raise InputError(f"{source} holds no organ by name, only {found}; name them with --roi ORGAN=NAME")
     notes = [*segments.notes, *chosen_notes, *unused_note(segments.names, chosen, chosen_notes)]
+    if halves_beside_whole(chosen):
+        parts = {o: _union(segments, chosen[o]) for o in ("prostate", "prostate_left", "prostate_right")}
+        notes += note_on_whole(parts["prostate"], parts["prostate_left"] | parts["prostate_right"])
+        chosen = {organ: names for organ, names in chosen.items() if organ != "prostate"}
     array = np.zeros(segments.grid.array.shape, dtype=np.uint8)
     for organ, value in PAINT_ORDER.items():
         for name in chosen.get(organ, ()):
@@ -81,6 +87,26 @@ def labels_of(
     if not array.any():
         raise InputError(f"{source}: the segments of {', '.join(chosen)} are empty; save the segmentation again")
     return segments.grid.with_array(array), chosen, notes
+
+
+def halves_beside_whole(chosen: Mapping[str, Sequence[str]]) -> bool:
+    """Whether a file has the whole prostate beside both of its halves. The halves are taken: they tell the side."""
+    return "prostate" in chosen and is_split(chosen)
+
+
+def note_on_whole(whole: BoolArray, halves: BoolArray) -> list[str]:
+    """A note where a whole prostate and its halves, masks of one grid, are not the same."""
+    apart = int((halves ^ whole).sum()) / max(int(halves.sum()), 1)
+    if apart <= _SAME_PROSTATE:
+        return []
+    return [
+        f"the whole prostate and its halves differ by {100 * apart:.0f} % of the volume; the halves were taken: delete them "
+        "from the file where the whole one is right"
+    ]
+
+
+def _union(segments: Segments, names: Sequence[str]) -> BoolArray:
+    return np.logical_or.reduce([segments.mask(name) for name in names])
 
 
 def _gaps(mask: BoolArray, name: str) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 from skimage.measure import find_contours
 
 from palpate.core.arrays import BoolArray, FloatArray
-from palpate.imaging.grid import labels_on
+from palpate.imaging.grid import labels_resampled
 from palpate.imaging.volume import Volume
 
 # Contours are drawn at most this much finer than the CT's pixels.
@@ -30,7 +30,7 @@ def labels_on_slices(labels: Volume, ct: Volume) -> tuple[Volume, int]:
     # The first fine voxel lies so that the fine ones fill the coarse one.
     affine[:3, 3] = ct.to_lps((low + 0.5 / factor - 0.5)[None])[0]
     empty = Volume(np.zeros(np.maximum(high - low, 1) * factor, dtype=np.uint8), affine)
-    return labels_on(labels, empty), int(low[2])
+    return labels_resampled(labels, empty), int(low[2])
 
 
 def outlines(mask: BoolArray) -> list[FloatArray]:

@@ -81,8 +81,9 @@ def choose_rois(
         meaning, additions = _meaning(name)
         if meaning is not None and name not in taken:
             by_organ.setdefault(meaning, {}).setdefault(additions, []).append(name)
+    both_halves = "prostate" not in chosen and by_organ.keys() >= {"prostate_left", "prostate_right"}
     for organ, sets in by_organ.items():
-        if organ in chosen or (organ.startswith("prostate_") and "prostate" in chosen):
+        if organ in chosen or (organ.startswith("prostate_") and "prostate" in chosen and not both_halves):
             continue
         chosen[organ] = _the_one_set(organ, sets, source)
         passed_over = [name for group in sets.values() for name in group if name not in chosen[organ]]

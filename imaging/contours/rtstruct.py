@@ -12,7 +12,7 @@ import pydicom
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.contours import contours_to_mask
-from palpate.imaging.contours.named_labels import PAINT_ORDER
+from palpate.imaging.contours.named_labels import PAINT_ORDER, halves_beside_whole, note_on_whole
 from palpate.imaging.contours.roi_names import choose_rois, distinct, unused_note
 from palpate.imaging.dicom.files import read_file, reading
 from palpate.imaging.dicom.same_scan import check_same_scan
@@ -110,6 +110,9 @@ def read_rtstruct(
             )
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+    if halves_beside_whole(chosen):
+        notes += note_on_whole(masks["prostate"], masks["prostate_left"] | masks["prostate_right"])
+        del masks["prostate"]
     return Structures(masks, chosen, tuple(notes))
 
 

@@ -55,15 +55,21 @@ class UserLabels:
 
 
 def read_user_labels(
-    path: Path | str, ct: Volume, facts: SeriesFacts | None = None, roi: Mapping[str, Sequence[str]] | None = None
+    path: Path | str,
+    ct: Volume,
+    facts: SeriesFacts | None = None,
+    roi: Mapping[str, Sequence[str]] | None = None,
+    placed: bool = True,
 ) -> UserLabels:
     """The labels drawn on a CT: NIfTI, ITK-SNAP workspace, 3D Slicer's .seg.nrrd, DICOM RTSTRUCT or SEG.
 
-    roi : organ -> names or numbers of its structures in the file, where names do not tell.
+    roi : organ -> names or numbers of its structures in the file, where names do not tell. placed : check that the labels
+    lie where the CT is; False for whoever moves them first and checks then (`lying_in`).
 
     Raises InputError naming the file when it cannot be read or lies elsewhere.
     """
-    return _with_parts(_read(Path(path), ct, facts, roi))
+    labels = _with_parts(_read(Path(path), ct, facts, roi))
+    return lying_in(labels, ct, Path(path)) if placed and labels.source != "rtstruct" else labels
 
 
 def _with_parts(labels: UserLabels) -> UserLabels:
@@ -73,11 +79,11 @@ def _with_parts(labels: UserLabels) -> UserLabels:
 def _read(path: Path, ct: Volume, facts: SeriesFacts | None, roi: Mapping[str, Sequence[str]] | None) -> UserLabels:
     name = path.name.lower()
     if name.endswith(_NIFTI):
-        return _inside(_of_nifti(path, roi), ct, path)
+        return _of_nifti(path, roi)
     if name.endswith(".itksnap"):
-        return _inside(_of_workspace(path, roi), ct, path)
+        return _of_workspace(path, roi)
     if name.endswith(".nrrd"):
-        return _inside(_of_segments(read_seg_nrrd(path), "seg.nrrd", path, roi), ct, path)
+        return _of_segments(read_seg_nrrd(path), "seg.nrrd", path, roi)
     if is_segmentation(path):
         segments = read_dicom_seg(path)
         unchecked: list[str] = []
@@ -85,7 +91,7 @@ def _read(path: Path, ct: Volume, facts: SeriesFacts | None, roi: Mapping[str, S
             with reading(path):
                 unchecked = check_same_scan(segments.origin, images_of(segments.origin), facts, path)
         labels = _of_segments(segments, "dicom-seg", path, roi)
-        return _inside(replace(labels, notes=(*unchecked, *labels.notes)), ct, path)
+        return replace(labels, notes=(*unchecked, *labels.notes))
     structures = read_rtstruct(path, ct, facts, roi)
     return UserLabels(
         structures.labels(ct), "rtstruct", structures.prostate_is_split, structures.names, structures.notes
@@ -160,8 +166,8 @@ def _of_workspace(path: Path, roi: Mapping[str, Sequence[str]] | None) -> UserLa
     return _of_volume(layer.path, workspace.names, str(path), "itksnap", roi)
 
 
-def _inside(labels: UserLabels, ct: Volume, path: Path) -> UserLabels:
-    """The labels, once it is sure that they lie where the CT is."""
+def lying_in(labels: UserLabels, ct: Volume, path: Path) -> UserLabels:
+    """The labels. Raises InputError naming the file where most of them lie outside the CT."""
     volume = labels.volume
     points = volume.to_lps(np.argwhere(volume.array > 0).astype(float))
     index = ct.to_index(points)

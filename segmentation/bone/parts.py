@@ -6,7 +6,7 @@ the ilium, the midline at the back) grow until they meet, dark and narrow places
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +38,13 @@ BELOW_MM, ABOVE_MM = 200.0, 250.0
 
 @dataclass(frozen=True, eq=False)
 class BoneParts:
-    """labels : values of BONE_PART_VALUES on the grid of the bone mask, 0 elsewhere. confidence : name -> 0 to 1."""
+    """labels : values of BONE_PART_VALUES on the grid of the bone mask, 0 elsewhere. confidence : name -> 0 to 1. heads :
+    the femoral heads that the scan shows, by side.
+    """
 
     labels: Volume
     confidence: dict[str, float]
+    heads: dict[str, Head] = field(default_factory=dict)
 
     def volume_cc(self, name: str) -> float:
         """Volume of a part within the scan, cc."""
@@ -70,7 +73,7 @@ def bone_parts(hu: Volume, bone: Volume, pelvis: Pelvis) -> BoneParts:
     bone = bone.with_array(bone.array & _about(bone, pelvis))
     used = ndimage.find_objects(bone.array.astype(np.uint8))
     if not used or not heads:
-        return BoneParts(bone.with_array(labels), {})
+        return BoneParts(bone.with_array(labels), {}, heads)
     part = used[0]
     relief = _joints(hu.array[part], float(hu.spacing[0]))
     markers = np.zeros(bone.array.shape, dtype=np.int32)
@@ -84,7 +87,7 @@ def bone_parts(hu: Volume, bone: Volume, pelvis: Pelvis) -> BoneParts:
     labels[upper] = BONE_PART_VALUES["spine"]
     if upper.any():
         confidence["spine"] = confidence["sacrum"]
-    return BoneParts(bone.with_array(labels), confidence)
+    return BoneParts(bone.with_array(labels), confidence, heads)
 
 
 def _about(bone: Volume, pelvis: Pelvis) -> Mask:

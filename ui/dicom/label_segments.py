@@ -10,6 +10,8 @@ from pydicom.sr.codedict import codes
 from pydicom.uid import generate_uid
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.labels_on_scan import labels_in_own_frame
+from palpate.core.errors import InputError
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.dicom.codes import OF_LABEL
@@ -25,38 +27,19 @@ def segments_present(labels: Volume) -> dict[int, int]:
     return {value: number for number, value in enumerate(present, start=1)}
 
 
-def label_segmentation(case: CaseFolder, state: str) -> hd.seg.Segmentation:
-    """The labels of a state, in the frame of that state's own CT, one binary segment each.
+def label_segmentation(case: CaseFolder, state: str, tissue: bool = False) -> hd.seg.Segmentation:
+    """The labels of a state on the voxels of that state's own CT, one binary segment each.
 
-    Raises InputError when the case has no labels or no CT of that state.
+    tissue : with the surrounding tissue, which is no organ. Raises InputError when the case has no labels or no CT of
+    that state.
     """
-    labels = labels_in_own_scan(case, state)
     source = read_source(case, state)
+    labels = labels_in_own_frame(case, state, tissue)
+    if not labels.array.any():
+        raise InputError(f"{case.file(state + '.nii.gz')} holds no organ within the {state} CT; look at the labels")
     kind = "seg" if state == "rest" else "deformed seg"
     made = making(case, kind, source, [f"{state}.nii.gz", *_INPUTS])
     return _segmentation(labels, source, made, algorithm_types(case, state), state)
-
-
-def labels_in_own_scan(case: CaseFolder, state: str) -> Volume:
-    """The labels of a state in the frame of that state's own CT, as far as that CT goes.
-
-    The case's labels go on beyond it where the modelled region does; a viewer would show those in empty space.
-    """
-    labels = case.labels(state)
-    if state == "deformed":
-        # A case keeps deformed labels in the frame of the scan at rest; the deformed CT knows nothing of that one.
-        labels = labels.moved(np.linalg.inv(case.deformed_to_rest()).astype(np.float64))
-    return _within(labels, case.series(state)[0]) if case.has(f"{state}_ct") else labels
-
-
-def _within(labels: Volume, ct: Volume) -> Volume:
-    """The labels whose voxel centres lie in a voxel of the CT."""
-    voxels = np.argwhere(labels.array)
-    places = ct.to_index(labels.to_lps(voxels.astype(np.float64)))
-    beyond = ((places < -0.5) | (places > np.array(ct.array.shape) - 0.5)).any(axis=1)
-    array = labels.array.copy()
-    array[tuple(voxels[beyond].T)] = 0
-    return labels.with_array(array)
 
 
 def _segmentation(

@@ -36,6 +36,7 @@ SERIES_NUMBERS = {
     "series": 9108,
     "pm low": 9109,
     "pm high": 9110,
+    "reg": 9111,
 }
 
 

@@ -12,71 +12,47 @@ from pydicom.valuerep import DA, TM
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.arrays import FloatArray
-from palpate.imaging.contours.outlines import labels_on_slices, outlines
+from palpate.imaging.contours.outlines import outlines
 from palpate.imaging.dicom.series import SeriesFacts
-from palpate.imaging.labels import (
-    BLADDER,
-    BONE,
-    LABEL_COLOURS,
-    LABELS,
-    PROSTATE_LEFT,
-    PROSTATE_RIGHT,
-    RECTUM,
-    SURROUNDING_TISSUE,
-)
 from palpate.imaging.volume import Volume
-from palpate.ui.dicom.label_segments import algorithm_types, labels_in_own_scan
 from palpate.ui.dicom.making import Making, begun, making
 from palpate.ui.dicom.source import SourceScan, read_source, reference_to
+from palpate.ui.dicom.structures import structures
 
-# Names of structures by AAPM Task Group 263 (Mayo et al. 2018, IJROBP 100:1057): organ, then side.
-TG263 = {
-    PROSTATE_LEFT: "Prostate_L",
-    PROSTATE_RIGHT: "Prostate_R",
-    BONE: "Bone",
-    BLADDER: "Bladder",
-    RECTUM: "Rectum",
-}
 _STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"  # Detached Study Management, retired, which this sequence still asks for
 
 
-def structure_set(case: CaseFolder, state: str) -> FileDataset:
-    """Contours of prostate halves, bladder, rectum and bone on the slices of the state's own CT, named as AAPM TG-263 asks.
+def structure_set(case: CaseFolder, state: str, tissue: bool = False) -> FileDataset:
+    """Contours of a state's organs on the slices of its own CT, named as AAPM TG-263 asks (`structures`).
 
-    Holes are contours within contours. The surrounding tissue is no organ and left out.
+    Holes are contours within contours. tissue : with the surrounding tissue, which is no organ.
     Raises InputError when the case has no labels or no CT of that state.
     """
     source = read_source(case, state)
     kind = "rtstruct" if state == "rest" else "deformed rtstruct"
-    made = making(case, kind, source, [f"{state}.nii.gz", "labels.txt", "alignment.json"])
+    made = making(case, kind, source, [f"{state}.nii.gz", "labels.txt", "alignment.json", "segmentation.json"])
     ct, facts = case.series(state)
-    labels = labels_in_own_scan(case, state)
-    organs = labels.with_array(np.where(labels.array == SURROUNDING_TISSUE, 0, labels.array))
-    drawn, first = labels_on_slices(organs, ct)
     data = _empty(source, made, state)
-    types = algorithm_types(case, state)
-    for number, value in enumerate([int(v) for v in np.unique(drawn.array) if v], start=1):
-        how = types.get(LABELS[value], "MANUAL")
+    for number, structure in enumerate(structures(case, state, ct, tissue), start=1):
+        contours = _contours(structure.mask, structure.first_slice, facts)
         data.StructureSetROISequence.append(_item(
-            ROINumber=number, ReferencedFrameOfReferenceUID=source.header.FrameOfReferenceUID, ROIName=TG263[value],
-            ROIGenerationAlgorithm=how,
+            ROINumber=number, ReferencedFrameOfReferenceUID=source.header.FrameOfReferenceUID, ROIName=structure.name,
+            ROIDescription=structure.description, ROIGenerationAlgorithm=structure.algorithm,
         ))  # fmt: skip
-        contours = _contours(drawn, value, first, facts)
-        colour = list(LABEL_COLOURS[value][:3])
         data.ROIContourSequence.append(
-            _item(ROIDisplayColor=colour, ContourSequence=contours, ReferencedROINumber=number)
+            _item(ROIDisplayColor=list(structure.colour), ContourSequence=contours, ReferencedROINumber=number)
         )
-        data.RTROIObservationsSequence.append(
-            _item(ObservationNumber=number, ReferencedROINumber=number, RTROIInterpretedType="ORGAN", ROIInterpreter="")
-        )
+        data.RTROIObservationsSequence.append(_item(
+            ObservationNumber=number, ReferencedROINumber=number, RTROIInterpretedType=structure.kind, ROIInterpreter="",
+        ))  # fmt: skip
     made.stamp(data)
     return data
 
 
-def _contours(drawn: Volume, value: int, first: int, facts: SeriesFacts) -> list[Dataset]:
+def _contours(drawn: Volume, first: int, facts: SeriesFacts) -> list[Dataset]:
     found = []
-    for k in np.flatnonzero((drawn.array == value).any(axis=(0, 1))):
-        for outline in outlines(drawn.array[:, :, k] == value):
+    for k in np.flatnonzero(drawn.array.any(axis=(0, 1))):
+        for outline in outlines(drawn.array[:, :, k] > 0):
             points = drawn.to_lps(np.column_stack([outline, np.full(len(outline), float(k))]))
             contour = _item(
                 ContourGeometricType="CLOSED_PLANAR", NumberOfContourPoints=len(points), ContourData=_text(points)

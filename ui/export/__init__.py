@@ -1,6 +1,7 @@
 """Results for other programs: one exporter a file, found by its name.
 
-Each module has ``WRITES`` (what it makes, in a few words) and ``export(case, folder) -> list of the files written``.
+Each module has ``WRITES`` (what it makes, in a few words) and ``export(case, folder, tissue=False) -> list of the files
+written``. tissue : keep the surrounding tissue among labels; forms without labels have nothing to keep.
 """
 
 from __future__ import annotations

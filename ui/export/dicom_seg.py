@@ -12,7 +12,7 @@ from palpate.ui.dicom.making import save
 WRITES = "DICOM SEG: the labels of each state, in the frame of its own CT"
 
 
-def export(case: CaseFolder, folder: Path) -> list[Path]:
+def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
     """Writes STATE_seg.dcm of each state that has labels and a CT. Raises InputError when none has, or it cannot write."""
     states = [state for state in STATES if case.has_labels(state) and case.has(f"{state}_ct")]
     if not states:
@@ -20,4 +20,4 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
             f"{case.path} has no state with both labels and a CT: run `palpate segment` first, or, where it came without CT, "
             "import the scans as DICOM"
         )
-    return [save(label_segmentation(case, state), folder / f"{state}_seg.dcm") for state in states]
+    return [save(label_segmentation(case, state, tissue), folder / f"{state}_seg.dcm") for state in states]

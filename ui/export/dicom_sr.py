@@ -12,7 +12,7 @@ from pydicom.uid import generate_uid
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.ui.dicom import codes as own
-from palpate.ui.dicom.label_segments import label_segmentation, segments_present
+from palpate.ui.dicom.label_segments import label_segmentation
 from palpate.ui.dicom.making import MANUFACTURER, MODEL, Making, making, save, version
 from palpate.ui.dicom.source import read_source
 from palpate.ui.report.record import CaseRecord, read_record
@@ -21,20 +21,20 @@ from palpate.ui.report.regions import RegionStiffness
 WRITES = "DICOM SR (TID 1500): shear modulus G of each region with its interval; the SEG it refers to"
 
 
-def export(case: CaseFolder, folder: Path) -> list[Path]:
+def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
     """Writes measurements_sr.dcm and rest_seg.dcm.
 
     Raises InputError when the case has no result, labels or CT at rest, or it cannot write.
     """
-    labels = case.labels("rest")
-    record = read_record(case, {"rest": labels})
+    record = read_record(case, {"rest": case.labels("rest")})
     source = read_source(case, "rest")
     made = making(case, "sr", source, ["result.json", "rest.nii.gz", "labels.txt"])
-    segments, numbers = label_segmentation(case, "rest"), segments_present(labels)
-    absent = [region.name for region in record.regions if region.label not in numbers]
+    segments = label_segmentation(case, "rest", tissue)
+    numbers = {item.SegmentLabel: int(item.SegmentNumber) for item in segments.SegmentSequence}
+    absent = [region.name for region in record.regions if region.name not in numbers]
     if absent:
         raise InputError(f"{case.file('rest.nii.gz')} has no {absent[0]}, which result.json has; identify again")
-    groups = [_group(region, segments, numbers[region.label]) for region in record.regions]
+    groups = [_group(region, segments, numbers[region.name]) for region in record.regions]
     report = sr.MeasurementReport(
         observation_context=_observer(),
         procedure_reported=codes.LN.CTUnspecifiedBodyRegion,

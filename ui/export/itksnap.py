@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.labels_on_scan import bones_on_scan, labels_on_scan
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, MAIN, OVERLAY, Layer, workspace_text
 from palpate.imaging.contours.nifti_labels import write_nifti
-from palpate.imaging.grid import labels_on
 from palpate.imaging.labels import BONE_PART_COLOURS, BONE_PARTS
 from palpate.imaging.volume import Volume
 from palpate.ui.export.stiffness import stiffness_volume
@@ -18,24 +18,23 @@ WRITES = "NIfTI: scans, label volumes, bones, stiffness in kPa; labels.txt, bone
 _STIFFNESS = "stiffness_kpa.nii.gz"
 
 
-def export(case: CaseFolder, folder: Path) -> list[Path]:
-    """Writes what the case has, both states in the frame of the scan at rest. Raises InputError where it cannot."""
+def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+    """Writes what the case has, both states in the frame of the scan at rest. Raises InputError where it cannot.
+
+    Labels, bones and stiffness lie on the voxels of their scan: ITK-SNAP opens a segmentation only on those.
+    """
     written: list[Path] = []
     sizes: dict[str, tuple[int, ...]] = {}
     for state in STATES:
-        labels = case.labels(state) if case.has_labels(state) else None
-        if labels is not None:
-            written.append(_write(folder / f"{state}_labels.nii.gz", labels))
-        bones = case.bones(state)
+        if case.has_labels(state):
+            written.append(_write(folder / f"{state}_labels.nii.gz", labels_on_scan(case, state, tissue)))
+        bones = bones_on_scan(case, state)
         if bones is not None:
             written.append(_write(folder / f"{state}_bones.nii.gz", bones))
         if case.has(f"{state}_ct"):
             ct = case.ct(state)
             sizes[state] = ct.array.shape
             written.append(_write(folder / f"{state}_ct.nii.gz", ct))
-            if labels is not None:
-                # ITK-SNAP opens a segmentation only on the grid of the main image.
-                written.append(_write(folder / f"{state}_labels_on_ct.nii.gz", labels_on(labels, ct)))
     if case.has("result.json"):
         written.append(_write(folder / _STIFFNESS, stiffness_volume(case)))
     texts = {"labels.txt": label_description()}
@@ -53,7 +52,7 @@ def _layers(state: str, folder: Path, written: list[Path]) -> list[Layer]:
     other = next(s for s in STATES if s != state)
     wanted = [
         Layer(folder / f"{state}_ct.nii.gz", MAIN, f"CT {state}"),
-        Layer(folder / f"{state}_labels_on_ct.nii.gz", LABEL_LAYER, f"labels {state}"),
+        Layer(folder / f"{state}_labels.nii.gz", LABEL_LAYER, f"labels {state}"),
         Layer(folder / f"{other}_ct.nii.gz", OVERLAY, f"CT {other}, aligned", opacity=0.0),
     ]
     if state == "rest":

@@ -7,6 +7,7 @@ from pathlib import Path
 import SimpleITK as sitk
 
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.labels_on_scan import bones_on_scan, labels_on_scan
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.contours.seg_nrrd import write_seg_nrrd
 from palpate.imaging.labels import BONE_PART_COLOURS, BONE_PARTS
@@ -16,8 +17,11 @@ from palpate.ui.export.stiffness import stiffness_volume
 WRITES = "NRRD: scans, labels and bones as .seg.nrrd, stiffness in kPa"
 
 
-def export(case: CaseFolder, folder: Path) -> list[Path]:
-    """Writes what the case has, in the frame of the scan at rest. Raises InputError where it cannot."""
+def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+    """Writes what the case has, in the frame of the scan at rest, labels on the voxels of their scan.
+
+    Raises InputError where it cannot.
+    """
     written = []
     for state in STATES:
         if case.has(f"{state}_ct"):
@@ -25,8 +29,8 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
         if case.has_labels(state):
             written.append(folder / f"{state}_labels.seg.nrrd")
             with atomic_path(written[-1]) as path:
-                write_seg_nrrd(path, case.labels(state))
-        if (bones := case.bones(state)) is not None:
+                write_seg_nrrd(path, labels_on_scan(case, state, tissue))
+        if (bones := bones_on_scan(case, state)) is not None:
             written.append(folder / f"{state}_bones.seg.nrrd")
             with atomic_path(written[-1]) as path:
                 write_seg_nrrd(path, bones, BONE_PARTS, BONE_PART_COLOURS)

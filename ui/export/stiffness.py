@@ -6,6 +6,7 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import identified_regions
+from palpate.case.labels_on_scan import labels_on_scan
 from palpate.imaging.labels import LABEL_VALUES
 from palpate.imaging.volume import Volume
 
@@ -20,8 +21,8 @@ def stiffness_of(case: CaseFolder) -> dict[int, float]:
 
 
 def stiffness_volume(case: CaseFolder) -> Volume:
-    """Shear modulus G, kPa, float32, on the grid of the labels at rest; 0 where none was identified."""
-    labels = case.labels("rest")
+    """Shear modulus G, kPa, float32, on the grid of the scan at rest (of its labels without CT); 0 where none was identified."""
+    labels = labels_on_scan(case, "rest")
     value = np.zeros(labels.array.shape, dtype=np.float32)
     for label, G in stiffness_of(case).items():
         value[labels.array == label] = G
@@ -29,11 +30,11 @@ def stiffness_volume(case: CaseFolder) -> Volume:
 
 
 def interval_volumes(case: CaseFolder) -> dict[str, Volume] | None:
-    """Ends of each region's 95 % interval, kPa, float32, by "low" and "high", on the grid of the labels at rest; 0 outside.
+    """Ends of each region's 95 % interval, kPa, float32, by "low" and "high", on the grid of `stiffness_volume`; 0 outside.
 
     None where no interval is known. Raises InputError when the case has not been identified.
     """
-    labels = case.labels("rest")
+    labels = labels_on_scan(case, "rest")
     ends = {name: found.ci95_kpa for name, found in identified_regions(case).items() if found.ci95_kpa is not None}
     out = {}
     for index, word in enumerate(("low", "high")):

@@ -15,15 +15,19 @@ from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.volume import Volume
 
-WRITES = "ITK transform from the scan at rest to the deformed one (bone), and displacement field of the tissue, mm, LPS"
-_TRANSFORM, _FIELD = "rest_to_deformed.tfm", "displacement_mm.nrrd"
+WRITES = (
+    "ITK transforms from the scan at rest to the deformed one, by bone and by tissue, and displacement field, mm, LPS"
+)
+_TRANSFORM, _FIELD, _TISSUE = "rest_to_deformed.tfm", "displacement_mm.nrrd", "tissue_rest_to_deformed.h5"
 
 
-def export(case: CaseFolder, folder: Path) -> list[Path]:
+def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
     """Writes what the case has; LPS, mm, as ITK resamples: points at rest go to points of the other scan.
 
     rest_to_deformed.tfm : rigid, from the bones: resamples the deformed scan onto the scan at rest. displacement_mm.nrrd : of each
     voxel of the labels at rest within the mesh, in the frame of the scan at rest, 0 elsewhere; adds to the place at rest.
+    tissue_rest_to_deformed.h5 : both as one ITK transform, displacement first: resamples the deformed scan so that the organ
+    lies where it lay at rest, as far as the model goes.
     Raises InputError when the case has neither, or it cannot write.
     """
     written = []
@@ -37,10 +41,24 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     if case.has("identify/fields.npz") and case.has("mesh.npz"):
         written.append(folder / _FIELD)
         with atomic_path(written[-1]) as path:
-            sitk.WriteImage(_field(case), str(path), useCompression=True, imageIO="NrrdImageIO")
+            field = _field(case)
+            sitk.WriteImage(field, str(path), useCompression=True, imageIO="NrrdImageIO")
+        written.append(folder / _TISSUE)
+        with atomic_path(written[-1]) as path:
+            named = path.with_suffix(".h5")
+            sitk.WriteTransform(_both(field, case.deformed_to_rest()), str(named))
+            named.replace(path)
     if not written:
         raise InputError(f"{case.path} has neither alignment.json nor a displacement; import two scans first")
     return written
+
+
+def _both(field: sitk.Image, deformed_to_rest: FloatArray) -> sitk.CompositeTransform:
+    """The displacement, then the way into the deformed scan's own frame. ITK applies what was added last first."""
+    out = sitk.CompositeTransform(3)
+    out.AddTransform(_rigid(np.linalg.inv(deformed_to_rest).astype(np.float64)))
+    out.AddTransform(sitk.DisplacementFieldTransform(sitk.Cast(field, sitk.sitkVectorFloat64)))
+    return out
 
 
 def _rigid(matrix: FloatArray) -> sitk.AffineTransform:

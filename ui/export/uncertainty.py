@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
+from palpate.case.labels_on_scan import labels_on_scan
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
@@ -25,14 +26,14 @@ _MAP = "identify/stiffness_map.npz"
 _CHUNK = 50_000
 
 
-def export(case: CaseFolder, folder: Path) -> list[Path]:
-    """Writes on the grid of the labels at rest, 0 outside the organ:
+def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+    """Writes on the grid of the scan at rest (of its labels without CT), 0 outside the organ:
 
     stiffness_low_kpa, stiffness_high_kpa : ends of each half's 95 % interval. map_kpa : the smooth map. map_factor : within
     which two of three true values lie (exp of the standard deviation of ln G). map_told : 1 where the scans tell more than the
     smoothness that was assumed. The maps are left out where the case has none. Raises InputError when it has no result.
     """
-    labels, result = case.labels("rest"), read_result(case)
+    labels, result = labels_on_scan(case, "rest"), read_result(case)
     volumes = {f"stiffness_{end}_kpa": volume for end, volume in (interval_volumes(case) or {}).items()}
     if result.stiffness_map and case.has(_MAP):
         volumes |= _map(labels, case.read_npz(_MAP))

@@ -31,7 +31,7 @@ from palpate.case.steps.import_scans.write import (
 from palpate.case.swapped_contours import swapped_note
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
-from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
+from palpate.imaging.contours.user_labels import lying_in, read_label_volume, read_user_labels
 from palpate.imaging.dicom.pair_check import check_pair
 from palpate.imaging.dicom.series import SeriesFacts, read_series
 from palpate.imaging.labels import BONE, ORGAN_LABELS
@@ -82,7 +82,7 @@ def _import_scans(job: _Job) -> ImportRecord:
     notes = [f"{state}: {note}" for state, scan in zip(STATES, scans, strict=True) for note in scan[1].notes]
     notes += check_pair(scans[0], scans[1], options.same_patient)
     contours = {
-        state: read_user_labels(path, *scan, options.roi)
+        state: read_user_labels(path, *scan, options.roi, placed=state == "rest" or not options.align)
         for state, path, scan in zip(STATES, options.labels, scans, strict=True)
         if path is not None
     }
@@ -90,7 +90,8 @@ def _import_scans(job: _Job) -> ImportRecord:
     job.progress(0.4, "aligning on bone")
     alignment = _aligned(job, align_ct, scans[0][0], scans[1][0], [f for _, f in scans]) if options.align else None
     if alignment is not None and "deformed" in contours:
-        contours["deformed"] = in_own_frame(contours["deformed"], scans[1][0], alignment.deformed_to_rest)
+        own = in_own_frame(contours["deformed"], scans[1][0], alignment.deformed_to_rest)
+        contours["deformed"] = lying_in(own, scans[1][0], Path(options.labels[1] or ""))
     notes += [f"{state}: {note}" for state, labels in contours.items() for note in labels.notes]
     notes += [
         f"{state}: the drawn labels hold no prostate; it will be looked for in the CT"

@@ -14,7 +14,6 @@ from .colours import add_stiffness_colours
 STATES = ("rest", "deformed")
 STIFFNESS, MESH = "stiffness_kpa.nrrd", "mesh.vtu"
 _CT_WINDOW, _CT_LEVEL = 400.0, 40.0
-_AROUND = "surrounding_tissue"
 
 
 class LoadError(Exception):
@@ -92,17 +91,12 @@ def _show_as_ct(volume: Any) -> None:
 
 
 def _show_as_outlines(segmentation: Any, visible: bool) -> None:
-    """Outlines on the slices, so that the scan is seen; the tissue all around, which would cover everything, hidden."""
+    """Outlines on the slices, so that the scan is seen."""
     segmentation.CreateDefaultDisplayNodes()
     display = segmentation.GetDisplayNode()
     display.SetVisibility(visible)
     display.SetVisibility2DFill(False)
     display.SetVisibility2DOutline(True)
-    segments = segmentation.GetSegmentation()
-    for index in range(segments.GetNumberOfSegments()):
-        identifier = segments.GetNthSegmentID(index)
-        if segments.GetSegment(identifier).GetName() == _AROUND:
-            display.SetSegmentVisibility(identifier, False)
 
 
 def _show_as_stiffness(volume: Any, colours: Any) -> None:

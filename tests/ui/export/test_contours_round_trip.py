@@ -11,7 +11,7 @@ import numpy as np
 import pydicom
 import pytest
 import SimpleITK as sitk
-from dicom_cases import FLIPS, TURN, pair
+from dicom_cases import FLIPS, TURN, pair, who
 from drawn_contours import user_labels
 from phantoms import affine
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -19,16 +19,18 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from palpate.case.aligned_labels import NOTE, in_own_frame
 from palpate.case.case_folder import CaseFolder
+from palpate.case.labels_on_scan import labels_on_scan
 from palpate.case.second_contours import second_contours
 from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_workspace import read_workspace
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.contours.user_labels import UserLabels, read_user_labels
-from palpate.imaging.grid import labels_on
-from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
+from palpate.imaging.dicom.write import write_ct_series
+from palpate.imaging.grid import in_lps_order, labels_on, labels_resampled
+from palpate.imaging.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.ui.cli import main as cli
-from palpate.ui.dicom.structure_set import TG263
+from palpate.ui.dicom.structures import TG263
 from palpate.ui.export import exporter
 
 # Form -> file at rest, file of the deformed scan (in its own frame), whether surrounding tissue is in it.
@@ -92,8 +94,12 @@ def test_labels_finer_than_the_scan(form: str, fine: CaseFolder, tmp_path: Path)
     """
     exporter(form).export(fine, tmp_path)
     ct = fine.ct("rest")
-    wanted = fine.labels("rest") if form in ("dicom-seg", "nrrd") else labels_on(fine.labels("rest"), ct)
-    assert_same(read_back(fine, tmp_path / FORMS[form][0]).volume, wanted, name=form)
+    wanted = labels_resampled(fine.labels("rest"), ct)
+    found = read_back(fine, tmp_path / FORMS[form][0]).volume
+    assert_same(found, wanted, name=form)
+    if form != "rtstruct":
+        np.testing.assert_allclose(in_lps_order(found).affine, ct.affine, atol=1e-5)
+        assert found.array.shape == ct.array.shape or form == "dicom-seg"
     assert_same(read_back(fine, tmp_path / FORMS[form][0]).volume, fine.labels("rest"), 0.93, f"{form}, fine grid")
 
 
@@ -103,7 +109,7 @@ def test_the_deformed_scan_has_its_contours_in_its_own_frame(form: str, fine: Ca
     wanted = fine.labels("deformed").moved(np.linalg.inv(TURN))
     volume, facts = fine.series("deformed")
     found = read_user_labels(tmp_path / FORMS[form][1], volume, facts)
-    assert_same(found.volume, labels_on(wanted, volume) if form == "rtstruct" else wanted, name=form)
+    assert_same(found.volume, labels_resampled(wanted, volume), name=form)
     with pytest.raises(InputError, match="was drawn on another scan"):
         read_back(fine, tmp_path / FORMS[form][1])
 
@@ -111,15 +117,16 @@ def test_the_deformed_scan_has_its_contours_in_its_own_frame(form: str, fine: Ca
 def test_simpleitk_and_pydicom_agree_on_place(fine: CaseFolder, tmp_path: Path) -> None:
     exporter("nrrd").export(fine, tmp_path)
     other = Volume.from_sitk(sitk.ReadImage(str(tmp_path / "rest_labels.seg.nrrd")))
-    assert_same(other, fine.labels("rest"), 1.0)
+    assert_same(other, labels_resampled(fine.labels("rest"), fine.ct("rest")), 1.0)
     exporter("rtstruct").export(fine, tmp_path)
     structures = pydicom.dcmread(tmp_path / "rest_rtstruct.dcm")
     rois = {r.ROINumber: r.ROIName for r in structures.StructureSetROISequence}
     for roi in structures.ROIContourSequence:
         points = np.concatenate([np.array(c.ContourData, dtype=float).reshape(-1, 3) for c in roi.ContourSequence])
-        value = next(v for v, name in TG263.items() if name == rois[roi.ReferencedROINumber])
+        name = rois[roi.ReferencedROINumber]
+        values = ORGAN_LABELS if name == "Prostate" else [v for v, of in TG263.items() if of == name]
         drawn = fine.labels("rest")
-        inside = drawn.to_lps(np.argwhere(drawn.array == value).astype(float))
+        inside = drawn.to_lps(np.argwhere(np.isin(drawn.array, values)).astype(float))
         np.testing.assert_allclose(points.min(axis=0), inside.min(axis=0), atol=3.0)
         np.testing.assert_allclose(points.max(axis=0), inside.max(axis=0), atol=3.0)
 
@@ -129,7 +136,7 @@ def test_a_workspace_that_was_moved_finds_its_images(fine: CaseFolder, tmp_path:
     shutil.move(tmp_path / "here", tmp_path / "there")
     workspace = read_workspace(tmp_path / "there" / "rest.itksnap")
     assert {layer.path.name for layer in workspace.layers} == {
-        "rest_ct.nii.gz", "rest_labels_on_ct.nii.gz", "deformed_ct.nii.gz", "stiffness_kpa.nii.gz",
+        "rest_ct.nii.gz", "rest_labels.nii.gz", "deformed_ct.nii.gz", "stiffness_kpa.nii.gz",
     }  # fmt: skip
     assert all(layer.path.is_file() for layer in workspace.layers)
     assert workspace.names == {value: name for value, name in LABELS.items() if value}
@@ -148,7 +155,7 @@ def test_slicer_reads_our_segmentation_with_names_and_place(fine: CaseFolder, tm
     names = [
         node.GetSegmentation().GetNthSegment(i).GetName() for i in range(node.GetSegmentation().GetNumberOfSegments())
     ]
-    wanted = fine.labels("rest")
+    wanted = labels_on_scan(fine, "rest")
     assert names == [LABELS[int(v)] for v in np.unique(wanted.array) if v]
     for number, name in enumerate(names):
         value = next(v for v in LABELS if LABELS[v] == name)
@@ -192,11 +199,11 @@ def test_a_workspace_whose_labels_changed_is_imported_again(fine: CaseFolder, tm
                "--quiet", "--rest-labels", str(tmp_path / "rest.itksnap")]  # fmt: skip
     assert cli.main(command) == 0
     ct = fine.ct("rest")
-    write_labels(tmp_path / "rest_labels_on_ct.nii.gz", ct.with_array((ct.array > 500).astype(np.uint8)))
+    write_labels(tmp_path / "rest_labels.nii.gz", ct.with_array((ct.array > 500).astype(np.uint8)))
     assert cli.main(command) == 0
     found = user_labels(CaseFolder(tmp_path / "case"), "rest")
     assert found is not None and np.unique(found.array).tolist() == [0, 1]
-    (tmp_path / "rest_labels_on_ct.nii.gz").unlink()
+    (tmp_path / "rest_labels.nii.gz").unlink()
     assert cli.main(command) == 3
 
 
@@ -219,12 +226,33 @@ def test_labels_of_the_deformed_scan_come_back_to_where_they_were(
     assert_same(found, fine.labels("deformed"), 0.93, name)
 
 
-def test_an_import_tells_where_labels_of_the_deformed_scan_were_drawn(fine: CaseFolder, tmp_path: Path) -> None:
-    exporter("itksnap").export(fine, tmp_path)
+@pytest.mark.parametrize("form, name", [("itksnap", "deformed.itksnap"), ("nrrd", "deformed_labels.seg.nrrd")])
+def test_an_import_tells_where_labels_of_the_deformed_scan_were_drawn(
+    form: str, name: str, fine: CaseFolder, tmp_path: Path
+) -> None:
+    exporter(form).export(fine, tmp_path)
     ct, facts = fine.series("deformed")
-    aligned = read_user_labels(tmp_path / "deformed.itksnap", ct, facts)
+    aligned = read_user_labels(tmp_path / name, ct, facts)
     own = in_own_frame(aligned, ct, fine.deformed_to_rest())
     assert NOTE in own.notes and NOTE not in aligned.notes
-    assert_same(own.volume, labels_on(fine.labels("deformed").moved(np.linalg.inv(TURN)), ct))
+    assert_same(own.volume, labels_resampled(fine.labels("deformed").moved(np.linalg.inv(TURN)), ct))
     assert in_own_frame(own, ct, fine.deformed_to_rest()) is own
     assert in_own_frame(aligned, ct, np.eye(4)) is aligned
+
+
+@pytest.mark.parametrize("form, name", [("itksnap", "deformed_labels.nii.gz"), ("nrrd", "deformed_labels.seg.nrrd")])
+def test_a_scan_far_from_the_one_at_rest_takes_its_corrected_labels_back(form: str, name: str, tmp_path: Path) -> None:
+    """The table stood elsewhere: in the deformed scan's own frame the exported labels lie outside that scan."""
+    case = pair(tmp_path / "case", affine(flips=(1, -1, 1)))
+    far = TURN.copy()
+    far[:3, 3] += [0.0, 0.0, 300.0]
+    ct = case.series("deformed")[0].moved(np.linalg.inv(far) @ TURN)
+    shutil.rmtree(case.file("deformed_ct"))
+    write_ct_series(case.file("deformed_ct"), ct, who("deformed"), compress=False)
+    case.write_json("alignment.json", {"deformed_to_rest": far, "residual_mm": 0.1})
+    exporter(form).export(case, tmp_path / "out")
+    found = second_contours(case, "deformed", tmp_path / "out" / name)
+    assert_same(found, case.labels("deformed"), 1.0, name)
+    case.write_json("alignment.json", {"deformed_to_rest": TURN, "residual_mm": 0.1})
+    with pytest.raises(InputError, match="lie outside the CT"):
+        second_contours(case, "deformed", tmp_path / "out" / name)

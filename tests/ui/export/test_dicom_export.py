@@ -22,13 +22,14 @@ from dicom_samples import enhanced_ct, straight
 from phantoms import CENTRE, MARKER, affine, result, write_case
 
 from palpate.case.case_folder import CaseFacts, CaseFolder
+from palpate.case.labels_on_scan import without_tissue
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.cli import main as cli
 from palpate.ui.export import exporter
 
-FORMS = ("dicom-seg", "dicom-pm", "dicom-sr", "dicom-pdf", "rtstruct")
+FORMS = ("dicom-seg", "dicom-pm", "dicom-sr", "dicom-pdf", "dicom-reg", "rtstruct")
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,9 @@ def volume_of(found: hd.Volume) -> Volume:
 
 
 def assert_segments_are(path: Path, wanted: Volume) -> None:
+    """Every organ of the labels, voxel by voxel; the surrounding tissue is none."""
     found = hd.seg.segread(path)
+    wanted = without_tissue(wanted, False)
     assert {LABELS[int(v)] for v in np.unique(wanted.array) if v} == {s.SegmentLabel for s in found.SegmentSequence}
     for item in found.SegmentSequence:
         value = next(v for v, name in LABELS.items() if name == item.SegmentLabel)
@@ -97,7 +100,7 @@ def test_an_oblique_scan_keeps_its_place_and_the_deformed_labels_lie_in_their_ow
 def test_labels_beyond_the_last_slice_are_left_out(tmp_path: Path) -> None:
     """The model's labels go on where the scan has ended; a viewer would show them in empty space."""
     case = pair(tmp_path / "case", affine(), deformed=False)
-    labels, top = case.labels("rest"), sorted(case.file("rest_ct").iterdir())
+    labels, top = without_tissue(case.labels("rest"), False), sorted(case.file("rest_ct").iterdir())
     z = {path: float(pydicom.dcmread(path).ImagePositionPatient[2]) for path in top}
     middle = np.median(sorted(z.values()))
     for path in [path for path in top if z[path] > middle]:
@@ -112,7 +115,10 @@ def test_labels_beyond_the_last_slice_are_left_out(tmp_path: Path) -> None:
 def test_pydicom_and_simpleitk_see_the_same_pixels(written: dict[str, Path]) -> None:
     """SimpleITK reads no floating-point pixels, hence no Parametric Map: for it there is the series (test_stiffness_series)."""
     other = sitk.GetArrayFromImage(sitk.ReadImage(str(written["rest_seg.dcm"]))) > 0
-    np.testing.assert_array_equal(pydicom.dcmread(written["rest_seg.dcm"]).pixel_array > 0, other)
+    own = pydicom.dcmread(written["rest_seg.dcm"]).pixel_array > 0
+    # GDCM misreads the bits of a last byte that the frames do not fill.
+    whole = own.size // 8 * 8
+    np.testing.assert_array_equal(own.ravel()[:whole], other.ravel()[:whole])
 
 
 def test_the_map_says_kilopascal(written: dict[str, Path]) -> None:
@@ -181,7 +187,7 @@ def test_the_same_case_gives_the_same_objects(
 
 @pytest.mark.skipif(shutil.which("dciodvfy") is None, reason="dciodvfy is absent: apt-get install dicom3tools")
 def test_dciodvfy_finds_no_error(written: dict[str, Path]) -> None:
-    assert len(written) == 9
+    assert len(written) == 10
     assert_valid(written)
 
 
@@ -223,7 +229,8 @@ def test_a_scan_in_one_multi_frame_file(tmp_path: Path) -> None:
     case.write_labels("rest", grid.with_array(array))
     case.write_json("result.json", result())
     case.write_bytes("report/report.pdf", b"%PDF-1.4 a report")
-    files = {path.name: path for form in FORMS for path in exporter(form).export(case, tmp_path / "out")}
+    forms = [form for form in FORMS if form != "dicom-reg"]  # which is of two scans
+    files = {path.name: path for form in forms for path in exporter(form).export(case, tmp_path / "out")}
     assert_valid(files)
     assert_segments_are(files["rest_seg.dcm"], case.labels("rest"))
 

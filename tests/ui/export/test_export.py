@@ -73,6 +73,7 @@ def test_forms_are_found_by_their_files() -> None:
     assert names() == (
         "dicom-pdf",
         "dicom-pm",
+        "dicom-reg",
         "dicom-seg",
         "dicom-series",
         "dicom-sr",

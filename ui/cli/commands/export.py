@@ -15,9 +15,10 @@ NAME, HELP = "export", "results for other programs"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """CASE --to FORM DIR."""
+    """CASE --to FORM [--tissue] DIR."""
     add_case(parser)
     parser.add_argument("--to", required=True, choices=names(), help="form to write")
+    parser.add_argument("--tissue", action="store_true", help="keep the surrounding tissue among the labels")
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder to write into")
 
 
@@ -30,6 +31,6 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         raise InputError(f"{args.folder} is a file; give a folder to write into")
     with console.progress(NAME) as progress:
         progress(0.0, exporter(args.to).WRITES)
-        files = exporter(args.to).export(CaseFolder(args.case), args.folder)
+        files = exporter(args.to).export(CaseFolder(args.case), args.folder, args.tissue)
         progress(1.0, "written")
     return {"files": [str(path) for path in files]}, "\n".join(f"written {path}" for path in files)
