@@ -13,13 +13,14 @@ from palpate.case.matched import read_matched_motion
 from palpate.case.measured_noise import measured_noise
 from palpate.case.meshed import ORGAN_NAME, load_meshed, load_surfaces, rigid_offset_of
 from palpate.case.stated_files import further_states
+from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError
 from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
 from palpate.imaging.labels import LABELS
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
 
-# Default standard deviation of a contour, mm. Assumed: contours that nobody checked are worse (KNOWN_ISSUES.md).
+# Standard deviation of a contour of a person, a model or a file where nobody states one, mm. Assumed.
 DEFAULT_NOISE_MM = 0.4
 _WALLS = ("bladder", "rectum")
 _ORGAN = (1, 2)
@@ -37,7 +38,8 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
     for state, surfaces in (("rest", rest), ("deformed", deformed)):
         if ORGAN_NAME not in surfaces:
             raise InputError(f"{case.file('surfaces.npz')} has no organ in the {state} state; run `palpate mesh` again")
-    walls = {n: SurfacePair(rest[n], deformed[n]) for n in _WALLS if n in rest and n in deformed}
+    errors = StatedErrors(case)
+    walls = {n: errors.pair(SurfacePair(rest[n], deformed[n]), n) for n in _WALLS if n in rest and n in deformed}
     present = sorted(set(np.unique(meshed.mesh.regions).tolist()) & set(_ORGAN))
     marks = case.landmarks()
     offset = rigid_offset_of(case)
@@ -48,7 +50,7 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
         meshed.mesh,
         meshed.boundary,
         walls,
-        SurfacePair(rest[ORGAN_NAME], deformed[ORGAN_NAME]),
+        errors.pair(SurfacePair(rest[ORGAN_NAME], deformed[ORGAN_NAME]), ORGAN_NAME),
         facts_of(case),
         {r: LABELS[r] for r in present},
         landmarks,
@@ -74,13 +76,16 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
 
 
 def facts_of(case: CaseFolder) -> Facts:
-    """Scalars that the model needs. Contour noise is the stated value, else the measured one, else `DEFAULT_NOISE_MM`.
+    """Scalars that the model needs. Contour noise is the stated value, else the measured one, else `DEFAULT_NOISE_MM`, which
+    is of surfaces that state no errors of their own (`surface_errors`).
 
-    Raises InputError when noise.json is damaged.
+    Raises InputError when noise.json or surface_errors.npz is damaged.
     """
     facts = case.facts
     measured = None if facts.boundary_noise_sd_mm is not None else measured_noise(case)
-    sd, length = measured or (facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM, Facts.noise_correlation_mm)
+    estimated = StatedErrors(case)
+    usual = estimated.correlation_mm if estimated else Facts.noise_correlation_mm
+    sd, length = measured or (facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM, usual)
     return Facts(
         tissue_shear_modulus_kpa=facts.tissue_shear_modulus_kpa,
         tissue_poisson_ratio=facts.tissue_poisson_ratio,
@@ -91,8 +96,11 @@ def facts_of(case: CaseFolder) -> Facts:
     )
 
 
-def noise_source(case: CaseFolder) -> Literal["case", "repeats", "assumed"]:
-    """Source of the contour noise: "case" (stated in case.json), "repeats" (measured, noise.json) or "assumed"."""
+def noise_source(case: CaseFolder) -> Literal["case", "repeats", "image", "assumed"]:
+    """Source of the contour noise: "case" (stated in case.json), "repeats" (measured, noise.json), "image" (estimated by the
+    segmentation, surface_errors.npz; what nobody estimated is assumed) or "assumed"."""
     if case.facts.boundary_noise_sd_mm is not None:
         return "case"
-    return "assumed" if measured_noise(case) is None else "repeats"
+    if measured_noise(case) is not None:
+        return "repeats"
+    return "image" if StatedErrors(case) else "assumed"

@@ -1,4 +1,4 @@
-"""Files that only some cases have: those that case.json names, and noise.json.
+"""Files that only some cases have: those that case.json names, noise.json and surface_errors.npz.
 
 case.json names the files of further deformed states and of a body on a bench.
 """
@@ -16,6 +16,8 @@ from palpate.case.measured_noise import FILE as NOISE_FILE
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import typed
 
+# Errors of the surfaces that the segmentation found, by place (`surface_errors`).
+ERRORS_FILE = "surface_errors.npz"
 # Name of a file directly in the case folder, without a folder before it.
 _FileName = Annotated[
     str, Meta(pattern=r"^(?!\.{1,2}$)[^/\\\x00-\x1f]+$(?!\n)", description="the name of a file in the case folder")
@@ -84,11 +86,11 @@ def checked_state(case: CaseFolder, state: FurtherState) -> FurtherState:
 
 
 def further_files(case: CaseFolder) -> list[str]:
-    """Names of the files of further deformed states, then noise.json where the case has one.
+    """Names of the files of further deformed states, then noise.json and surface_errors.npz where the case has them.
 
     Raises InputError naming what is wrong with an entry of `states`.
     """
-    noise = [NOISE_FILE] if case.has(NOISE_FILE) else []
+    noise = [name for name in (NOISE_FILE, ERRORS_FILE) if case.has(name)]
     return [*(name for state in further_states(case) for name in state.files), *noise]
 
 

@@ -55,12 +55,13 @@ class AlignmentRecord(TypedDict, total=False):
 
 class OrganRecord(TypedDict):
     """How an organ was found, how sure that is, 0 to 1, and its volume, cc; a file made by hand may tell the method
-    alone.
+    alone. error_mm : of its surface along the normal, rms, where it was estimated.
     """
 
     method: str
     confidence: NotRequired[float]
     volume_cc: NotRequired[float]
+    error_mm: NotRequired[float]
 
 
 class BoneRecord(TypedDict):

@@ -23,10 +23,22 @@ _DAMAGED: tuple[type[Exception], ...] = (InputError, *DAMAGED_ARCHIVE)
 
 @dataclass(frozen=True, eq=False)
 class SurfacePair:
-    """One anatomical surface in both scans, in one frame."""
+    """One anatomical surface in both scans, in one frame. common_share : share of the variance of the surfaces' errors
+    that both scans have in common, of errors that the surfaces state (`Surface.sd_mm`)."""
 
     rest: Surface
     deformed: Surface
+    common_share: float = 0.0
+
+    @property
+    def states_errors(self) -> bool:
+        """Whether a surface of the two says how far it may be off."""
+        return self.rest.sd_mm is not None or self.deformed.sd_mm is not None
+
+    def noise_sd_mm(self, otherwise: float) -> float:
+        """Error of one contour, rms over both surfaces, mm. otherwise : of a surface that states none."""
+        both = [np.array([otherwise]) if s.sd_mm is None else s.sd_mm for s in (self.rest, self.deformed)]
+        return float(np.sqrt(np.mean([(sd**2).mean() for sd in both])))
 
 
 @dataclass(frozen=True)
@@ -34,9 +46,9 @@ class Facts:
     """Scalars of a case.
 
     tissue_shear_modulus_kpa, tissue_poisson_ratio : of the surrounding tissue. bounds_kpa : of every region's G.
-    noise_sd_mm, noise_correlation_mm : of one contour, along its normal. outer_fixed : whether the outer surface is
-    held. organ_poisson_ratio : fixes the organ's bulk modulus relative to its G; not identified. voxel_mm : for
-    reports.
+    noise_sd_mm : of one contour, along its normal, where its surface states none. noise_correlation_mm : of contours.
+    outer_fixed : whether the outer surface is held. organ_poisson_ratio : fixes the organ's bulk modulus relative to its
+    G; not identified. voxel_mm : for reports.
     """
 
     tissue_shear_modulus_kpa: float = 20.0
@@ -72,6 +84,21 @@ class IdentificationProblem:
         """Organ region ids, ascending."""
         return tuple(sorted(self.region_names))
 
+    @property
+    def pairs(self) -> tuple[SurfacePair, ...]:
+        """Surfaces of the organ and of all walls."""
+        return (self.organ, *self.walls.values())
+
+    @property
+    def organ_noise_mm(self) -> float:
+        """Error of one contour of the organ, rms over its surface, mm."""
+        return self.organ.noise_sd_mm(self.facts.noise_sd_mm)
+
+    @property
+    def states_errors(self) -> bool:
+        """Whether a surface says how far it may be off."""
+        return any(pair.states_errors for pair in self.pairs)
+
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """For numpy.savez; `from_arrays` is the inverse."""
         out: dict[str, NDArray[np.generic]] = {
@@ -83,9 +110,7 @@ class IdentificationProblem:
         for name, faces in self.boundary.items():
             out[f"boundary/{name}"] = faces
         for name, pair in {**{f"walls/{k}": v for k, v in self.walls.items()}, "organ": self.organ}.items():
-            for state, surface in (("rest", pair.rest), ("deformed", pair.deformed)):
-                for key in ("points", "faces", "region"):
-                    out[f"{name}/{state}/{key}"] = getattr(surface, key)
+            out |= _of_pair(name, pair)
         if self.matched is not None:
             out |= {f"matched/{key}": values for key, values in self.matched.arrays().items()}
         scalars = {"format": FORMAT, "facts": self.facts.__dict__, "region_names": dict(self.region_names)}
@@ -126,12 +151,27 @@ def _matched(data: Mapping[str, NDArray[np.generic]]) -> MatchedMotion | None:
     return MatchedMotion.from_arrays(found) if found else None
 
 
+def _of_pair(name: str, pair: SurfacePair) -> dict[str, NDArray[np.generic]]:
+    out: dict[str, NDArray[np.generic]] = {}
+    for state, surface in (("rest", pair.rest), ("deformed", pair.deformed)):
+        for key in ("points", "faces", "region"):
+            out[f"{name}/{state}/{key}"] = getattr(surface, key)
+        if surface.sd_mm is not None:
+            out[f"{name}/{state}/sd_mm"] = surface.sd_mm
+    if pair.states_errors:
+        out[f"{name}/common_share"] = np.array(pair.common_share)
+    return out
+
+
 def _pair(data: Mapping[str, NDArray[np.generic]], name: str) -> SurfacePair:
-    rest, deformed = (
-        Surface(*(np.asarray(data[f"{name}/{state}/{key}"]) for key in ("points", "faces", "region")))
-        for state in ("rest", "deformed")
-    )
-    return SurfacePair(rest, deformed)
+    rest, deformed = (_surface(data, f"{name}/{state}") for state in ("rest", "deformed"))
+    return SurfacePair(rest, deformed, float(np.asarray(data.get(f"{name}/common_share", 0.0))))
+
+
+def _surface(data: Mapping[str, NDArray[np.generic]], name: str) -> Surface:
+    points, faces, region = (np.asarray(data[f"{name}/{key}"]) for key in ("points", "faces", "region"))
+    sd = data.get(f"{name}/sd_mm")
+    return Surface(points, faces, region, None if sd is None else np.asarray(sd, dtype=float))
 
 
 # The problem of one deformed state, and the bones' surfaces at rest and in that state, None where they were not

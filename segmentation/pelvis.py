@@ -6,22 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import numpy as np
-
 from palpate.core.errors import InputError
-from palpate.core.worker.progress import Progress, silent
+from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.volume import Volume
-from palpate.segmentation.bladder.bladder import find_bladder
 from palpate.segmentation.bone.parts import BoneParts, bone_parts
 from palpate.segmentation.models.learned import learned_masks
+from palpate.segmentation.organs import find_organs
 from palpate.segmentation.prompts import Prompts
-from palpate.segmentation.prostate.prostate import find_prostate
-from palpate.segmentation.rectum.rectum import find_rectum
 from palpate.segmentation.search_region import Found, Scene, make_scene
 from palpate.segmentation.working_grid import Mask, mask_on
 
-# Below this a label wants a person's eye.
-DOUBTFUL = 0.35
+# Below this a label wants a person's eye. It is a Dice: what people's own contours of a prostate on CT agree to is 0.8.
+DOUBTFUL = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,22 +58,12 @@ def segment_pelvis(
     learned = learned_masks(ct, model)
     progress(0.0, "body and bone")
     scene = make_scene(ct, prompts)
-    organs = {name: Found(mask_on(mask, scene.grid), "user", 1.0) for name, mask in drawn.items()}
-    progress(0.4, "bladder")
-    if "bladder" not in organs:
-        _keep(organs, "bladder", find_bladder(scene, prompts))
-    progress(0.65, "rectum")
-    if "rectum" not in organs:
-        _keep(organs, "rectum", find_rectum(scene, prompts, _mask(organs, "bladder")))
-    progress(0.75, "prostate")
-    if "prostate" not in organs:
-        found = find_prostate(scene, prompts, _mask(organs, "bladder"), _mask(organs, "rectum"))
-        if found is not None and found.mask.any():
-            organs["prostate"] = found
-        elif "prostate" not in learned:
-            raise InputError(
-                "no prostate was found in this scan; click on it with --seed prostate=x,y,z (mm, LPS; --deformed-seed in the deformed scan)"
-            )
+    given = {name: Found(mask_on(mask, scene.grid), "user", 1.0) for name, mask in drawn.items()}
+    organs = find_organs(scene, prompts, given, part(progress, 0.3, 0.6))
+    if "prostate" not in organs and "prostate" not in learned:
+        raise InputError(
+            "no prostate was found in this scan; click on it with --seed prostate=x,y,z (mm, LPS; --deformed-seed in the deformed scan)"
+        )
     for name, mask in learned.items():
         if name not in drawn and prompts.mode(name) in ("auto", "carried"):
             organs[name] = _judged(mask_on(mask, scene.grid), str(model).partition(":")[0], organs.get(name))
@@ -90,13 +76,3 @@ def _judged(mask: Mask, model: str, own: Found | None) -> Found:
     total = int(mask.sum()) + (0 if own is None else int(own.mask.sum()))
     agreement = 0.0 if own is None or total == 0 else 2.0 * int((mask & own.mask).sum()) / total
     return Found(mask, model, round(agreement, 3))
-
-
-def _keep(organs: dict[str, Found], name: str, found: Found | None) -> None:
-    if found is not None and found.mask.any():
-        organs[name] = found
-
-
-def _mask(organs: Mapping[str, Found], name: str) -> Mask | None:
-    found = organs.get(name)
-    return None if found is None else np.asarray(found.mask)

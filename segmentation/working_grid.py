@@ -91,14 +91,28 @@ def dilated(mask: Mask, radius_mm: float, step_mm: float) -> Mask:
     """The mask grown by a ball."""
     if not mask.any():
         return mask.copy()
-    return np.asarray(ndimage.distance_transform_edt(~mask, sampling=step_mm) <= radius_mm)
+    near, out = box_around(mask, radius_mm / step_mm), np.zeros(mask.shape, dtype=bool)
+    out[near] = ndimage.distance_transform_edt(~mask[near], sampling=step_mm) <= radius_mm
+    return out
 
 
 def eroded(mask: Mask, radius_mm: float, step_mm: float) -> Mask:
     """The mask shrunk by a ball; what lies beyond the grid counts as mask."""
-    if mask.all():
+    if mask.all() or not mask.any():
         return mask.copy()
-    return np.asarray(ndimage.distance_transform_edt(mask, sampling=step_mm) > radius_mm)
+    near, out = box_around(mask, 0.0), np.zeros(mask.shape, dtype=bool)
+    out[near] = ndimage.distance_transform_edt(mask[near], sampling=step_mm) > radius_mm
+    return out
+
+
+def box_around(mask: Mask, margin: float) -> tuple[slice, ...]:
+    """The part of a grid that holds a mask that is not empty, and one voxel more than a margin (in voxels) about it."""
+    room = int(np.ceil(margin)) + 1
+    slices = []
+    for axis in range(mask.ndim):
+        used = np.flatnonzero(mask.any(axis=tuple(a for a in range(mask.ndim) if a != axis)))
+        slices.append(slice(max(0, int(used[0]) - room), int(used[-1]) + room + 1))
+    return tuple(slices)
 
 
 def opened(mask: Mask, radius_mm: float, step_mm: float) -> Mask:

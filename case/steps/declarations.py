@@ -10,13 +10,13 @@ import msgspec
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.matched import FILE as MATCHED
-from palpate.case.stated_files import body_inputs, further_files, is_body
+from palpate.case.stated_files import ERRORS_FILE, body_inputs, further_files, is_body
 from palpate.case.steps.step import Step
 
 _STEPS = "palpate.case.steps"
 _LABELS = ("rest.nii.gz", "deformed.nii.gz")
 _SCENE = ("mesh.npz", "surfaces.npz", "case.json", "landmarks.csv")
-_MORE = "`noise.json`; labels and landmarks of further deformed states"
+_MORE = "`noise.json`, `surface_errors.npz`; labels and landmarks of further deformed states"
 
 
 class _MadeFrom(msgspec.Struct):
@@ -69,7 +69,7 @@ SEGMENT = Step(
     ("rest_ct", "deformed_ct", "alignment.json", "rest_user.nii.gz", "deformed_user.nii.gz", "user_labels.json"),
     (
         *("rest.nii.gz", "deformed.nii.gz", "labels.txt", "segmentation.json"),
-        *("rest_bones.nii.gz", "deformed_bones.nii.gz", "bones.txt"),
+        *("rest_bones.nii.gz", "deformed_bones.nii.gz", "bones.txt", ERRORS_FILE),
     ),
     f"{_STEPS}.segment_options:SegmentOptions",
     f"{_STEPS}.segment:run_segment",
@@ -116,7 +116,7 @@ DIAGNOSE = Step(
 PLAN = Step(
     "plan",
     "what a second scan would tell, from the scan at rest alone",
-    ("rest.nii.gz", "labels.txt", "case.json", "noise.json", "result.json"),
+    ("rest.nii.gz", "labels.txt", "case.json", "noise.json", ERRORS_FILE, "result.json"),
     ("plan.json",),
     f"{_STEPS}.plan:PlanOptions",
     f"{_STEPS}.plan:run",

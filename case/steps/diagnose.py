@@ -15,6 +15,7 @@ from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import state_rigid_offset
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.meshed import rigid_offset_of
+from palpate.case.missing import missing_structures
 from palpate.case.stated_files import further_states, is_body
 from palpate.case.steps import match, mesh
 from palpate.case.steps.declarations import DIAGNOSE
@@ -84,20 +85,19 @@ def run(
         given = arrays(replace(data_of(case, options.image), remeshed=others))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    record = _of_case(
-        case, typed(answer, DiagnosisRecord, "the worker's answer", ""), [] if body else rigid_offset_notes(case)
-    )
+    notes = [] if body else [*missing_structures(case), *rigid_offset_notes(case)]
+    record = _of_case(case, typed(answer, DiagnosisRecord, "the worker's answer", ""), notes)
     case.write_json(DIAGNOSIS, record)
     DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, record.where.map))
     return record
 
 
 def _of_case(case: CaseFolder, record: DiagnosisRecord, flags: list[str]) -> DiagnosisRecord:
-    """The record completed by the case: its flags, whether it is simulated, the map's path from the case folder."""
+    """The record completed by the case: its flags first, whether it is simulated, the map's path from the case folder."""
     return structs.replace(
         record,
         where=structs.replace(record.where, map=f"{_FOLDER}/{record.where.map}"),
-        flags=[*record.flags, *flags],
+        flags=[*flags, *record.flags],
         simulated=True if case.facts.other.get("simulated") else UNSET,
     )
 

@@ -12,9 +12,11 @@ from msgspec import UNSET
 from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
+from palpate.case.missing import at_bounds, missing_structures
 from palpate.case.problem import noise_source
 from palpate.case.steps import mesh
 from palpate.case.steps.declarations import IDENTIFY
+from palpate.case.surface_errors import StatedErrors
 from palpate.core.files.json_types import typed
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.result_record import IdentificationRecord, ResultRecord
@@ -76,6 +78,8 @@ def _of_case(case: CaseFolder, record: IdentificationRecord) -> ResultRecord:
         versions=versions(),
         inputs_sha256=_input_hashes(case),
         simulated=True if case.facts.other.get("simulated") else UNSET,
+        missing=[*missing_structures(case), *at_bounds(record.parameters)],
+        contour_errors_mm=StatedErrors(case).rms_mm() or UNSET,
     )
 
 

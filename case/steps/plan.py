@@ -12,9 +12,11 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import identified_regions
+from palpate.case.meshed import ORGAN_NAME
 from palpate.case.problem import facts_of
 from palpate.case.steps.declarations import PLAN
 from palpate.case.steps.plan_loads import LOADS, NOTES
+from palpate.case.surface_errors import StatedErrors
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.fem.newton.newton import Equilibrium
@@ -128,7 +130,7 @@ def run(case: CaseFolder, options: PlanOptions | None = None, progress: Progress
         )
     plan: PlanRecord = {
         "case": case.facts.name, "assumed_G_kpa": stiffness, "assumed_from": source,
-        "noise_sd_mm": problem.facts.noise_sd_mm, **_deformation_record(options, rows, list(names.values())),
+        "noise_sd_mm": problem.organ_noise_mm, **_deformation_record(options, rows, list(names.values())),
     }  # fmt: skip
     case.write_json("plan.json", plan)
     PLAN.mark_done(case, made_from)
@@ -205,10 +207,14 @@ def _problem(
     moved_walls_by_name = {} if options.deformation in LOADS else _moved(labels, options.deformation, amount)
     walls = {name: _pair(wall) for name, wall in moved_walls_by_name.items()}
     organ = organ_surfaces(labels)
-    facts = facts_of(case)
+    pair, facts = SurfacePair(organ, organ), facts_of(case)
     if options.noise_sd_mm is not None:
         facts = replace(facts, noise_sd_mm=options.noise_sd_mm)
-    return IdentificationProblem(meshed.mesh, meshed.boundary, walls, SurfacePair(organ, organ), facts, dict(names))
+    else:
+        errors = StatedErrors(case)
+        pair = errors.planned(pair, ORGAN_NAME)
+        walls = {name: errors.planned(wall, name) for name, wall in walls.items()}
+    return IdentificationProblem(meshed.mesh, meshed.boundary, walls, pair, facts, dict(names))
 
 
 def _moved(labels: Volume, deformation: str, amount: float) -> dict[str, MovedWall]:

@@ -13,9 +13,10 @@ from palpate.case.step_records import SegmentationRecord, SegmentedRecord
 from palpate.case.steps.declarations import SEGMENT
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
+from palpate.case.surface_errors import write_surface_errors
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
-from palpate.core.worker.progress import Progress, silent
+from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LABELS
@@ -24,6 +25,7 @@ from palpate.segmentation.bone.motion import bone_motions, motion_notes
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prompts import Prompts, check_inside
 from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
+from palpate.segmentation.surface_error import surface_errors
 from palpate.segmentation.tissue import cropped, label_array, region_of_interest
 
 # Margin of the deformed labels around the region that is modelled at rest: surfaces must be whole there.
@@ -37,7 +39,8 @@ def run_segment(
 ) -> SegmentationRecord:
     """Write rest.nii.gz, deformed.nii.gz (both in the rest frame), labels.txt and segmentation.json; return the last.
 
-    STATE_bones.nii.gz (names in bones.txt) gives the bone of each bone voxel.
+    surface_errors.npz gives, by place, how far the surfaces that were found may be off. STATE_bones.nii.gz (names in
+    bones.txt) gives the bone of each bone voxel.
 
     A person's contours (STATE_user.nii.gz) are taken as they are; only missing structures are segmented. The step
     passes over a case whose scans, contours and options are those of the last run, and over a case that came with label
@@ -77,11 +80,13 @@ def _found(case: CaseFolder, options: SegmentOptions, progress: Progress, alone:
 def _segmented(case: CaseFolder, state: str, prompts: Prompts, model: str | None, progress: Progress) -> SegmentedState:
     contours, ct = read_contours(case, state), case.ct(state)
     check_inside(ct, prompts, state)
-    segmentation = segment_pelvis(ct, prompts, contours.organs if contours else {}, progress, model)
+    segmentation = segment_pelvis(ct, prompts, contours.organs if contours else {}, part(progress, 0.0, 0.6), model)
+    progress(0.6, "how far the surfaces may be off")
+    errors = surface_errors(segmentation.scene, prompts, segmentation.organs)
     # A person's voxels are written unchanged, on their own grid; segmented structures on the grid of the segmentation.
     by_hand = contours is not None and "prostate" in contours.organs
     grid = contours.volume if contours is not None and by_hand else segmentation.scene.grid
-    return SegmentedState(segmentation, contours, grid)
+    return SegmentedState(segmentation, contours, grid, errors)
 
 
 def _centroids(state: SegmentedState) -> dict[str, FloatArray]:
@@ -99,12 +104,12 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
     roi = region_of_interest(rest.prostate, np.array(options.margin_mm))
     states: dict[str, SegmentedRecord] = {}
     volumes = {}
-    for state, part in found.items():
+    for state, one in found.items():
         box = roi if state == "rest" else roi + DEFORMED_ROOM_MM * np.array([[-1.0], [1.0]])
         prompts = options.prompts if state == "rest" else options.prompts_deformed.moved(case.deformed_to_rest())
-        plane = split_plane(part.prostate, normal, source, prompts.seeds.get("urethra"))
-        volumes[state] = labels_of(part, plane, box)
-        states[state] = state_report(part, volumes[state], plane, box)
+        plane = split_plane(one.prostate, normal, source, prompts.seeds.get("urethra"))
+        volumes[state] = labels_of(one, plane, box)
+        states[state] = state_report(one, volumes[state], plane, box)
     other = found.get("deformed")
     motions = bone_motions(rest.segmentation.bones, other.segmentation.bones) if other else {}
     report: SegmentationRecord = {
@@ -113,6 +118,7 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
         "bone_motion": {name: motion.to_dict() for name, motion in motions.items()},
         "notes": notes_on(states) + motion_notes(motions),
     }
+    write_surface_errors(case, {state: one.errors for state, one in found.items()})
     # The report comes first: labels without one count as a person's own, which those of a killed run are not.
     case.write_json("segmentation.json", report)
     for state, labels in volumes.items():

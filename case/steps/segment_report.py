@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from palpate.case.case_folder import STATES
 from palpate.case.contours import Contours
-from palpate.case.step_records import SegmentedRecord
+from palpate.case.step_records import OrganRecord, SegmentedRecord
 from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.statistics import rms
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import DOUBTFUL, Segmentation
 from palpate.segmentation.prostate.halves import Plane
+from palpate.segmentation.search_region import Found
+from palpate.segmentation.surface_error import SurfaceErrors
 from palpate.segmentation.working_grid import bounds
 
 # Largest relative change of the prostate's volume between the states without a note: the organ is incompressible.
@@ -23,11 +26,13 @@ VOLUME_CHANGE = 0.15
 
 @dataclass(frozen=True, eq=False)
 class SegmentedState:
-    """One segmented state, a person's contours of it, and the grid that its labels are written on."""
+    """One segmented state, a person's contours of it, the grid that its labels are written on, and how far the surfaces of
+    the organs that the program found may be off."""
 
     segmentation: Segmentation
     contours: Contours | None
     grid: Volume
+    errors: Mapping[str, SurfaceErrors] = field(default_factory=dict)
 
     def mask(self, name: str) -> BoolArray:
         """Mask of an organ, "bone" or "body" on the grid that is written. A person's voxels are unchanged."""
@@ -51,10 +56,7 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatA
     low, high = bounds(labels)
     whole = {name: round(part.segmentation.scene.cc(found.mask), 2) for name, found in organs.items()}
     return {
-        "organs": {
-            name: {"method": found.method, "confidence": found.confidence, "volume_cc": whole[name]}
-            for name, found in organs.items()
-        },
+        "organs": {name: _organ_record(found, whole[name], part.errors.get(name)) for name, found in organs.items()},
         "bones": {
             name: {"volume_cc": round(part.segmentation.bones.volume_cc(name), 2), "confidence": confidence}
             for name, confidence in part.segmentation.bones.confidence.items()
@@ -74,6 +76,18 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatA
         "split": {"point": plane.point.tolist(), "normal": plane.normal.tolist(), "source": plane.source},
         "spacing_mm": labels.spacing.tolist(),
         "covers_region": bool((low <= box[0] + labels.spacing).all() and (high >= box[1] - labels.spacing).all()),
+    }
+
+
+def _organ_record(found: Found, volume_cc: float, errors: SurfaceErrors | None) -> OrganRecord:
+    """confidence : of an organ that the program found, the Dice with the true one that its errors leave on average."""
+    if errors is None:
+        return {"method": found.method, "confidence": found.confidence, "volume_cc": volume_cc}
+    return {
+        "method": found.method,
+        "confidence": round(errors.expected_dice, 3),
+        "volume_cc": volume_cc,
+        "error_mm": round(rms(errors.sd_mm), 2),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.cut_interface import CutProblem, cut_problem
 from palpate.core.forward.scene_parts import DistanceFields, distance_fields, driving_walls, moved_observation
+from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.observe.surface_observation import SurfaceObservation, sample_surface
 from palpate.core.observe.wall_motion import POINTS, WallMotion
 from palpate.core.observe.wall_motion_options import WallMotionOptions
@@ -60,6 +61,8 @@ class SharedGeometry:
             observation = moved_observation(like.observation, space, problem)
             return cls(problem, element, observation, like.fields, like.walls, like.motions, split_mu=like.split_mu)
         walls = walls or WallMotionOptions()
+        if problem.states_errors:
+            walls = replace(walls, noise_length_mm=problem.facts.noise_correlation_mm)
         fields = {name: distance_fields(pair) for name, pair in driving_walls(problem).items()}
         geometry = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls, split_mu=split_mu)
         for name in fields:
@@ -67,7 +70,9 @@ class SharedGeometry:
                 _seen(problem, name, fields[name], walls.seen_within_mm),
                 fields[name][0].value_and_gradient,
             )
-            geometry.motions[name] = WallMotion.of(visible, at_rest, problem.facts.noise_sd_mm, walls)
+            # How the wall moved is not known yet: the nearest place of the deformed wall stands for its own.
+            errors = ContourErrors.of(problem.walls[name], visible.rest, visible.rest, problem.facts.noise_sd_mm)
+            geometry.motions[name] = WallMotion.of(visible, at_rest, errors, walls)
         return geometry
 
     @property

@@ -16,7 +16,7 @@ from palpate.core.forward.slipping_walls import let_slip
 from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.surface_observation import SurfaceObservation
-from palpate.core.problem import IdentificationProblem, SurfacePair
+from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import NOTHING, Linearisation
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
@@ -60,7 +60,7 @@ def predict(
     if not equilibrium.converged:
         return Prediction(None, equilibrium, np.full(len(theta), np.nan), np.nan, str(equilibrium.reason))
     scene.observation = SurfaceObservation.of(_as_predicted(scene, equilibrium), scene.space)
-    options = options or NoiseModelOptions()
+    options = (options or NoiseModelOptions()).for_case(problem)
     data, sensitivities = _data_of(scene, options), scene.displacement_sensitivities(theta, equilibrium)
     in_theta = data.response(scene, equilibrium.u, sensitivities)
     seen = Linearisation(theta, NOTHING, scene, equilibrium, np.zeros(data.n), in_theta, np.zeros(0))
@@ -87,4 +87,4 @@ def _as_predicted(scene: CompositionScene, equilibrium: Equilibrium) -> Identifi
     rest = scene.problem.organ.rest
     moved = scene.space.interpolation(rest.points, scene.problem.regions) @ equilibrium.u
     deformed = rest.with_points(rest.points + moved)
-    return replace(scene.problem, organ=SurfacePair(rest, deformed))
+    return replace(scene.problem, organ=replace(scene.problem.organ, rest=rest, deformed=deformed))

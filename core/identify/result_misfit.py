@@ -34,5 +34,5 @@ def misfit_figures(
         objective_mm2=end.objective_mm2,
         points=end.points,
         rms_before_mm=start.rms_mm,
-        contour_noise_sd_mm=problem.facts.noise_sd_mm,
+        contour_noise_sd_mm=problem.organ_noise_mm,
     )

@@ -49,7 +49,8 @@ class MisfitRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     points : of the surface that were compared. rms_before_mm : without any model. landmarks_rms_mm : of matched points within.
     expected_noise_rms_mm : what the contours' noise alone would leave. weighted : the fit's own sum of squares, all states together;
-    weighted_from_noise : what noise leaves of it on average. contour_noise_from : "case", "repeats" or "assumed".
+    weighted_from_noise : what noise leaves of it on average. contour_noise_from : "case", "repeats",
+    "image" (estimated by the segmentation, by place) or "assumed".
     """
 
     rms_mm: _Length
@@ -63,7 +64,7 @@ class MisfitRecord(msgspec.Struct, frozen=True, kw_only=True):
     expected_noise_rms_mm: _Length | UnsetType = UNSET
     weighted: float | UnsetType = UNSET
     weighted_from_noise: float | UnsetType = UNSET
-    contour_noise_from: Literal["case", "repeats", "assumed"] | UnsetType = UNSET
+    contour_noise_from: Literal["case", "repeats", "image", "assumed"] | UnsetType = UNSET
 
 
 class SolverRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -139,12 +140,16 @@ class IdentificationRecord(msgspec.Struct, frozen=True, kw_only=True):
 class ResultRecord(IdentificationRecord, frozen=True, kw_only=True):
     """result.json. versions : of the packages that the answer depends on. inputs_sha256 : by file of the case.
 
-    simulated : present and true where the pair was computed.
+    simulated : present and true where the pair was computed. missing : what the case lacks for the values to be believed,
+    and stiffness at a bound, one line each. contour_errors_mm : estimated by the segmentation, rms over a surface, by state
+    and surface ("organ", "bladder", "rectum"); present where the inference used them.
     """
 
     versions: dict[str, str]
     inputs_sha256: dict[str, str]
     simulated: bool | UnsetType = UNSET
+    missing: list[str] | UnsetType = UNSET
+    contour_errors_mm: dict[str, dict[str, float]] | UnsetType = UNSET
 
 
 class ReidentificationRecord(msgspec.Struct, frozen=True, kw_only=True):

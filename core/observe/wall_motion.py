@@ -28,7 +28,8 @@ from scipy.spatial.distance import cdist
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import DistanceFunction, SlidingWall
-from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
+from palpate.core.observe.contour_errors import ContourErrors
+from palpate.core.observe.contour_noise import noise_modes
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.observe.wall_motion_prior import Kernel, likeliest
 from palpate.core.observe.wall_rigid_and_growth import WallRigidModes
@@ -64,14 +65,19 @@ class WallMotion:
 
     @classmethod
     def of(
-        cls, wall: SlidingWall, at_rest: DistanceFunction, noise_sd_mm: float, options: WallMotionOptions
+        cls, wall: SlidingWall, at_rest: DistanceFunction, noise: float | ContourErrors, options: WallMotionOptions
     ) -> WallMotion:
-        """Posterior for a wall that lies, at rest, where the first scan shows it. noise_sd_mm : of one contour."""
+        """Posterior for a wall that lies, at rest, where the first scan shows it.
+
+        noise : standard deviation of one contour, mm, or the errors of both scans' contours at `wall.rest`.
+        """
         chosen = np.random.default_rng(0).permutation(len(wall.rest))[:POINTS]
         X = wall.rest[chosen]
         out = _normals(at_rest, X)
-        noise = 2.0 * smooth_covariance(X, noise_sd_mm, options.noise_length_mm)
-        noise += options.voxels_mm**2 * np.eye(len(X))
+        errors = noise if isinstance(noise, ContourErrors) else ContourErrors.even(wall.rest, noise)
+        errors = errors.part(chosen)
+        noise_of_both = errors.covariance(errors, options.noise_length_mm, same_state=True)
+        noise_of_both += options.voxels_mm**2 * np.eye(len(X))
         rigid = WallRigidModes.of(wall.rest, _normals(at_rest, wall.rest), options)
         few = slice(None, None, -(-len(X) // _FEWER))
         near = np.exp(-0.5 * (cdist(X, X) / options.smooth_mm) ** 2)
@@ -81,7 +87,7 @@ class WallMotion:
             normal, shift = linear_wall.normal[chosen], linear_wall.shift[chosen]
             if k > 0:  # at first points may lie far from the deformed wall, and neighbours see different parts of it
                 normal, shift = _smoothed(near, v[chosen], normal, shift)
-            trusted = _trusted(noise, off, options.cauchy)
+            trusted = _trusted(noise_of_both, off, options.cauchy)
             kernel = likeliest(X[few], out[few], normal[few], shift[few], trusted[few, few], rigid)
             posterior = _posterior(X, at_rest, normal, shift, trusted, kernel, rigid)
             v = posterior.at(wall.rest)

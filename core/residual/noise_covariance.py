@@ -15,7 +15,7 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
-from palpate.core.observe.contour_noise import covariance_between, smooth_covariance
+from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import apart, rows_of
 from palpate.core.residual.linearised_model import Linearisation
@@ -80,12 +80,12 @@ class NoiseParts:
         cls, linearisations: Sequence[Linearisation], data_vectors: Sequence[DataVector], options: NoiseModelOptions
     ) -> NoiseParts:
         """Parts at a model's linearisations, one for each state."""
-        rows, sd = rows_of(data_vectors), linearisations[0].scene.problem.facts.noise_sd_mm
+        rows = rows_of(data_vectors)
         each = list(zip(linearisations, data_vectors, strict=True))
         per_force = [data_per_force(p.scene, data, p.equilibrium) for p, data in each]
-        contours = [_contours_of(p.scene, data, A) for (p, data), A in zip(each, per_force, strict=True)]
+        contours = [_contours_of(p.scene, data, A, p.equilibrium) for (p, data), A in zip(each, per_force, strict=True)]
         return cls(
-            tuple(_contours(contours, rows, sd, length) for length in options.lengths_mm),
+            tuple(_contours(contours, rows, length) for length in options.lengths_mm),
             apart([_along(p.scene, data, A) for (p, data), A in zip(each, per_force, strict=True)]),
             _read_twice([np.eye(s.n)[:, : s.n_modes] for s in data_vectors]),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
@@ -109,26 +109,39 @@ class NoiseParts:
 
 @dataclass(frozen=True, eq=False)
 class _Contour:
-    """One contour of a state: points at rest (q, 3) mm, and the change of the state's data (n, q) per mm outwards at
-    each."""
+    """One contour of a state: its errors, and the change of the state's data (n, q) per mm outwards at each of their
+    points at rest."""
 
-    points: FloatArray
+    errors: ContourErrors
     response: FloatArray
 
 
-def _contours_of(scene: CompositionScene, data: DataVector, per_force: FloatArray) -> dict[str, _Contour]:
+def _contours_of(
+    scene: CompositionScene, data: DataVector, per_force: FloatArray, equilibrium: Equilibrium
+) -> dict[str, _Contour]:
     """Contours of organ, walls and bones, and their responses. per_force (n, nodes, 3) : see `data_per_force`."""
+    problem, u = scene.problem, equilibrium.u
+    sd = problem.facts.noise_sd_mm
     organ = np.zeros((data.n, len(data.modes)))
     organ[: data.n_modes] = data.modes.T
-    out = {"organ": _Contour(scene.observation.points, organ)}
+    out = {"organ": _Contour(organ_errors(scene, u), organ)}
     for name, wall in zip(scene.geometry.fields, scene.walls, strict=True):
         force = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
-        out[name] = _Contour(wall.rest, np.einsum("nqi,qi->nq", per_force[:, wall.points.nodes[:, 0]], force))
+        moved = wall.rest + wall.points.displacements(u)
+        errors = ContourErrors.of(problem.walls[name], wall.rest, moved, sd)
+        out[name] = _Contour(errors, np.einsum("nqi,qi->nq", per_force[:, wall.points.nodes[:, 0]], force))
     if data.bone is not None:
         bone = np.zeros((data.n, len(data.bone.points)))
         bone[-6:] = data.bone.reader
-        out["bone"] = _Contour(data.bone.points, bone)
+        out["bone"] = _Contour(ContourErrors.even(data.bone.points, sd), bone)
     return out
+
+
+def organ_errors(scene: CompositionScene, u: FloatArray) -> ContourErrors:
+    """Errors of the organ's two contours at its observed points, for nodal displacements u (nodes, 3) mm."""
+    points, problem = scene.observation.points, scene.problem
+    moved = points + scene.observation.operator @ scene.seen(u)
+    return ContourErrors.of(problem.organ, points, moved, problem.facts.noise_sd_mm)
 
 
 def data_per_force(scene: CompositionScene, data: DataVector, equilibrium: Equilibrium) -> FloatArray:
@@ -136,15 +149,14 @@ def data_per_force(scene: CompositionScene, data: DataVector, equilibrium: Equil
     return response_to_forces(equilibrium.tangent, data.loads(scene, equilibrium.u))
 
 
-def _contours(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], sd: float, length: float) -> FloatArray:
+def _contours(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], length: float) -> FloatArray:
     """Covariance (n, n) mm2 of all scans' contours, with a given correlation length, mm."""
     out = np.zeros((rows[-1].stop, rows[-1].stop))
     for s, ours in enumerate(read):
         for t, theirs in enumerate(read[: s + 1]):
             for name in ours.keys() & theirs.keys():
                 a, b = ours[name], theirs[name]
-                block = a.response @ covariance_between(a.points, b.points, sd, length) @ b.response.T
-                out[rows[s], rows[t]] += 2.0 * block if s == t else block
+                out[rows[s], rows[t]] += a.response @ a.errors.covariance(b.errors, length, s == t) @ b.response.T
             out[rows[t], rows[s]] = out[rows[s], rows[t]].T
     return out
 
@@ -182,9 +194,9 @@ def _floor(data: DataVector) -> FloatArray:
     return out
 
 
-def organ_contours(data: DataVector, points: FloatArray, sd_mm: float, length: float) -> FloatArray:
-    """Covariance (k, k) mm2 of the surface modes for the organ's two contours at points (q, 3) mm."""
-    return np.asarray(2.0 * data.modes.T @ smooth_covariance(points, sd_mm, length) @ data.modes)
+def organ_contours(data: DataVector, errors: ContourErrors, length: float) -> FloatArray:
+    """Covariance (k, k) mm2 of the surface modes for the organ's two contours; see `organ_errors`."""
+    return np.asarray(data.modes.T @ errors.covariance(errors, length, same_state=True) @ data.modes)
 
 
 def _along(scene: CompositionScene, data: DataVector, per_force: FloatArray) -> FloatArray:

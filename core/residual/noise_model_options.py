@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from palpate.core.observe.contour_noise import EXTRACTION_MM
+from palpate.core.problem import IdentificationProblem
 from palpate.core.sourced_number import sourced
 
 _GAP_NOISE = (
@@ -91,6 +92,14 @@ class NoiseModelOptions:
             "choose among them.",
         ),
     ] = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
+    estimated_factors: Annotated[
+        tuple[float, ...],
+        sourced(
+            "1",
+            "Sizes of contour noise that are told apart where it was estimated from the image, over the estimate.",
+            "Chosen: a factor of two to both sides, as an estimate errs to both; the data choose among them.",
+        ),
+    ] = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.4, 1.7, 2.0)
     contour_prior: Annotated[
         float,
         sourced(
@@ -227,3 +236,15 @@ class NoiseModelOptions:
             "Chosen: they sit on one holder, and its pose errs as a whole.",
         ),
     ] = 0.7
+
+    def for_case(self, problem: IdentificationProblem) -> NoiseModelOptions:
+        """The same numbers; where surfaces state their own errors, lengths and factors are those of estimated errors."""
+        if not problem.states_errors:
+            return self
+        longer = problem.facts.noise_correlation_mm / self.length_mm
+        return replace(
+            self,
+            length_mm=problem.facts.noise_correlation_mm,
+            lengths_mm=tuple(longer * length for length in self.lengths_mm),
+            contour_factors=self.estimated_factors,
+        )

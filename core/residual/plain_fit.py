@@ -133,7 +133,8 @@ def fit_plain(
     further : errors beside those of the noise model, None for none. start (t,) : a theta to start from beside the usual
     ones.
     """
-    options, how = options or NoiseModelOptions(), how or FitOptions()
+    how = how or FitOptions()
+    options = (options or NoiseModelOptions()).for_case(pairs[0][0])
     progress(0.0, "plain model: surfaces and distances")
     model = joint_model(pairs, options, walls or WallMotionOptions(), how)
     progress(0.1, "plain model: stiffness with the quick element")

@@ -15,12 +15,14 @@ from palpate.core.surfaces import triangles
 class Surface:
     """Triangles with outward normals.
 
-    points : (n, 3) mm LPS. faces : (f, 3) point indices. region : (f,) label each face belongs to.
+    points : (n, 3) mm LPS. faces : (f, 3) point indices. region : (f,) label each face belongs to. sd_mm : (n,) standard
+    deviation of the surface's error along its normal, mm; None where nothing is said of it.
     """
 
     points: FloatArray
     faces: IntArray
     region: IntArray
+    sd_mm: FloatArray | None = None
 
     @classmethod
     def empty(cls) -> Surface:
@@ -61,8 +63,9 @@ class Surface:
         """The faces of one region, with the points they use."""
         faces = self.faces[self.region == region]
         used, inverse = np.unique(faces, return_inverse=True)
-        return Surface(self.points[used], inverse.reshape(-1, 3), np.full(len(faces), region))
+        sd = None if self.sd_mm is None else self.sd_mm[used]
+        return Surface(self.points[used], inverse.reshape(-1, 3), np.full(len(faces), region), sd)
 
     def with_points(self, points: FloatArray) -> Surface:
         """The same faces on moved points (n, 3) mm."""
-        return Surface(points, self.faces, self.region)
+        return Surface(points, self.faces, self.region, self.sd_mm)

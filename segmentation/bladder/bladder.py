@@ -13,7 +13,7 @@ from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
 from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_mask
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
-from palpate.segmentation.working_grid import Mask, blurred, dilated, eroded, largest, opened
+from palpate.segmentation.working_grid import Mask, blurred, box_around, dilated, eroded, largest, opened
 
 # What urine without contrast medium can be, and how far above its own median it still counts.
 LOWEST_HU, ABOVE_HU = -24.0, 15.0
@@ -47,7 +47,7 @@ def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
     mask = largest(np.asarray(ndimage.binary_fill_holes(shell.voxels(scene.grid))))
     # Noise that looks unlike urine at the wall leaves notches; the wall's outer edge closes them.
     mask = largest(mask_to_edges(scene.soft_tissue, scene.fat_edge, mask, NOTCH_MM))
-    depth = float(ndimage.distance_transform_edt(mask, sampling=scene.step).max())
+    depth = float(ndimage.distance_transform_edt(mask[box_around(mask, 0.0)], sampling=scene.step).max())
     mask = largest(opened(mask, min(BALL_SHARE * depth, BALL_MM), scene.step))
     box = prompts.box("bladder")
     if box is not None:

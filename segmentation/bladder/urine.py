@@ -11,7 +11,7 @@ from scipy.special import expit
 from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.search_region import Scene
-from palpate.segmentation.working_grid import Mask, blurred, dilated, largest, opened
+from palpate.segmentation.working_grid import Mask, blurred, box_around, dilated, largest, opened
 
 # The least and most above urine's HU that is half-way to its neighbours.
 ABOVE_HU = (10.0, 15.0)
@@ -69,7 +69,7 @@ def _calm(urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask, step: f
 
 
 def _deepest(mask: Mask, step: float) -> float:
-    return float(ndimage.distance_transform_edt(mask, sampling=step).max())
+    return float(ndimage.distance_transform_edt(mask[box_around(mask, 0.0)], sampling=step).max())
 
 
 def urine_region(scene: Scene, urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask) -> Mask:

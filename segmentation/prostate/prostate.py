@@ -33,6 +33,8 @@ SOFT_WEIGHT, PRIOR_WEIGHT, VALLEY_WEIGHT, STIFFNESS = 0.05, 0.8, 0.1, 0.2
 EDGE_WEIGHT, CORE_SHARE = 3.0, 0.75
 # Rounds of drawing, how much of what was drawn goes into the next round's shape, and how far a last edge may be.
 ROUNDS, LEARNT, SNAP_MM = 4, 0.6, 2.5
+# What other organs and bone leave of less is no prostate.
+LEAST_CC = 2.0
 # Within this level of the ellipsoid of six given points other organs do not count, but for what is deep in a large one.
 SURE_LEVEL = 0.9
 
@@ -58,7 +60,10 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
         likeness = likeness_of(scene, smooth, blocked, typical_hu(scene, smooth, guess, blocked))
         shell, seen = _drawn(scene, guess, likeness, valleys, prompts)
         guess = _again(guess, shell, prompts, number == ROUNDS - 2)
-    shell = shell_of_mask(shell.voxels(scene.grid) & ~blocked, scene.grid, 1.0)
+    free = shell.voxels(scene.grid) & ~blocked
+    if scene.cc(free) < LEAST_CC:
+        return None
+    shell = shell_of_mask(free, scene.grid, 1.0)
     shell, _ = moved_to_edges(scene.soft_tissue, scene.fat_edge, shell, SNAP_MM)
     mask = largest(shell.voxels(scene.grid) & ~blocked)
     box = prompts.box("prostate")

@@ -14,12 +14,14 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import segment
 from palpate.case.steps.segment import run_segment
 from palpate.case.steps.segment_options import SegmentOptions
+from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.prompts import Prompts
-from palpate.segmentation.search_region import Found
+from palpate.segmentation.search_region import Found, Scene
+from palpate.segmentation.surface_error import SurfaceErrors
 from palpate.segmentation.working_grid import mask_on
 from palpate.validate.segmentation import dice as dice_module
 from palpate.validate.segmentation.dice import dice, dice_table, extremes_of
@@ -37,7 +39,18 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
         made.file(f"{state}_ct").joinpath("0001.dcm").write_text(state)
     monkeypatch.setattr(CaseFolder, "ct", lambda self, state: scan())
     monkeypatch.setattr(segment, "segment_pelvis", _segment_again)
+    monkeypatch.setattr(segment, "surface_errors", _errors)
     return made
+
+
+def _errors(scene: Scene, prompts: Prompts, organs: dict[str, Found]) -> dict[str, SurfaceErrors]:
+    """As of a segmentation that is 1.5 mm off everywhere."""
+    low = scene.grid.affine[:3, 3]
+    return {
+        name: SurfaceErrors(low[None], np.array([1.5]), 0.81)
+        for name, found in organs.items()
+        if found.method != "user"
+    }
 
 
 def _segment_again(ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any, model: Any) -> Segmentation:
@@ -113,7 +126,10 @@ def test_drawn_labels_win_to_the_voxel(case: CaseFolder) -> None:
         "confidence": 1.0,
         "volume_cc": report["states"]["rest"]["organs"]["prostate"]["volume_cc"],
     }
-    assert report["states"]["deformed"]["organs"]["prostate"]["method"] == "auto"
+    automatic = report["states"]["deformed"]["organs"]["prostate"]
+    assert automatic["method"] == "auto" and (automatic["confidence"], automatic["error_mm"]) == (0.81, 1.5)
+    errors = StatedErrors(case).rms_mm()
+    assert set(errors["rest"]) == {"bladder", "rectum"} and errors["deformed"]["organ"] == 1.5
 
 
 def test_drawn_halves_are_kept(case: CaseFolder) -> None:

@@ -90,17 +90,20 @@ def test_recipes_are_drawn_anew_and_again_with_their_seed() -> None:
 def test_the_table_counts_what_was_not_found_and_what_pointing_made_worse(
     scan: ContouredScan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def table(ct: Volume, reference: dict[str, Volume], modes: tuple[str, ...], seed: int) -> list[DiceRow]:
+    def table(
+        ct: Volume, reference: dict[str, Volume], modes: tuple[str, ...], seed: int, errors: bool
+    ) -> list[DiceRow]:
         if modes == ("extremes",):
             raise InputError("no pubic bones")
-        good = DiceRow("prostate", modes[0], 0.8, 0.8, 40.0, 50.0, 1.0, 0.6)
+        good = DiceRow("prostate", modes[0], 0.8, 0.8, 40.0, 50.0, 1.0, 0.6, said_mm=3.0, true_mm=2.0)
         return [replace(good, dice=0.7) if modes == ("click",) else good]
 
     monkeypatch.setattr(study, "dice_table", table)
     found = study.variant_study([scan], 3, seed=1)
     assert found["worse_than_auto"] == 6  # click and extremes of the prostate, each in three variants
     by = {(row["organ"], row["mode"]): row for row in found["summary"]}
-    assert by["prostate", "auto"]["worst_tenth"] == 0.8
+    assert by["prostate", "auto"]["worst_tenth"] == 0.8 and by["prostate", "auto"]["said_over_true"] == 1.5
+    assert by["prostate", "extremes"]["said_over_true"] is None
     assert by["prostate", "extremes"]["not_found"] == 3
     assert by["bladder", "auto"]["not_found"] == 3
     assert "no pubic bones" in {row["failed"] for row in found["rows"]}

@@ -107,7 +107,7 @@ class CaseRecord:
 
     @property
     def noise_sd_mm(self) -> float | None:
-        """Repeatability of one contour, mm: what the case states, else what identification assumed."""
+        """Error of one contour of the prostate, mm: what the case states, else what identification used."""
         stated = self.facts.boundary_noise_sd_mm
         return stated if stated is not None else known(self.result.misfit.contour_noise_sd_mm)
 
@@ -116,8 +116,8 @@ class CaseRecord:
         """Where that figure comes from, in words."""
         if self.facts.boundary_noise_sd_mm is not None:
             return "as the case states"
-        measured = self.result.misfit.contour_noise_from == "repeats"
-        return "measured from contours drawn twice" if measured else "assumed, the case states none"
+        words = {"repeats": "measured from contours drawn twice", "image": "estimated from the images"}
+        return words.get(str(self.result.misfit.contour_noise_from), "assumed, the case states none")
 
     @property
     def expected_misfit_mm(self) -> float | None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
+from palpate.case.missing import at_bounds
+from palpate.core.files.json_types import known
 from palpate.ui.report.diagnosis_words import diagnosis_sentence, gap_is_seen
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness
@@ -12,6 +14,8 @@ from palpate.ui.words.number_words import three_figures
 
 # About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
 MISFIT_TOLERANCE = 1.26
+MISSING = "Missing: "
+NOTHING_TOLD = "Nothing can be told from this pair about the stiffness of the prostate."
 # Standard deviations between two stiffnesses that a pair tells apart: 95 %.
 TELLING = 1.96
 
@@ -26,10 +30,11 @@ def stiffness_text(region: RegionStiffness) -> str:
 
 
 def summary(record: CaseRecord) -> list[str]:
-    """What was found, relative to what, and whether to believe it: three to six sentences."""
+    """What is missing, what was found, relative to what, on which error of the contours, and whether to believe it."""
     regions = [region for region in record.regions if region.told]
-    sentences = [_found(regions, record)] if regions else []
+    sentences = first_sentences(record)
     sentences += [_untold(region, record) for region in record.regions if not region.told]
+    sentences += [stands_on(record)] if regions else []
     if regions:
         G = record.facts.tissue_shear_modulus_kpa
         sentences.append(
@@ -40,6 +45,39 @@ def summary(record: CaseRecord) -> list[str]:
         sentences.append(f"Doubtful: {searches.in_words}.")
     sentences.append(misfit_verdict(record))
     return [*sentences, diagnosis_sentence(record)] if record.diagnosis else sentences
+
+
+def first_sentences(record: CaseRecord) -> list[str]:
+    """What must be read first: that the pair tells nothing, what is missing; then what was found."""
+    regions = [region for region in record.regions if region.told]
+    sentences = [] if regions else [NOTHING_TOLD]
+    sentences += [f"{MISSING}{line}." for line in what_lacks(record)]
+    return sentences + ([_found(regions, record)] if regions else [])
+
+
+def what_lacks(record: CaseRecord) -> list[str]:
+    """What result.json says is missing, but for stiffness at a bound, which has a sentence of its own."""
+    bounds = at_bounds(record.result.parameters)
+    return [line for line in known(record.result.missing) or [] if line not in bounds]
+
+
+def stands_on(record: CaseRecord) -> str:
+    """Which error of the contours the intervals stand on."""
+    errors = known(record.result.contour_errors_mm)
+    if not errors:
+        sd = record.noise_sd_mm
+        size = "an unknown error" if sd is None else f"an error of {sd:.2f} mm"
+        return f"The intervals stand on {size} of each contour, {record.noise_from}."
+    names = {"organ": "prostate", "bladder": "bladder", "rectum": "rectum"}
+    said = []
+    for surface, name in names.items():
+        each = [of_state[surface] for of_state in errors.values() if surface in of_state]
+        if each:
+            said.append(f"{name} {' and '.join(f'{mm:.1f}' for mm in each)} mm")
+    return (
+        f"The intervals stand on errors of the contours that were estimated from the images: {', '.join(said)} rms. Contours that a "
+        "person or a trained model drew are better."
+    )
 
 
 def misfit_verdict(record: CaseRecord) -> str:

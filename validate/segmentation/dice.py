@@ -11,9 +11,13 @@ import numpy as np
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
+from palpate.core.statistics import rms
 from palpate.imaging.volume import Volume
+from palpate.segmentation.error_estimate import MOST_MM
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prompts import ORGANS, Prompts
+from palpate.segmentation.surface_error import SurfaceErrors, signed_distance, surface_errors
+from palpate.segmentation.working_grid import mask_on
 
 MODES = ("auto", "click", "extremes")
 # Extreme points as a person sets them: off by so many mm along each axis (standard deviation).
@@ -32,6 +36,8 @@ class DiceFigures(TypedDict):
     shift_mm: float
     confidence: float | None
     seconds: float
+    said_mm: float | None
+    true_mm: float | None
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,8 @@ class DiceRow:
     """One organ found in one way. share_inside : share of the drawn organ that was found (what counts for bone).
 
     shift_mm : from the drawn organ's centroid to the found one's. seconds : of the whole segmentation in this mode.
+    said_mm, true_mm : error of its surface along the normal, rms, as estimated and against the drawing; None where it was not
+    asked for. confidence : the Dice that the estimated errors leave, where they were asked for.
     """
 
     organ: str
@@ -50,6 +58,8 @@ class DiceRow:
     shift_mm: float
     confidence: float | None
     seconds: float = 0.0
+    said_mm: float | None = None
+    true_mm: float | None = None
 
     def to_dict(self) -> DiceFigures:
         """The JSON object of a row, figures rounded."""
@@ -63,6 +73,8 @@ class DiceRow:
             "shift_mm": round(self.shift_mm, 4),
             "confidence": None if self.confidence is None else round(self.confidence, 4),
             "seconds": round(self.seconds, 4),
+            "said_mm": None if self.said_mm is None else round(self.said_mm, 3),
+            "true_mm": None if self.true_mm is None else round(self.true_mm, 3),
         }
 
 
@@ -73,13 +85,13 @@ def dice(a: BoolArray, b: BoolArray) -> float:
 
 
 def dice_table(
-    ct: Volume, reference: Mapping[str, Volume], modes: Iterable[str] = MODES, seed: int = 1
+    ct: Volume, reference: Mapping[str, Volume], modes: Iterable[str] = MODES, seed: int = 1, errors: bool = False
 ) -> list[DiceRow]:
     """Segments a CT (HU) in each mode and compares with drawn masks.
 
     reference : organ -> mask; prostate, bladder, rectum, and bone or parts of it such as bone_left_femur. Clicks and
     extreme points are taken from the reference: its centre, and its outermost voxels. seed : of the errors of the points
-    in the mode "jittered".
+    in the mode "jittered". errors : whether the surfaces' errors are estimated too, which takes as long again.
 
     Raises InputError for an unknown mode or organ, or an empty reference.
     """
@@ -91,15 +103,18 @@ def dice_table(
     rows = []
     for mode in modes:
         start = time.perf_counter()
-        found = segment_pelvis(ct, _prompts(mode, reference, seed))
+        prompts = _prompts(mode, reference, seed)
+        found = segment_pelvis(ct, prompts)
         seconds = time.perf_counter() - start
+        said = surface_errors(found.scene, prompts, found.organs) if errors else {}
         for name, mask in reference.items():
             bone = name.startswith("bone")
             if (bone and mode != "auto") or (not bone and name not in found.organs):
                 continue
             known = None if bone else found.organs[name].confidence
             row = _row(name, mode, found.mask("bone" if bone else name, mask), mask, known)
-            rows.append(replace(row, seconds=seconds))
+            row = replace(row, seconds=seconds)
+            rows.append(_with_errors(row, said[name], found.scene.grid, mask) if name in said else row)
     return rows
 
 
@@ -137,6 +152,17 @@ def _prompts(mode: str, reference: Mapping[str, Volume], seed: int) -> Prompts:
         exact = {name: extremes_of(mask) for name, mask in organs.items()}
         return Prompts({}, {name: points + random.normal(0.0, JITTER_MM, (6, 3)) for name, points in exact.items()})
     raise InputError(f"the mode {mode!r} is unknown; known are {', '.join((*MODES, JITTERED))}")
+
+
+def true_errors(points: FloatArray, grid: Volume, reference: Volume) -> FloatArray:
+    """Signed distance (n,) mm of points (n, 3) mm from a drawn organ's outline, cut at MOST_MM. grid : even and upright."""
+    distance = signed_distance(mask_on(reference, grid), grid)
+    return np.clip(distance.at(points), -MOST_MM, MOST_MM)
+
+
+def _with_errors(row: DiceRow, said: SurfaceErrors, grid: Volume, reference: Volume) -> DiceRow:
+    true = rms(true_errors(said.points, grid, reference))
+    return replace(row, said_mm=rms(said.sd_mm), true_mm=true, confidence=said.expected_dice)
 
 
 def _row(organ: str, mode: str, found: BoolArray, reference: Volume, confidence: float | None) -> DiceRow:

@@ -20,7 +20,8 @@ WORST = 0.1
 
 
 class VariantRow(TypedDict):
-    """One organ of one variant, found in one way. dice : 0 where it was not found. failed : why, where segmentation ended."""
+    """One organ of one variant, found in one way. dice : 0 where it was not found. failed : why, where segmentation ended.
+    said_mm, true_mm : see `DiceRow`; None where it was not found."""
 
     variant: int
     scan: str
@@ -30,11 +31,14 @@ class VariantRow(TypedDict):
     volume_cc: float
     reference_cc: float
     confidence: float | None
+    said_mm: float | None
+    true_mm: float | None
     failed: str | None
 
 
 class VariantSummary(TypedDict):
-    """Dice of one organ and way over all variants."""
+    """Dice of one organ and way over all variants. said_over_true : median ratio of the surface's error as estimated and
+    against the drawing; None where the organ was never found."""
 
     organ: str
     mode: str
@@ -42,6 +46,7 @@ class VariantSummary(TypedDict):
     median: float
     worst_tenth: float
     not_found: int
+    said_over_true: float | None
 
 
 @final
@@ -76,10 +81,14 @@ def variant_study(
 
 def variant_text(found: VariantTable) -> str:
     """The figures for a person."""
-    lines = [f"{'organ':10}{'pointed at':12}{'variants':>9}{'median':>8}{'worst tenth':>13}{'not found':>11}"]
+    lines = [
+        f"{'organ':10}{'pointed at':12}{'variants':>9}{'median':>8}{'worst tenth':>13}{'not found':>11}{'said/true error':>17}"
+    ]
     for row in found["summary"]:
+        ratio = "" if row["said_over_true"] is None else f"{row['said_over_true']:.2f}"
         lines.append(
             f"{row['organ']:10}{row['mode']:12}{row['count']:9}{row['median']:8.3f}{row['worst_tenth']:13.3f}{row['not_found']:11}"
+            f"{ratio:>17}"
         )
     told = ", ".join(f"{organ} {value:.2f}" for organ, value in found["confidence_rank_correlation"].items())
     lines.append(f"rank correlation of confidence and Dice: {told or 'too few rows'}")
@@ -94,7 +103,7 @@ def _rows(number: int, scan: ContouredScan, recipe: Recipe, seed: int, modes: Se
     rows: list[VariantRow] = []
     for mode in modes:
         try:
-            found = {row.organ: row for row in dice_table(variant.ct, masks, (mode,), seed)}
+            found = {row.organ: row for row in dice_table(variant.ct, masks, (mode,), seed, True)}
             failed = None
         except PalpateError as error:
             found, failed = {}, str(error)
@@ -109,6 +118,8 @@ def _rows(number: int, scan: ContouredScan, recipe: Recipe, seed: int, modes: Se
                     "volume_cc": 0.0 if row is None else round(row.volume_cc, 2),
                     "reference_cc": round(cc, 2),
                     "confidence": None if row is None else row.confidence,
+                    "said_mm": None if row is None else row.said_mm,
+                    "true_mm": None if row is None else row.true_mm,
                     "failed": failed,
                 }
             )  # fmt: skip
@@ -118,14 +129,21 @@ def _rows(number: int, scan: ContouredScan, recipe: Recipe, seed: int, modes: Se
 def _summary(rows: Sequence[VariantRow]) -> list[VariantSummary]:
     summary: list[VariantSummary] = []
     for organ, mode in sorted({(row["organ"], row["mode"]) for row in rows}):
-        dice = np.array([row["dice"] for row in rows if (row["organ"], row["mode"]) == (organ, mode)])
+        ours = [row for row in rows if (row["organ"], row["mode"]) == (organ, mode)]
+        dice = np.array([row["dice"] for row in ours])
         summary.append(
             {
                 "organ": organ, "mode": mode, "count": len(dice), "median": round(float(np.median(dice)), 4),
                 "worst_tenth": round(float(np.quantile(dice, WORST)), 4), "not_found": int((dice == 0.0).sum()),
+                "said_over_true": _said_over_true(ours),
             }
         )  # fmt: skip
     return summary
+
+
+def _said_over_true(rows: Sequence[VariantRow]) -> float | None:
+    ratios = [row["said_mm"] / max(row["true_mm"], 1e-3) for row in rows if row["said_mm"] and row["true_mm"]]
+    return round(float(np.median(ratios)), 3) if ratios else None
 
 
 def _worse_than_auto(rows: Sequence[VariantRow]) -> int:

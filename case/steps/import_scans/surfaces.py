@@ -79,7 +79,7 @@ def run_surface_import(
     _check_volumes((rest, deformed), surfaces)
     points = read_landmarks(options.landmarks) if options.landmarks else None
     progress(0.2, "aligning")
-    pair = SurfacePair(*(one.surface for one in surfaces))
+    pair = SurfacePair(surfaces[0].surface, surfaces[1].surface)
     matrix = aligned(pair) if options.align else np.eye(4)
     progress(0.3, "writing the case")
     case = open_or_create(case_path, options.name, [None, None])

@@ -151,7 +151,7 @@ def _gap(diagnosis: Diagnosis) -> GapRecord:
         statistic=diagnosis.test.statistic,
         degrees_of_freedom=diagnosis.test.freedom,
         p_values={"whole": diagnosis.test.p_whole, "smooth": diagnosis.test.p_smooth, "named": diagnosis.test.p_named},
-        contour_noise_sd_mm=diagnosis.fit.sizes.contour * fit.linearisation.first.scene.problem.facts.noise_sd_mm,
+        contour_noise_sd_mm=diagnosis.fit.sizes.contour * fit.linearisation.first.scene.problem.organ_noise_mm,
         contour_noise_correlation_mm=diagnosis.fit.sizes.length,
         states=[StateGapRecord(rms(r), floor) for r, floor in zip(state_residuals, floors, strict=True)],
     )

@@ -10,7 +10,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.diagnosis_record import ShrinkageRecord
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis
-from palpate.core.residual.noise_covariance import organ_contours
+from palpate.core.residual.noise_covariance import organ_contours, organ_errors
 
 
 def shrinkage(diagnosis: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageRecord:
@@ -76,13 +76,11 @@ def contours_mm2(diagnosis: Diagnosis, best: Refit) -> tuple[FloatArray, FloatAr
     """
     fit = diagnosis.fit
     data, scene = fit.model.first.data, fit.linearisation.first.scene
-    n, sd = (
-        len(diagnosis.split.points) // len(fit.model.each),
-        scene.problem.facts.noise_sd_mm,
-    )  # as much in every state
+    n = len(diagnosis.split.points) // len(fit.model.each)  # as much in every state
+    errors = organ_errors(scene, fit.linearisation.first.equilibrium.u)
     reader = diagnosis.split.reader[:n, : data.n_modes]
     of_length = {
-        length: np.einsum("ij,jk,ik->", reader, organ_contours(data, scene.observation.points, sd, length), reader) / n
+        length: np.einsum("ij,jk,ik->", reader, organ_contours(data, errors, length), reader) / n
         for length in fit.options.lengths_mm
     }
     own = float((reader**2).sum()) / n

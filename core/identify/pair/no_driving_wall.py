@@ -41,7 +41,7 @@ def moved_by_its_surface(problem: IdentificationProblem) -> NoInformation:
         points=points,
         region=region,
         displacement=space.interpolation(points) @ motion.u,
-        expected_mm=float(np.hypot(np.sqrt(2.0) * problem.facts.noise_sd_mm, EXTRACTION_MM)),
+        expected_mm=float(np.hypot(np.sqrt(2.0) * problem.organ_noise_mm, EXTRACTION_MM)),
         notes=(NEXT, *landmark_words(motion)),
         landmarks=landmark_figures(motion),
         surface_mm={way: round(value, 3) for way, value in motion.surface_mm.items()},

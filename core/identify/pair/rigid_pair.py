@@ -149,8 +149,9 @@ def _pairs(problem: IdentificationProblem) -> Iterator[tuple[str, SurfacePair]]:
 
 
 def _expected(problem: IdentificationProblem) -> dict[str, float]:
-    contours = float(np.hypot(np.sqrt(2.0) * problem.facts.noise_sd_mm, EXTRACTION_MM))
-    return {**{name: contours for name, _ in _pairs(problem)}, "landmarks": NoiseModelOptions().landmark_mm}
+    sd = {name: pair.noise_sd_mm(problem.facts.noise_sd_mm) for name, pair in _pairs(problem)}
+    contours = {name: float(np.hypot(np.sqrt(2.0) * each, EXTRACTION_MM)) for name, each in sd.items()}
+    return {**contours, "landmarks": NoiseModelOptions().landmark_mm}
 
 
 def _rms(values: FloatArray) -> float:

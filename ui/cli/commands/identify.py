@@ -110,7 +110,8 @@ def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, wri
     from palpate.case.meshed import rigid_offset_of
     from palpate.core.identify.result_record import ResultRecord
 
-    lines = []
+    missing = result.missing if isinstance(result, ResultRecord) else UNSET
+    lines = [f"missing {line}" for line in missing or []]
     for name, found in result.parameters.items():
         ci = found.ci95_kpa
         sure = "error not known" if ci is None else f"95 % interval {three_figures(ci[0])} to {three_figures(ci[1])}"
@@ -120,7 +121,11 @@ def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, wri
     searches = result.agreement if isinstance(result, ResultRecord) else UNSET
     if searches and not searches.harmless:
         lines.append(f"doubt   {searches.in_words}")
-    if case.has("noise.json"):
+    if isinstance(result, ResultRecord) and result.contour_errors_mm:
+        lines.append(
+            f"noise   {result.misfit.contour_noise_sd_mm:.2f} mm of the prostate's contours, estimated from the images"
+        )
+    elif case.has("noise.json"):
         lines.append(f"noise   {case.read_json('noise.json')['sd_mm']:.2f} mm, from contours drawn twice")
     lines += [f"says    {part}" for part in result.identifiability.verdict.split("; ")]
     elsewhere = rigid_offset_of(case) if case.has("mesh.json") else None

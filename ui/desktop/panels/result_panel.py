@@ -12,6 +12,7 @@ from palpate.ui.desktop import style
 from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
+from palpate.ui.report.summary import MISSING, NOTHING_TOLD
 from palpate.ui.words.number_words import three_figures
 
 _RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."
@@ -91,12 +92,19 @@ def _found(case: OpenCase, old: str) -> str:
     beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
     # The values stand below it.
     parts = [f"<span style='color:{style.WARN}'>Out of date: {escape(old)}. Found before that:</span>"] if old else []
-    parts += [escape(case.first_words.split(": shear modulus G =")[0].rstrip(".") + ".")] if case.first_words else []
+    parts += [_first(sentence) for sentence in case.first_words]
     parts += [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
              f"Misfit {float('nan') if misfit is None else misfit.rms_mm:.2f} mm rms{beside}"]  # fmt: skip
     parts += _gap(case)
     parts.append(f"<span style='color:{style.FAINT}'>{_RESEARCH}</span>")
     return "<br>".join(parts)
+
+
+def _first(sentence: str) -> str:
+    """A sentence that stands before the values, which it need not repeat."""
+    said = escape(sentence.split(": shear modulus G =")[0].rstrip(".") + ".")
+    warns = sentence == NOTHING_TOLD or sentence.startswith(MISSING)
+    return f"<span style='color:{style.WARN}'>{said}</span>" if warns else said
 
 
 def _gap(case: OpenCase) -> list[str]:

@@ -26,7 +26,7 @@ from palpate.ui.desktop.session.strokes import Corrections
 from palpate.ui.pictures.colours import StiffnessScale, map_scale
 from palpate.ui.report.record import read_record, simulated
 from palpate.ui.report.regions import RegionStiffness, region_of
-from palpate.ui.report.summary import summary
+from palpate.ui.report.summary import first_sentences
 
 Arguments = ParamSpec("Arguments")
 SESSION, EDITS, LOCK = "desktop/session.json", "desktop/edits.jsonl", "desktop/lock"
@@ -97,7 +97,7 @@ class OpenCase:
         self.regions: tuple[RegionStiffness, ...] = tuple(sorted(found, key=lambda region: region.label))
         told = [region.G for region in self.regions if region.told]
         self.notes_on_labels = self._notes_on_labels()
-        self.first_words = summary(read_record(self.folder, {}))[0] if found else ""
+        self.first_words = first_sentences(read_record(self.folder, {})) if found else []
         self.simulated = ""
         with contextlib.suppress(InputError):  # reading the scans tells what is wrong with them
             self.simulated = simulated(self.folder, result) or ""

@@ -1,0 +1,66 @@
+"""What a case lacks, in the words that stand before its results: a wall that was not found, an organ cut off, a bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.meshed import MeshReport
+from palpate.core.identify.result_record import RegionRecord
+from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
+from palpate.imaging.volume import Volume
+
+_WALLS = {"rectum": RECTUM, "bladder": BLADDER}
+_SCANS = {"rest": "the scan at rest", "deformed": "the deformed scan"}
+
+
+def missing_structures(case: CaseFolder) -> list[str]:
+    """What the labels of a case lack for a stiffness to be believed, one line each: rectum or bladder in a scan, part of the
+    prostate beyond a scan's end. Nothing for a case without labels of both states.
+
+    Raises InputError when a label volume cannot be read.
+    """
+    if not all(case.has_labels(state) for state in STATES):
+        return []
+    volumes = {state: case.labels(state) for state in STATES}
+    lines = [line for name, label in _WALLS.items() if (line := _absent(case, volumes, name, label))]
+    return lines + [
+        f"the prostate reaches the end of {_SCANS[state]}: part of it may not be seen"
+        for state, labels in volumes.items()
+        if reaches_the_end(labels)
+    ]
+
+
+def at_bounds(parameters: Mapping[str, RegionRecord]) -> list[str]:
+    """A line for each region whose stiffness ended at the edge of what was allowed. parameters : of result.json."""
+    return [
+        f"the stiffness of {name.replace('_', ' ')} ended at the edge of what was allowed: it is no measurement"
+        for name, found in parameters.items()
+        if found.at_bound
+    ]
+
+
+def reaches_the_end(labels: Volume) -> bool:
+    """Whether voxels of the prostate lie in the first or last layer of a label volume along any axis."""
+    organ = np.isin(labels.array, ORGAN_LABELS)
+    return any(bool(organ.take(end, axis=axis).any()) for axis in range(3) for end in (0, -1))
+
+
+def _absent(case: CaseFolder, volumes: Mapping[str, Volume], name: str, label: int) -> str:
+    lacking = [state for state, labels in volumes.items() if not _shows(case, state, labels, name, label)]
+    if not lacking:
+        return ""
+    where = "either scan" if len(lacking) == len(STATES) else _SCANS[lacking[0]]
+    return (
+        f"no {name} is known in {where}, so that its wall does not drive the model: what it did to the prostate is put down to "
+        "stiffness or to another cause"
+    )
+
+
+def _shows(case: CaseFolder, state: str, labels: Volume, name: str, label: int) -> bool:
+    """Whether a structure has a surface: a few voxels of it make none."""
+    report: MeshReport = case.read_json("mesh.json") if case.has("mesh.json") else {}
+    faces = report.get("surface_faces")
+    return bool((labels.array == label).any()) and (faces is None or faces.get(f"{state}_{name}", 0) > 0)

@@ -1,0 +1,101 @@
+"""Errors of the surfaces that the segmentation found, by place: surface_errors.npz, which `identify` and `diagnose` use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.measured_noise import measured_noise
+from palpate.case.stated_files import ERRORS_FILE
+from palpate.core.arrays import FloatArray, NumberArray
+from palpate.core.errors import InputError
+from palpate.core.problem import SurfacePair
+from palpate.core.surfaces.surface import Surface
+from palpate.segmentation.error_estimate import ErrorNumbers
+
+if TYPE_CHECKING:
+    from palpate.segmentation.surface_error import SurfaceErrors
+
+# Least and most that a file may say, mm.
+_LEAST_MM, _MOST_MM = 1e-3, 50.0
+# A surface is called by what it is in the mesh.
+_SURFACES = {"prostate": "organ", "bladder": "bladder", "rectum": "rectum"}
+
+
+def write_surface_errors(case: CaseFolder, errors: Mapping[str, Mapping[str, SurfaceErrors]]) -> None:
+    """Write surface_errors.npz. errors : by state and organ; organs that a person contoured are absent."""
+    numbers, arrays = ErrorNumbers(), dict[str, NumberArray]()
+    for state, organs in errors.items():
+        for organ, found in organs.items():
+            arrays[f"{state}/{_SURFACES[organ]}/points"] = found.points
+            arrays[f"{state}/{_SURFACES[organ]}/sd_mm"] = found.sd_mm
+    arrays["common_share"] = np.array(numbers.common_share)
+    arrays["correlation_mm"] = np.array(numbers.correlation_mm)
+    case.write_npz(ERRORS_FILE, **arrays)
+
+
+class StatedErrors:
+    """Content of surface_errors.npz; empty for a case without it, or whose contour noise somebody stated or measured.
+
+    Raises InputError when the file is damaged or holds values that cannot be.
+    """
+
+    def __init__(self, case: CaseFolder) -> None:
+        stated = case.facts.boundary_noise_sd_mm is not None or measured_noise(case) is not None
+        self._arrays = {} if stated or not case.has(ERRORS_FILE) else case.read_npz(ERRORS_FILE)
+        for name, values in self._arrays.items():
+            if not np.isfinite(values).all():
+                raise _refused(case, name)
+            if name.endswith("/sd_mm") and not ((values >= _LEAST_MM) & (values <= _MOST_MM)).all():
+                raise _refused(case, name)
+        try:
+            self.correlation_mm = float(self._arrays.get("correlation_mm", ErrorNumbers().correlation_mm))
+            self.common_share = float(self._arrays.get("common_share", 0.0))
+        except TypeError as error:
+            raise _refused(case, "common_share") from error
+        if not (1.0 <= self.correlation_mm <= 100.0 and 0.0 <= self.common_share < 1.0):
+            raise _refused(case, "correlation_mm")
+
+    def __bool__(self) -> bool:
+        return any(name.endswith("/sd_mm") for name in self._arrays)
+
+    def on(self, surface: Surface, state: str, name: str) -> Surface:
+        """The surface with its errors: of the nearest point that the segmentation gave one. name : "organ", "bladder" or
+        "rectum"."""
+        points, sd = (self._arrays.get(f"{state}/{name}/{part}") for part in ("points", "sd_mm"))
+        if points is None or sd is None or len(points) == 0 or len(surface.points) == 0:
+            return surface
+        return replace(surface, sd_mm=np.asarray(sd[cKDTree(points).query(surface.points)[1]], dtype=np.float64))
+
+    def pair(self, pair: SurfacePair, name: str) -> SurfacePair:
+        """Both surfaces with their errors."""
+        rest, deformed = self.on(pair.rest, "rest", name), self.on(pair.deformed, "deformed", name)
+        # What both scans have in common is known of errors of one kind only.
+        both = rest.sd_mm is not None and deformed.sd_mm is not None
+        return SurfacePair(rest, deformed, self.common_share if both else 0.0)
+
+    def planned(self, pair: SurfacePair, name: str) -> SurfacePair:
+        """Both surfaces of a planned pair, which will be found as the one at rest was, with its errors."""
+        rest = self.on(pair.rest, "rest", name)
+        if rest.sd_mm is None:
+            return pair
+        return SurfacePair(rest, replace(pair.deformed, sd_mm=rest.sd_mm), self.common_share)
+
+    def rms_mm(self) -> dict[str, dict[str, float]]:
+        """Error of each surface, rms over its points, mm: by state and name."""
+        out: dict[str, dict[str, float]] = {}
+        for state in STATES:
+            for name in _SURFACES.values():
+                sd: FloatArray | None = self._arrays.get(f"{state}/{name}/sd_mm")
+                if sd is not None and len(sd):
+                    out.setdefault(state, {})[name] = float(np.sqrt((sd**2).mean()))
+        return out
+
+
+def _refused(case: CaseFolder, name: str) -> InputError:
+    return InputError(f"{case.file(ERRORS_FILE)}: {name} holds values that cannot be; run `palpate segment` again")

@@ -1,0 +1,78 @@
+"""Standard deviation of a surface's error from clues: a log-linear model for each organ, fitted to drawn contours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from palpate.core.arrays import FloatArray
+from palpate.core.sourced_number import sourced
+
+# Least and most that is said, mm: what voxels leave of any contour, and half an organ.
+FLOOR_MM, MOST_MM = 0.4, 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Clues:
+    """At n points of a surface, (n,) each.
+
+    local, whole : distance of the perturbed runs' surfaces, mm rms, about the point and over the surface. weak : 0 where the
+    picture has a whole edge, 1 where it has none. ends : mm from the organ's lowest or highest point along z. pointed : 1
+    where points or a box led the organ.
+    """
+
+    local: FloatArray
+    whole: FloatArray
+    weak: FloatArray
+    ends: FloatArray
+    pointed: FloatArray
+
+    @property
+    def design(self) -> FloatArray:
+        """Regressors (n, 6) of ln sd."""
+        one = np.ones(len(self.local))
+        local, whole = np.log(self.local + 0.5), np.log(self.whole + 0.5)
+        return np.column_stack([one, local, whole, self.weak, np.exp(-self.ends / 6.0), self.pointed])
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorModel:
+    """weights : of the regressors of `Clues.design`."""
+
+    weights: tuple[float, ...]
+
+    def sd_mm(self, clues: Clues) -> FloatArray:
+        """Standard deviation (n,) mm."""
+        return np.exp(clues.design @ np.array(self.weights))
+
+
+_FIT = (
+    "Maximum likelihood on variants of two CTs with manual contours and of the phantom "
+    "(tests/benchmarks/surface_error_fit.py)."
+)
+_WHAT = (
+    "Weights of ln sd: constant, ln of the runs' spread here and over the whole surface, weak edge, ends, points given."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorNumbers:
+    """The models' weights, by organ, and what the errors of two scans have in common."""
+
+    prostate: Annotated[tuple[float, ...], sourced("1", _WHAT, _FIT)] = (0.4, 0.3, 0.3, 0.3, 0.2, -0.3)
+    bladder: Annotated[tuple[float, ...], sourced("1", _WHAT, _FIT)] = (0.1, 0.4, 0.2, 0.4, 0.0, -0.1)
+    rectum: Annotated[tuple[float, ...], sourced("1", _WHAT, _FIT)] = (0.5, 0.3, 0.2, 0.2, 0.8, -0.3)
+    common_share: Annotated[
+        float, sourced("1", "Share of the variance that the errors of both scans of a patient have in common.", _FIT)
+    ] = 0.3
+    correlation_mm: Annotated[
+        float, sourced("mm", "Length l of the errors' correlation along the surface, exp(-r^2 / 2 l^2).", _FIT)
+    ] = 9.0
+
+
+def error_models(numbers: ErrorNumbers | None = None) -> dict[str, ErrorModel]:
+    """The model of each organ."""
+    numbers = numbers or ErrorNumbers()
+    return {name: ErrorModel(weights=getattr(numbers, name)) for name in ("prostate", "bladder", "rectum")}

@@ -1,0 +1,69 @@
+"""surface_errors.npz: what the segmentation says of its surfaces reaches the inference, unless somebody states another error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from triangle_shapes import ball
+
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.problem import facts_of, noise_source
+from palpate.case.stated_files import ERRORS_FILE, further_files
+from palpate.case.surface_errors import StatedErrors, write_surface_errors
+from palpate.core.errors import InputError
+from palpate.core.problem import SurfacePair
+from palpate.segmentation.error_estimate import ErrorNumbers
+from palpate.segmentation.surface_error import SurfaceErrors
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> CaseFolder:
+    """A case whose prostate was found in both scans, and whose bladder at rest alone."""
+    made = CaseFolder.create(tmp_path / "case", CaseFacts("c"))
+    surface = ball(10.0, (0.5, 0.0, 0.0))
+    sd = np.where(surface.points[:, 0] > 0.0, 2.0, 1.0)
+    found = SurfaceErrors(surface.points, sd, 0.8)
+    write_surface_errors(made, {"rest": {"prostate": found, "bladder": found}, "deformed": {"prostate": found}})
+    return made
+
+
+def test_errors_lie_where_the_segmentation_put_them(case: CaseFolder) -> None:
+    errors, surface = StatedErrors(case), ball(10.0, (0.5, 0.0, 0.0))
+    moved = surface.with_points(1.02 * surface.points)
+    pair = errors.pair(SurfacePair(moved, moved), "organ")
+    assert pair.rest.sd_mm is not None and pair.common_share == ErrorNumbers().common_share
+    np.testing.assert_array_equal(pair.rest.sd_mm, np.where(moved.points[:, 0] > 0.0, 2.0, 1.0))
+    alone = errors.pair(SurfacePair(moved, moved), "bladder")
+    assert alone.rest.sd_mm is not None and alone.deformed.sd_mm is None and alone.common_share == 0.0
+    assert not errors.pair(SurfacePair(moved, moved), "rectum").states_errors
+    assert set(errors.rms_mm()["rest"]) == {"organ", "bladder"}
+    planned = errors.planned(SurfacePair(moved, moved), "bladder")
+    assert planned.deformed.sd_mm is not None and planned.common_share == ErrorNumbers().common_share
+
+
+def test_a_stated_or_measured_error_comes_first(case: CaseFolder) -> None:
+    assert noise_source(case) == "image" and ERRORS_FILE in further_files(case)
+    assert facts_of(case).noise_correlation_mm == ErrorNumbers().correlation_mm
+    case.write_json("noise.json", {"sd_mm": 0.6, "correlation_mm": 6.0})
+    assert noise_source(case) == "repeats" and not StatedErrors(case)
+    assert (facts_of(case).noise_sd_mm, facts_of(case).noise_correlation_mm) == (0.6, 6.0)
+    case.save_facts(replace(case.facts, boundary_noise_sd_mm=0.9))
+    assert noise_source(case) == "case" and facts_of(case).noise_sd_mm == 0.9
+
+
+def test_without_the_file_the_error_is_assumed(tmp_path: Path) -> None:
+    case = CaseFolder.create(tmp_path / "bare", CaseFacts("c"))
+    assert noise_source(case) == "assumed" and facts_of(case).noise_sd_mm == 0.4 and not StatedErrors(case)
+    write_surface_errors(case, {"rest": {}, "deformed": {}})
+    assert noise_source(case) == "assumed" and not StatedErrors(case)
+
+
+@pytest.mark.parametrize("sd", [np.nan, -1.0, 400.0])
+def test_values_that_cannot_be_are_refused(case: CaseFolder, sd: float) -> None:
+    case.write_npz(ERRORS_FILE, **{"rest/organ/points": np.zeros((1, 3)), "rest/organ/sd_mm": np.array([sd])})
+    with pytest.raises(InputError, match=r"surface_errors\.npz: rest/organ/sd_mm holds values that cannot be"):
+        StatedErrors(case)
