@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
+from scipy import ndimage
 
+from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.bladder.bladder import find_bladder
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.prostate.prostate import find_prostate
 from palpate.segmentation.rectum.rectum import find_rectum
 from palpate.segmentation.search_region import Found, Scene
-from palpate.segmentation.working_grid import Mask
+from palpate.segmentation.working_grid import Mask, box_around, signed_distance
+
+# A click this deep, as a share of the organ's greatest depth, and points so near to its surface, mm rms, confirm it. Chosen on
+# 12 variants (tests/benchmarks/surface_error_fit.py draws such).
+DEEP_SHARE, ON_SURFACE_MM = 0.5, 1.0
 
 
 def find_organs(
@@ -22,15 +29,43 @@ def find_organs(
     organs = dict(given)
     progress(0.0, "bladder")
     if "bladder" not in organs:
-        _keep(organs, "bladder", find_bladder(scene, prompts))
+        _keep(organs, "bladder", _led(scene, prompts, "bladder", lambda p: find_bladder(scene, p)))
     progress(0.45, "rectum")
     if "rectum" not in organs:
-        _keep(organs, "rectum", find_rectum(scene, prompts, _mask(organs, "bladder")))
+        bladder = _mask(organs, "bladder")
+        _keep(organs, "rectum", _led(scene, prompts, "rectum", lambda p: find_rectum(scene, p, bladder)))
     progress(0.6, "prostate")
     if "prostate" not in organs:
-        found = find_prostate(scene, prompts, _mask(organs, "bladder"), _mask(organs, "rectum"))
-        _keep(organs, "prostate", found)
+        others = _mask(organs, "bladder"), _mask(organs, "rectum")
+        _keep(organs, "prostate", _led(scene, prompts, "prostate", lambda p: find_prostate(scene, p, *others)))
     return organs
+
+
+def confirms(scene: Scene, mask: Mask, prompts: Prompts, organ: str) -> bool:
+    """Whether what a person points at only confirms an organ as it was found without: a click deep inside of it, or six
+    points on its surface."""
+    if prompts.mode(organ) == "click":
+        near = box_around(mask, 0.0)
+        depth = np.zeros(mask.shape)
+        depth[near] = ndimage.distance_transform_edt(mask[near])
+        return bool(depth[scene.index(prompts.seeds[organ])] >= DEEP_SHARE * depth.max())
+    points = prompts.extremes.get(organ)
+    if points is None:
+        return False
+    away = signed_distance(mask, scene.grid).at(np.asarray(points, dtype=float))
+    return rms(away) <= ON_SURFACE_MM
+
+
+def _led(scene: Scene, prompts: Prompts, organ: str, find: Callable[[Prompts], Found | None]) -> Found | None:
+    """The organ as points lead to it, or as it is found without them where they only confirm that: a click where the
+    automatic result is right anyway draws it no better, and may draw it worse."""
+    mode = prompts.mode(organ)
+    if mode not in ("click", "extremes"):
+        return find(prompts)
+    alone = find(prompts.without(organ))
+    if alone is not None and alone.mask.any() and confirms(scene, alone.mask, prompts, organ):
+        return replace(alone, method=mode)
+    return find(prompts)
 
 
 def _keep(organs: dict[str, Found], name: str, found: Found | None) -> None:

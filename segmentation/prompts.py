@@ -53,6 +53,14 @@ class Prompts:
         box = self.box(organ)
         return self.seeds.get(organ) if box is None else np.asarray(box.mean(axis=0))
 
+    def without(self, organ: str) -> Prompts:
+        """These prompts but for one organ's."""
+        seeds, extremes, boxes = (
+            {name: value for name, value in group.items() if name != organ}
+            for group in (self.seeds, self.extremes, self.boxes)
+        )
+        return Prompts(seeds, extremes, boxes, {name: sd for name, sd in self.spread_mm.items() if name != organ})
+
     def or_near(self, points: Mapping[str, FloatArray], spread_mm: float) -> Prompts:
         """These prompts, and a vague seed near each point (3,) mm of an organ that has none."""
         new = {name: point for name, point in points.items() if self.mode(name) == "auto"}

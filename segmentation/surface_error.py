@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from palpate.core.arrays import FloatArray, IntArray
@@ -17,13 +16,15 @@ from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_
 from palpate.segmentation.perturbed_runs import PerturbationOptions, perturbed_organs
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
-from palpate.segmentation.working_grid import Mask, blurred
+from palpate.segmentation.working_grid import blurred, bounds, signed_distance
 
 # Resolution: distance of the points at which an error is given, mm; the shell's smoothing, and over how far what runs do is
 # averaged, mm.
 SPACING_MM, SHELL_MM, NEAR_MM = 3.0, 1.0, 6.0
 # Edges are read on a picture so much smoothed, so far inside and outside of the surface, mm.
 EDGE_BLUR_MM, INSIDE_MM, OUTSIDE_MM = 0.8, (-4.0, -1.0), (1.0, 4.0)
+# A surface so near to the grid's end, in voxels, is a cap.
+END_VOXELS = 2.5
 # Contrast of soft tissue against fat, HU: an edge of it is a whole one.
 WHOLE_HU = 80.0
 
@@ -67,7 +68,7 @@ MODES = {"auto": 0.0, "carried": 0.0, "click": 0.0, "box": 1.0, "extremes": 1.0}
 def errors_of(scene: Scene, found: Found, runs: Sequence[Volume | None], model: ErrorModel) -> SurfaceErrors:
     """Errors of one organ. runs : its mask in every perturbed run, None where a run did not find it."""
     shell = shell_of_mask(found.mask, scene.grid, SHELL_MM)
-    chosen = spread_points(shell)
+    chosen = spread_points(shell, scene.grid)
     clues = clues_of(scene, shell, chosen, found, runs)
     sd = np.clip(model.sd_mm(clues), FLOOR_MM, MOST_MM)
     return SurfaceErrors(shell.points[chosen], sd, expected_dice(shell, chosen, sd))
@@ -81,14 +82,20 @@ def clues_of(scene: Scene, shell: Shell, chosen: IntArray, found: Found, runs: S
     weak = _averaged(points, _weakness(scene, points, shell.normals[chosen]))
     low, high = points[:, 2].min(), points[:, 2].max()
     ends = np.minimum(points[:, 2] - low, high - points[:, 2])
-    whole = np.full(len(points), np.sqrt((away**2).mean()))
-    return Clues(local, whole, weak, ends, np.full(len(points), MODES[found.method]))
+    even = np.ones(len(points))
+    whole = float(np.sqrt((away**2).mean())) * even
+    return Clues(local, whole, weak, ends, MODES[found.method] * even, (1.0 - found.confidence) * even)
 
 
-def spread_points(shell: Shell) -> IntArray:
-    """Points of a shell about SPACING_MM apart: one of each cube."""
-    cubes = np.floor(shell.points / SPACING_MM).astype(np.int64)
-    return np.sort(np.unique(cubes, axis=0, return_index=True)[1])
+def spread_points(shell: Shell, grid: Volume) -> IntArray:
+    """Points of a shell about SPACING_MM apart, one of each cube; none where the grid ends rather than the organ, unless
+    there are no others."""
+    low, high = bounds(grid)
+    room = END_VOXELS * float(grid.spacing[0])
+    within = np.flatnonzero(((shell.points > low + room) & (shell.points < high - room)).all(axis=1))
+    within = within if len(within) else np.arange(len(shell.points))
+    cubes = np.floor(shell.points[within] / SPACING_MM).astype(np.int64)
+    return np.asarray(within[np.sort(np.unique(cubes, axis=0, return_index=True)[1])])
 
 
 def expected_dice(shell: Shell, chosen: IntArray, sd_mm: FloatArray) -> float:
@@ -99,23 +106,14 @@ def expected_dice(shell: Shell, chosen: IntArray, sd_mm: FloatArray) -> float:
     return float(np.clip(1.0 - 0.5 * layer / enclosed_volume(shell.points, shell.faces), 0.0, 1.0))
 
 
-def signed_distance(mask: Mask, grid: Volume) -> Volume:
-    """Distance, mm, from the outline of a mask on an even grid, negative inside."""
-    step = float(grid.spacing[0])
-    if not mask.any() or mask.all():
-        return grid.with_array(np.full(mask.shape, MOST_MM, dtype=np.float32))
-    outside = ndimage.distance_transform_edt(~mask, sampling=step)
-    inside = ndimage.distance_transform_edt(mask, sampling=step)
-    # Voxel centres lie half a voxel from the outline between them.
-    return grid.with_array((outside - inside - 0.5 * step * np.sign(outside - inside)).astype(np.float32))
-
-
 def _away(run: Volume | None, points: FloatArray) -> FloatArray:
     """Distance (n,) mm of points from a run's surface."""
     if run is None:
         return np.full(len(points), MOST_MM)
-    distance = signed_distance(run.array.astype(bool), run)
-    return np.clip(distance.at(points), -MOST_MM, MOST_MM)
+    mask = run.array.astype(bool)
+    if not mask.any() or mask.all():
+        return np.full(len(points), MOST_MM)
+    return np.clip(signed_distance(mask, run).at(points), -MOST_MM, MOST_MM)
 
 
 def _weakness(scene: Scene, points: FloatArray, normals: FloatArray) -> FloatArray:

@@ -120,6 +120,17 @@ def opened(mask: Mask, radius_mm: float, step_mm: float) -> Mask:
     return dilated(eroded(mask, radius_mm, step_mm), radius_mm, step_mm) & mask
 
 
+def signed_distance(mask: Mask, grid: Volume) -> Volume:
+    """Distance, mm, from the outline of a mask on an even grid, negative inside; infinite without an outline."""
+    step = float(grid.spacing[0])
+    if not mask.any() or mask.all():
+        return grid.with_array(np.full(mask.shape, -np.inf if mask.any() else np.inf, dtype=np.float32))
+    outside = ndimage.distance_transform_edt(~mask, sampling=step)
+    inside = ndimage.distance_transform_edt(mask, sampling=step)
+    # Voxel centres lie half a voxel from the outline between them.
+    return grid.with_array((outside - inside - 0.5 * step * np.sign(outside - inside)).astype(np.float32))
+
+
 def largest(mask: Mask) -> Mask:
     """The largest connected part (6 neighbours)."""
     parts, count = ndimage.label(mask)

@@ -15,6 +15,7 @@ from organ_scans import found, scan, truth_of
 from palpate.core.errors import InputError
 from palpate.imaging.labels import BLADDER
 from palpate.imaging.volume import Volume
+from palpate.segmentation import organs as organs_module
 from palpate.segmentation import pelvis
 from palpate.segmentation.methods.extreme_points import ellipsoid_of
 from palpate.segmentation.methods.random_walker import walk
@@ -120,7 +121,7 @@ def test_an_installed_model_goes_through_the_same_door(monkeypatch: pytest.Monke
     own = found()
     monkeypatch.setattr(pelvis, "make_scene", lambda ct, prompts: own.scene)
     for organ in own.organs:
-        monkeypatch.setattr(pelvis, f"find_{organ}", lambda *a, kept=organ: own.organs[kept])
+        monkeypatch.setattr(organs_module, f"find_{organ}", lambda *a, kept=organ: own.organs[kept])
     organs = pelvis.segment_pelvis(scan(), model="totalsegmentator").organs
     ras = asked[0].affine @ [3.0, 4.0, 5.0, 1.0]
     assert ras[:3] == pytest.approx(scan().to_lps(np.array([[3.0, 4.0, 5.0]]))[0] * [-1.0, -1.0, 1.0])

@@ -11,10 +11,12 @@ import pytest
 from organ_scans import found
 
 from palpate.imaging.volume import Volume
+from palpate.segmentation import organs as organs_module
 from palpate.segmentation import perturbed_runs
 from palpate.segmentation.error_estimate import MOST_MM, Clues, ErrorNumbers, error_models
 from palpate.segmentation.methods.star_surface import star
 from palpate.segmentation.methods.surface_mesh import shell_of_mask
+from palpate.segmentation.organs import confirms, find_organs
 from palpate.segmentation.perturbed_runs import PerturbationOptions, perturbed_organs, scan_noise_hu
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
@@ -22,10 +24,10 @@ from palpate.segmentation.surface_error import (
     clues_of,
     errors_of,
     expected_dice,
-    signed_distance,
     spread_points,
     surface_errors,
 )
+from palpate.segmentation.working_grid import signed_distance
 
 STEP = 1.25
 
@@ -54,7 +56,7 @@ def scene() -> Scene:
 def test_runs_that_lie_elsewhere_and_missing_edges_are_clues(scene: Scene) -> None:
     organ = Found(ball(16.0), "auto", 0.9)
     shell = shell_of_mask(organ.mask, scene.grid, 1.0)
-    chosen = spread_points(shell)
+    chosen = spread_points(shell, scene.grid)
     runs = [grid().with_array(ball(16.0 + wider)) for wider in (2.0, -2.0)]
     clues = clues_of(scene, shell, chosen, organ, runs)
     np.testing.assert_allclose(clues.local, 2.0, atol=0.4)
@@ -96,7 +98,7 @@ def test_the_distance_is_signed_and_of_the_outline() -> None:
     distance = signed_distance(ball(16.0), grid())
     at = np.array([[5.0, 2.0, 3.0], [21.0, 2.0, 3.0], [17.0, 2.0, 3.0]])
     np.testing.assert_allclose(distance.at(at), [-12.0, 4.0, 0.0], atol=0.7)
-    assert (signed_distance(np.zeros((4, 4, 4), dtype=bool), grid()).array == MOST_MM).all()
+    assert np.isposinf(signed_distance(np.zeros((4, 4, 4), dtype=bool), grid()).array).all()
 
 
 def _by_threshold(scene: Scene, prompts: Prompts, given: Mapping[str, Found], *_: Any) -> dict[str, Found]:
@@ -134,5 +136,27 @@ def test_noise_of_a_scan(scene: Scene) -> None:
 def test_points_that_were_given_make_an_organ_surer() -> None:
     one = np.ones(3)
     for name, model in error_models(ErrorNumbers()).items():
-        auto, pointed = (model.sd_mm(Clues(one, one, 0.5 * one, 20.0 * one, p * one)) for p in (0.0, 1.0))
+        auto, pointed = (model.sd_mm(Clues(one, one, 0.5 * one, 20.0 * one, p * one, 0.7 * one)) for p in (0.0, 1.0))
         assert (pointed <= auto).all(), name
+
+
+@pytest.mark.parametrize(
+    ("place", "kept"), [((1.0, 2.0, 3.0), True), ((15.0, 2.0, 3.0), False), ((25.0, 2.0, 3.0), False)]
+)
+def test_a_click_deep_inside_confirms_what_is_found_without(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, place: tuple[float, float, float], kept: bool
+) -> None:
+    def find(scene: Scene, prompts: Prompts) -> Found:
+        return Found(ball(16.0) if prompts.mode("bladder") == "auto" else ball(8.0), prompts.mode("bladder"), 0.5)
+
+    monkeypatch.setattr(organs_module, "find_bladder", find)
+    given = {"rectum": Found(ball(3.0), "user", 1.0), "prostate": Found(ball(3.0), "user", 1.0)}
+    led = find_organs(scene, Prompts({"bladder": np.array(place)}), given)["bladder"]
+    assert led.method == "click" and led.mask.sum() == ball(16.0 if kept else 8.0).sum()
+
+
+@pytest.mark.parametrize(("off", "kept"), [(0.5, True), (3.0, False)])
+def test_points_on_the_surface_confirm_it(scene: Scene, off: float, kept: bool) -> None:
+    middle, out = np.array([1.0, 2.0, 3.0]), 16.0 + off
+    points = np.concatenate([middle - out * np.eye(3), middle + out * np.eye(3)])
+    assert confirms(scene, ball(16.0), Prompts({}, {"bladder": points}), "bladder") is kept

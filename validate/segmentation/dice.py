@@ -16,8 +16,8 @@ from palpate.imaging.volume import Volume
 from palpate.segmentation.error_estimate import MOST_MM
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prompts import ORGANS, Prompts
-from palpate.segmentation.surface_error import SurfaceErrors, signed_distance, surface_errors
-from palpate.segmentation.working_grid import mask_on
+from palpate.segmentation.surface_error import SurfaceErrors, surface_errors
+from palpate.segmentation.working_grid import mask_on, signed_distance
 
 MODES = ("auto", "click", "extremes")
 # Extreme points as a person sets them: off by so many mm along each axis (standard deviation).
@@ -103,7 +103,7 @@ def dice_table(
     rows = []
     for mode in modes:
         start = time.perf_counter()
-        prompts = _prompts(mode, reference, seed)
+        prompts = prompts_of(mode, reference, seed)
         found = segment_pelvis(ct, prompts)
         seconds = time.perf_counter() - start
         said = surface_errors(found.scene, prompts, found.organs) if errors else {}
@@ -139,7 +139,8 @@ def extremes_of(mask: Volume) -> FloatArray:
     return np.array(found)
 
 
-def _prompts(mode: str, reference: Mapping[str, Volume], seed: int) -> Prompts:
+def prompts_of(mode: str, reference: Mapping[str, Volume], seed: int) -> Prompts:
+    """What a person points at in a mode, from drawn masks. Raises InputError for an unknown mode."""
     organs = {name: mask for name, mask in reference.items() if name in ORGANS}
     if mode == "auto":
         return Prompts()
