@@ -7,8 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.meshed import MeshReport
+from palpate.case.meshed import ORGAN_NAME, MeshReport, load_surfaces
+from palpate.case.surface_errors import StatedErrors
+from palpate.core.identify.pair.rough_contours import too_rough
 from palpate.core.identify.result_record import RegionRecord
+from palpate.core.problem import SurfacePair
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 
@@ -25,12 +28,25 @@ def missing_structures(case: CaseFolder) -> list[str]:
     if not all(case.has_labels(state) for state in STATES):
         return []
     volumes = {state: case.labels(state) for state in STATES}
-    lines = [line for name, label in _WALLS.items() if (line := _absent(case, volumes, name, label))]
+    lines = rough_contours(case)
+    lines += [line for name, label in _WALLS.items() if (line := _absent(case, volumes, name, label))]
     return lines + [
         f"the prostate reaches the end of {_SCANS[state]}: part of it may not be seen"
         for state, labels in volumes.items()
         if reaches_the_end(labels)
     ]
+
+
+def rough_contours(case: CaseFolder) -> list[str]:
+    """That the prostate's contours are too rough to tell a stiffness, of a meshed case whose segmentation says so."""
+    errors = StatedErrors(case)
+    if not errors or not case.has("surfaces.npz"):
+        return []
+    rest, deformed = (load_surfaces(case, state).get(ORGAN_NAME) for state in STATES)
+    if rest is None or deformed is None:
+        return []
+    reason = too_rough(errors.pair(SurfacePair(rest, deformed), ORGAN_NAME))
+    return [f"contours that tell a stiffness: {reason}"] if reason else []
 
 
 def at_bounds(parameters: Mapping[str, RegionRecord]) -> list[str]:

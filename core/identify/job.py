@@ -19,6 +19,7 @@ from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.pair.no_driving_wall import moved_by_its_surface, surface_is_all
 from palpate.core.identify.pair.no_information import NoInformation, moved_as_a_whole
 from palpate.core.identify.pair.rigid_pair import rigid_pair
+from palpate.core.identify.pair.rough_contours import contours_tell_nothing
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.identify.result_record import (
@@ -78,6 +79,9 @@ def _untold(problem: IdentificationProblem) -> NoInformation | None:
     pair = rigid_pair(problem)
     if pair.nothing_deformed:
         return moved_as_a_whole(problem, pair)
+    rough = contours_tell_nothing(problem, pair)
+    if rough is not None:
+        return rough
     return moved_by_its_surface(problem) if surface_is_all(problem) else None
 
 

@@ -90,6 +90,10 @@ def missing(record: CaseRecord) -> list[str]:
         lines.append("whether the model leaves something out: Diagnose has not been run")
     if record.noise_from.startswith("assumed"):
         lines.append("how repeatable the contours are: assumed; draw them twice and it is measured")
+    if record.noise_from.startswith("estimated"):
+        lines.append(
+            "how repeatable the contours are: estimated from the images; draw them by hand twice and it is measured"
+        )
     methods = {
         organ.get("method")
         for state in record.segmentation.get("states", {}).values()

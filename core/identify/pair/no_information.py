@@ -35,10 +35,15 @@ class NoInformation:
     surface_mm: Mapping[str, float] | None = None
 
 
-def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair) -> NoInformation:
-    """Reason and motion of a pair that a rigid motion explains."""
+def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair, reason: str | None = None) -> NoInformation:
+    """Motion of a pair as the nearest rigid one. reason : why nothing else is told; that it explains the pair where None."""
     points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
     nodes = problem.mesh.points
     return NoInformation(
-        pair.in_words, pair.moved(nodes) - nodes, points, region, pair.moved(points) - points, pair.expected_mm["organ"]
+        reason or pair.in_words,
+        pair.moved(nodes) - nodes,
+        points,
+        region,
+        pair.moved(points) - points,
+        pair.expected_mm["organ"],
     )

@@ -17,7 +17,7 @@ from palpate.ui.report.quality import without_paths
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
 from palpate.ui.report.stiffness_section import limits, told
-from palpate.ui.report.summary import summary
+from palpate.ui.report.summary import NOTHING_TOLD, summary
 from palpate.ui.words.number_words import measured, three_figures
 
 
@@ -139,3 +139,27 @@ def test_a_legend_has_the_outlines_that_the_slices_meet() -> None:
     assert {"organ", "bladder"} <= listed(stiffness_planes(images))
     assert "organ" in listed(stiffness_series(images))
     assert "bladder" not in listed(stiffness_series(images))
+
+
+def test_what_is_missing_and_that_nothing_is_told_come_first() -> None:
+    found = result(120.0, 40.0)
+    line = "no rectum is known in either scan, so that its wall does not drive the model"
+    found["missing"] = [line]
+    assert summary(record(found))[0] == f"Missing: {line}."
+    assert summary(record(found))[1].startswith("The left half of the prostate is 3.0 times")
+    for region in found["parameters"].values():
+        region["ci95_kpa"] = [5.0, 500.0]
+    untold = summary(record(found))
+    assert untold[:2] == [NOTHING_TOLD, f"Missing: {line}."]
+    assert not any("intervals stand on" in sentence for sentence in untold)
+
+
+def test_the_summary_says_which_error_the_intervals_stand_on() -> None:
+    stated = summary(record(result(120.0, 40.0)))
+    assert "The intervals stand on an error of 0.40 mm of each contour, as the case states." in stated
+    found = result(120.0, 40.0)
+    found["misfit"].update(contour_noise_from="image", contour_noise_sd_mm=2.1)
+    found["contour_errors_mm"] = {"rest": {"organ": 1.9, "bladder": 1.1}, "deformed": {"organ": 2.25}}
+    estimated = " ".join(summary(replace(record(found), facts=CaseFacts("c"))))
+    assert "estimated from the images: prostate 1.9 and 2.2 mm, bladder 1.1 mm rms" in estimated
+    assert "if contours repeat to 2.10 mm, estimated from the images" in estimated

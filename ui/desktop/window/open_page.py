@@ -31,6 +31,10 @@ _STATES = (
     "<b>Rest</b>: the organ as it lies by itself. <b>Deformed</b>: the same patient with the organ pushed out of shape, "
     "by a full bladder, a filled rectum or a probe."
 )
+_CONTOURS_MATTER = (
+    "Contours of a person or a trained model are the way to a stiffness. Those that Palpate draws by itself are good for a first look "
+    "and as a start for corrections; they seldom tell a stiffness."
+)
 _ROWS = (
     ("rest", "Scan at rest", "drop a folder here"),
     ("rest_labels", "    its contours", _CONTOURS),
@@ -60,7 +64,7 @@ class OpenPage(QWidget):
         column.addWidget(title)
         column.addSpacing(16)
         column.addWidget(QLabel("<b>New case</b>: drop the two folders with the DICOM slices here, or choose them"))
-        told = QLabel(_STATES)
+        told = QLabel(f"{_STATES}<br>{_CONTOURS_MATTER}")
         told.setWordWrap(True)
         told.setStyleSheet(f"color: {style.FAINT}")
         column.addWidget(told)
