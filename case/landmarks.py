@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,15 +26,16 @@ class Landmarks:
     deformed: FloatArray
 
 
-def read_landmarks(path: Path) -> Landmarks:
+def read_landmarks(path: Path, may_miss: Collection[str] = (), may_be_blank: Collection[str] = ()) -> Landmarks:
     """Points of a CSV file in the form of docs/case.md: landmarks.csv, or the points file of a state.
 
+    may_miss : columns that need not be there. may_be_blank : columns in which a cell may be empty. Both are NaN then.
     Raises InputError naming the file when it is unreadable, lacks a column, holds no point or repeats a name, and
     naming the line too when a point has no name or a coordinate is no finite number.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = _rows(csv.DictReader(stream), path)
+            rows = _rows(csv.DictReader(stream), path, may_miss, {*may_miss, *may_be_blank})
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path} is not a readable CSV file; save it again as CSV in UTF-8") from error
     names = tuple(name for name, _ in rows)
@@ -46,13 +48,15 @@ def read_landmarks(path: Path) -> Landmarks:
     return Landmarks(names, values[:, :3], values[:, 3:])
 
 
-def _rows(reader: csv.DictReader[str], path: Path) -> list[tuple[str, list[float]]]:
+def _rows(
+    reader: csv.DictReader[str], path: Path, may_miss: Collection[str], may_be_blank: Collection[str]
+) -> list[tuple[str, list[float]]]:
     header = [name.strip() for name in reader.fieldnames or ()]
-    missing = [column for column in COLUMNS if column not in header]
+    missing = [column for column in COLUMNS if column not in header and column not in may_miss]
     if missing:
         raise InputError(f"{path} lacks the column {missing[0]}; its first line must be {','.join(COLUMNS)}")
     reader.fieldnames = header
-    return [(_name(row, path, reader.line_num), _numbers(row, path, reader.line_num)) for row in reader]
+    return [(_name(row, path, reader.line_num), _numbers(row, path, reader.line_num, may_be_blank)) for row in reader]
 
 
 def _name(row: dict[str, str], path: Path, line: int) -> str:
@@ -62,9 +66,12 @@ def _name(row: dict[str, str], path: Path, line: int) -> str:
     return name
 
 
-def _numbers(row: dict[str, str], path: Path, line: int) -> list[float]:
+def _numbers(row: dict[str, str], path: Path, line: int, may_be_blank: Collection[str]) -> list[float]:
     numbers = []
     for column in COLUMNS[1:]:
+        if column in may_be_blank and not (row.get(column) or "").strip():
+            numbers.append(np.nan)
+            continue
         try:
             number = float(row[column])
         except (TypeError, ValueError):

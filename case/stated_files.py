@@ -25,6 +25,16 @@ _FileName = Annotated[
 # Bounds that only exclude infinity and NaN, for values in mm, m/s2 and N.
 _Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
 _Vector = tuple[_Number, _Number, _Number]
+_PerAxis = Annotated[
+    tuple[_Number | None, _Number | None, _Number | None],
+    Meta(description="3 numbers, along x, y and z, of which some may be null"),
+]
+# Errors, one for all axes or one for each. Their bounds are checked where they are read: msgspec 0.20 reads beyond its
+# own memory where a union of a number and a tuple has any.
+_Errors = Annotated[
+    float | tuple[float | None, float | None, float | None],
+    Meta(description="a number, or 3 numbers of which some may be null"),
+]
 _AS_SHOWN = "; write it as docs/case.md shows"
 
 
@@ -94,6 +104,18 @@ def further_files(case: CaseFolder) -> list[str]:
     return [*(name for state in further_states(case) for name in state.files), *noise]
 
 
+def by_axis(errors: _Errors, where: str, least: float = 0.0) -> tuple[float | None, float | None, float | None]:
+    """Errors along x, y and z; None along an axis that has none. where : path and property, for the error.
+
+    Raises InputError for one that is not above `least` and below 1e6.
+    """
+    found = errors if isinstance(errors, tuple) else (errors, errors, errors)
+    for value in found:
+        if value is not None and not least < value < 1e6:
+            raise InputError(f"{where} is {value:g}; it must be a number above {max(least, 0.0):g} and below 1e+06")
+    return found
+
+
 class Load(msgspec.Struct, frozen=True):
     """Point load. at : position on the body, mm. force_n : force, N."""
 
@@ -102,39 +124,68 @@ class Load(msgspec.Struct, frozen=True):
     name: str = ""
 
 
+class Patch(msgspec.Struct, frozen=True, kw_only=True):
+    """Part of the body's surface: faces whose corners all lie within tolerance_mm of a plane, or whose centres lie within
+    radius_mm of a centre, or both where both are given. Points in mm.
+    """
+
+    plane_point: _Vector | None = None
+    plane_normal: _Vector | None = None
+    tolerance_mm: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.5
+    centre: _Vector | None = None
+    radius_mm: Annotated[float, Meta(gt=0.0, le=1e6)] | None = None
+    name: str = ""
+
+
+class Support(Patch, frozen=True, kw_only=True):
+    """Patch that holds the body in every state. axes : those along which it holds; along the others the body slides."""
+
+    axes: Annotated[str, Meta(pattern=r"^[xyz]{1,3}\Z", description="some of the letters x, y and z")] = "xyz"
+
+
+class MovedPatch(Patch, frozen=True, kw_only=True):
+    """Patch that is moved as a whole in one state.
+
+    displacement_mm : prescribed; null along an axis where it is free. displacement_sd_mm : error of it, one for all axes
+    or one for each. reaction_n : measured force that the patch exerts on the body, N; null along an axis where it was not
+    measured. reaction_sd_n : its error, likewise.
+    """
+
+    displacement_mm: _PerAxis
+    displacement_sd_mm: _Errors = 0.0
+    reaction_n: _PerAxis | None = None
+    reaction_sd_n: _Errors | None = None
+
+
 class MarkerState(msgspec.Struct, frozen=True):
     """One state of a body on a bench.
 
     points : name of its marker file, columns as in landmarks.csv. gravity : m/s2. points_sd_mm : standard deviation of
-    a marker, mm per axis; None for the case's contour noise.
+    a marker, mm, one for all axes or one for each, null along an axis that is not seen; None for the case's contour
+    noise. points_common : share of the variance that the markers have in common. moved : patches that are moved in it.
     """
 
     name: str
     points: str
     gravity: _Vector = (0.0, 0.0, 0.0)
     loads: tuple[Load, ...] = ()
-    points_sd_mm: Annotated[float, Meta(gt=0.0, le=1e3)] | None = None
-
-
-class Support(msgspec.Struct, frozen=True):
-    """Plane that holds the body: boundary faces are fixed whose corners all lie within tolerance_mm of it. Point in
-    mm.
-    """
-
-    plane_point: _Vector
-    plane_normal: _Vector
-    tolerance_mm: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.5
-    name: str = ""
+    points_sd_mm: _Errors | None = None
+    points_common: Annotated[float, Meta(ge=0.0, lt=1.0, description="a share from 0 to 1")] | None = None
+    moved: tuple[MovedPatch, ...] = ()
 
 
 class BenchBody(msgspec.Struct, frozen=True):
-    """Keys of case.json for a body on a bench, beyond `CaseFacts`. body : name of its surface file (STL, OBJ, PLY)."""
+    """Keys of case.json for a body on a bench, beyond `CaseFacts`.
+
+    body : name of its surface file (STL, OBJ, PLY). cells : about how many tetrahedra its mesh has; None for the mesher's own number.
+    """
 
     body: str
     states: Annotated[tuple[MarkerState, ...], Meta(min_length=1, description="a list of states, at least one")]
     supports: tuple[Support, ...] | None = ()
     density_kg_m3: Annotated[float, Meta(ge=0.0, lt=1e6, description="a density in kg/m3 from 0 to 1e+06")] = 1000.0
     model_gravity: bool = True
+    cells: Annotated[int, Meta(ge=50, le=50_000, description="a number of tetrahedra from 50 to 50000")] | None = None
 
 
 def is_body(case: CaseFolder) -> bool:

@@ -132,10 +132,23 @@ class DecidedByRecord(msgspec.Struct, frozen=True):
     sentence: str
 
 
+class ReactionRecord(msgspec.Struct, frozen=True):
+    """Reaction force of a patch along an axis, N: measured with its standard deviation, and as the model predicts it, plain
+    and with the best effect (None where there is none)."""
+
+    patch: str
+    axis: str
+    measured_n: float
+    sd_n: float
+    before_n: float | None
+    after_n: float | None
+
+
 class MarkersRecord(msgspec.Struct, frozen=True, kw_only=True):
     """rms misfit of one state's markers, mm.
 
-    Of the plain model and with the best effect, fitted, and (held_out) predicted from the other states.
+    Of the plain model and with the best effect, fitted, and (held_out) predicted from the other states. markers : how
+    many there are. noise_mm : what their own error would leave, rms. reactions : of the patches whose force was measured.
     """
 
     name: str
@@ -143,6 +156,9 @@ class MarkersRecord(msgspec.Struct, frozen=True, kw_only=True):
     rms_after_mm: float | UnsetType = UNSET
     held_out_before_mm: float | UnsetType | None = UNSET
     held_out_after_mm: float | UnsetType | None = UNSET
+    markers: int | UnsetType = UNSET
+    noise_mm: _Length | UnsetType = UNSET
+    reactions: list[ReactionRecord] | UnsetType = UNSET
 
 
 class RemainderRecord(msgspec.Struct, frozen=True):

@@ -34,7 +34,12 @@ def response_to_forces(tangent: Tangent, forces: FloatArray) -> FloatArray:
 
 def parameter_force(tangent: Tangent, direction: Direction) -> FloatArray:
     """dR/dtheta (kept,) for a parameter theta along which region r's law parameters change by direction[r] (k,) or
-    (cells, k).
+    (cells, k)."""
+    return parameter_force_everywhere(tangent, direction)[tangent.assembler.kept]
+
+
+def parameter_force_everywhere(tangent: Tangent, direction: Direction) -> FloatArray:
+    """The same (3 n + n_p,) at every unknown, those that are held too.
 
     Uses that every law is linear in its parameters, so the derivative of the residual is the residual of the direction.
     """
@@ -62,4 +67,4 @@ def parameter_force(tangent: Tangent, direction: Direction) -> FloatArray:
         else:
             stress = stress + (kappa_rate[:, None] * v.g)[..., None, None] * v.G
         assembler.add_internal_force(stress, cells, r_u, scale)
-    return np.concatenate([r_u.reshape(-1), r_p])[assembler.kept]
+    return np.concatenate([r_u.reshape(-1), r_p])

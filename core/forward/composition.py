@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.materials import Material
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import Term
@@ -23,6 +23,22 @@ from palpate.core.surfaces.rigid_motion import Motion
 MaterialChange = Callable[[TetMesh, Mapping[int, Material]], dict[int, Material]]
 # A load on a space: body force, traction.
 LoadPart = Callable[[Space], Term]
+# A value for each axis; None where there is none.
+PerAxis = tuple[float | None, float | None, float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """Part of the boundary, faces (f, 3), that is held or moved as a whole: its displacement, mm; None along an axis
+    where it is free."""
+
+    faces: IntArray
+    displacement: PerAxis
+
+    @property
+    def axes(self) -> IntArray:
+        """Axes along which it is not free."""
+        return np.flatnonzero([value is not None for value in self.displacement])
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +49,8 @@ class Composition:
     tissue, mm/kPa (0: tied). support : motions of bone. edge_mm : how far from bone the region's edge goes along with
     it, 0 where it does not. load : dead loads. geometry : (points, 3) mm from the scanned rest mesh to the stress-free
     one, None for none. observation : mm by which the deformed scan shows the organ too wide. state : which of the
-    case's deformed states this is, from 0.
+    case's deformed states this is, from 0. patches : of a body on a bench, what holds and moves it beside its bones.
+    on_bench : whether known loads and patches deform the body, so that it needs no walls.
     """
 
     problem: IdentificationProblem
@@ -46,6 +63,8 @@ class Composition:
     geometry: FloatArray | None = None
     observation: float = 0.0
     state: int = 0
+    patches: tuple[Patch, ...] = ()
+    on_bench: bool = False
 
     def with_law(self, change: MaterialChange) -> Composition:
         """The same with one more change of the materials' laws."""

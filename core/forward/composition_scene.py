@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.materials import Material
@@ -17,7 +17,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.springs import Springs
-from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition import Composition, Patch
 from palpate.core.forward.coupled_scene import CoupledScene
 from palpate.core.forward.cut_interface import sliding_springs
 from palpate.core.forward.parameters import StiffnessParameters
@@ -49,13 +49,13 @@ class CompositionScene(CoupledScene):
         shift = np.zeros_like(scanned.points) if composition.geometry is None else composition.geometry
         shift = shift if cut is None else shift[cut.original]
         mesh = scanned if not shift.any() else TetMesh(scanned.points + shift, scanned.cells, scanned.regions)
-        self.space = Space.of(mesh, geometry.element)
+        self.space = geometry.space if mesh is geometry.problem.mesh else Space.of(mesh, geometry.element)
         self.shift = prolonged(shift, self.space)
         scanned_nodes = self.space.nodes - self.shift
         self.walls = [
             wall_of(fields, self.problem, name, self.space, scanned_nodes) for name, fields in geometry.fields.items()
         ]
-        if not self.walls:
+        if not self.walls and not composition.on_bench:
             raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
         self.drags = self._drags(np.zeros_like(self.shift), 1.0)
         self.loads: tuple[Term, ...] = (dead_load(self.space, [make(self.space) for make in composition.load]),)
@@ -67,6 +67,8 @@ class CompositionScene(CoupledScene):
         held = self.held_nodes()
         free = np.ones((self.space.n_nodes, 3), dtype=bool)
         free[held] = False
+        for patch in composition.patches:
+            free[np.ix_(self._nodes_of(patch), patch.axes)] = False
         if free.all():
             raise InputError("the case has no bone and no fixed outer surface: nothing holds the organ in place")
         self.prescribed = self._prescribed(scanned_nodes)
@@ -138,7 +140,13 @@ class CompositionScene(CoupledScene):
                 apart = cKDTree(scanned_nodes[bone]).query(scanned_nodes[edge])[0]
                 share = np.exp(-0.5 * (apart / edge_mm) ** 2)
                 out[edge] += share[:, None] * self.composition.bone_motion(scanned_nodes[edge])
+        for patch in self.composition.patches:
+            moved = np.array(patch.displacement, dtype=np.float64)
+            out[np.ix_(self._nodes_of(patch), patch.axes)] = moved[patch.axes]
         return out.ravel()
+
+    def _nodes_of(self, patch: Patch) -> IntArray:
+        return np.unique(self.space.face_nodes(patch.faces))
 
     def _assembler(self, free: BoolArray) -> Assembler:
         """Assembler of the composition; those with the same unknowns share matrix structure and solver."""

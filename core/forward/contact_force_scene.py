@@ -18,7 +18,6 @@ from palpate.core.fem.state import State
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
-from palpate.core.forward.coupled_scene import Settled
 from palpate.core.forward.parameters import TISSUE, StiffnessParameters
 from palpate.core.forward.scene_parts import moved_observation, prolonged
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -67,11 +66,6 @@ class ContactForceScene(CompositionScene):
         # Beyond buckling a dead load leads to another branch, far from the observed one: reported as a failure.
         options = replace(options or NewtonOptions(), follow_buckling=False)
         return solve_equilibrium(self.assembler, materials, start=start, options=options)
-
-    def settle(self, theta: FloatArray, start: State | Equilibrium | None = None, rounds: int = 8) -> Settled:
-        """One solve: there are no walls to settle."""
-        state = None if start is None else State(start.u, start.p)
-        return Settled(self.solve(theta, state), 0.0, 1)
 
     def linearise(self, u: FloatArray, way: float = 1.0) -> None:
         """No effect but on `linearised_at`: there are no walls."""

@@ -61,8 +61,10 @@ class CoupledScene:
         """Settle the walls on the deformed surfaces for parameters theta: solve, linearise the walls anew, repeat.
 
         Afterwards `solve` uses the walls' last linearisation: for other theta they slide by a tenth of a millimetre at
-        most, which moves them off the surface by a thousandth.
+        most, which moves them off the surface by a thousandth. Without walls one solve is all.
         """
+        if not self.walls:
+            return Settled(self.solve(theta, None if start is None else _state(start)), 0.0, 1)
         equilibrium = self._approach(theta) if start is None else None
         if equilibrium is not None and not equilibrium.converged:
             return Settled(equilibrium, np.inf, 0)

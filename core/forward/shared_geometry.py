@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -74,6 +75,11 @@ class SharedGeometry:
             errors = ContourErrors.of(problem.walls[name], visible.rest, visible.rest, problem.facts.noise_sd_mm)
             geometry.motions[name] = WallMotion.of(visible, at_rest, errors, walls)
         return geometry
+
+    @cached_property
+    def space(self) -> Space:
+        """The element's space on the problem's own mesh."""
+        return Space.of(self.problem.mesh, self.element)
 
     @property
     def cut(self) -> CutProblem:

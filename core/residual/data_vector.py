@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.bone_registration import BoneRegistration
@@ -109,6 +110,13 @@ class DataVector:
             out[self.marks, j] = marks.ravel()
             out[self.motion, j] = observation.motion.along(motion)
         return out
+
+    def in_theta(
+        self, scene: CompositionScene, theta: FloatArray, equilibrium: Equilibrium, sensitivities: FloatArray
+    ) -> FloatArray:
+        """Derivative (n, t) of the residual in theta (t,), where the scene's equilibrium changes by `sensitivities` (t,
+        nodes, 3) mm."""
+        return self.response(scene, equilibrium.u, sensitivities)
 
     def loads(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
         """Derivative (n, nodes, 3) of the residual in nodal displacements, at u (nodes, 3) mm.

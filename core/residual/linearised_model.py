@@ -131,7 +131,7 @@ class StateModel:
             return None
         residual = self.data.residual(scene, equilibrium.u) + self.correction
         sensitivities = scene.displacement_sensitivities(theta, equilibrium)
-        in_theta = self.data.response(scene, equilibrium.u, sensitivities)
+        in_theta = self.data.in_theta(scene, theta, equilibrium, sensitivities)
         imbalance = out_of_balance(scene.assembler, State(equilibrium.u, equilibrium.p))
         return Linearisation(theta, phi, scene, equilibrium, residual, in_theta, imbalance)
 

@@ -54,6 +54,11 @@ class NoiseGrid:
             sizes, np.stack([parts.covariance(s, discretisation) for s in sizes]), prior - logsumexp(prior), options
         )
 
+    @classmethod
+    def known(cls, covariance: FloatArray, options: NoiseModelOptions) -> NoiseGrid:
+        """The one point of a noise whose covariance (n, n) is known."""
+        return cls([NoiseSizes.of(options)], covariance[None], np.zeros(1), options)
+
     def log_likelihood(self, r: FloatArray, J: FloatArray, more: FloatArray) -> FloatArray:
         """Restricted log likelihood (g,) of residuals r (n,), J (n, t) projected out; more (n, n) : a further
         covariance."""

@@ -139,7 +139,7 @@ def fit_plain(
     model = joint_model(pairs, options, walls or WallMotionOptions(), how)
     progress(0.1, "plain model: stiffness with the quick element")
     starts = np.vstack([spread_starts(model.bounds, how.starts), *([] if start is None else [start])])
-    first = _somewhere(model, starts)
+    first = solved_somewhere(model, starts)
     weighting = _first_weights(model, first, options)
     optimum = best_of(model, weighting, starts, first, part(progress, 0.1, 0.4))
     progress(0.4, f"plain model: element {how.element}")
@@ -177,8 +177,11 @@ def fit_plain(
     )
 
 
-def _somewhere(model: JointModel, starts: FloatArray) -> JointLinearisation:
-    """The model solved at the first of the starts (s, t) where it has an equilibrium."""
+def solved_somewhere(model: JointModel, starts: FloatArray) -> JointLinearisation:
+    """The model solved at the first of the starts (s, t) where it has an equilibrium.
+
+    Raises ConvergenceError when it has none at any.
+    """
     for start in starts[:-1]:
         linearisation = model.plain(start, None)
         if linearisation is not None:

@@ -9,16 +9,17 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies import record
-from palpate.core.diagnose.bench_bodies.fit import BodyFit
-from palpate.core.diagnose.bench_bodies.judge import base_fit, decide_body, p_value
+from palpate.core.diagnose.bench_bodies.fit import fit_body
+from palpate.core.diagnose.bench_bodies.judge import decide_body, p_value
+from palpate.core.diagnose.bench_bodies.kept_work import FILE, KeptWork
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
-from palpate.core.diagnose.bench_bodies.rivals import Rival, rivals
-from palpate.core.diagnose.bench_bodies.scene import BodySolver
+from palpate.core.diagnose.bench_bodies.rivals import rivals, second_cause
 from palpate.core.diagnose.diagnosis_record import DecidedByRecord, DiagnosisRecord, StiffnessRecord, WhereRecord
 from palpate.core.diagnose.effects import Effect, library
 from palpate.core.diagnose.options import DiagnosisJob, DiagnosisOptions
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.errors import InputError
+from palpate.core.worker.checkpoint import save_checkpoint
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
@@ -28,7 +29,10 @@ MAP_FILE = "body_markers.npz"
 
 
 def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
-    """Job kind "palpate.core.diagnose.bench_bodies.diagnose:run": as `palpate.core.diagnose.job.run`, for a body."""
+    """Job kind "palpate.core.diagnose.bench_bodies.diagnose:run": as `palpate.core.diagnose.job.run`, for a body.
+
+    A job that was stopped goes on from the pieces of work that it had finished.
+    """
     one_thread()
     path = Path(job.paths["data"])
     try:
@@ -36,10 +40,12 @@ def run(job: Job, reporter: Reporter) -> DiagnosisRecord:
             problem = BodyProblem.from_arrays({key: archive[key] for key in archive.files})
     except OSError as error:
         raise InputError(f"{path}: not readable ({error}); run diagnose again") from error
-    options = job.options_as(DiagnosisJob)
+    options, key = job.options_as(DiagnosisJob), job.fingerprint()
+    kept = KeptWork.load(Path(job.folder) / FILE, key)
     effects = library(options.folder)
-    diagnosis, residuals = diagnose_body(problem, effects, options.case, reporter.progress, options.numbers)
-    np.savez(Path(job.folder) / MAP_FILE, **residuals)  # type: ignore[arg-type]
+    diagnosis, maps = diagnose_body(problem, effects, options.case, reporter.progress, options.numbers, kept)
+    save_checkpoint(Path(job.folder) / MAP_FILE, maps, key)
+    (Path(job.folder) / FILE).unlink(missing_ok=True)
     return diagnosis
 
 
@@ -49,22 +55,22 @@ def diagnose_body(
     case: str,
     progress: Progress = silent,
     options: DiagnosisOptions | None = None,
+    kept: KeptWork | None = None,
 ) -> tuple[DiagnosisRecord, dict[str, FloatArray]]:
-    """Record of the diagnosis, and the markers' residuals (k, 3) mm by state.
+    """Record of the diagnosis, and its arrays for pictures (`record.maps`). kept : work of a run before.
 
-    Raises ConvergenceError when no equilibrium is found.
+    Raises InputError when nothing holds the body, ConvergenceError when no equilibrium is found.
     """
-    options = options or DiagnosisOptions()
-    solver = BodySolver.of(problem, options)
-    progress(0.0, "plain model")
-    base = base_fit(solver)
+    options, kept = options or DiagnosisOptions(), kept or KeptWork()
+    base = fit_body(problem, options, part(progress, 0.0, 0.3), kept)
     p = p_value(base)
-    ranked = rivals(base, effects, part(progress, 0.1, 0.7))
+    ranked = rivals(base, effects, kept, part(progress, 0.3, 0.95))
     decided = decide_body(base, ranked, p < options.decision_rules.level)
     verdict, probability = decided.verdict, decided.probability
     best = ranked[0] if ranked else None
     named = best if verdict not in (NONE, UNKNOWN, AMBIGUOUS) else None
-    cause = _second(named.fit, effects, part(progress, 0.7, 1.0)) if named is not None else None
+    progress(0.95, "what the named effect leaves")
+    cause = second_cause(base, named, ranked[1:], kept) if named is not None else None
     out = DiagnosisRecord(
         case=case,
         gap=record.gap(base, p),
@@ -74,8 +80,8 @@ def diagnose_body(
         ranking=[record.row(base, f, probability[f.effect.id]) for f in ranked],
         shrinkage=None if best is None or verdict == NONE else record.shrinkage(best),
         stiffness=StiffnessRecord(
-            without_effect=record.stiffness(base),
-            with_effect=None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness(best.fit),
+            without_effect=record.plain_stiffness(base),
+            with_effect=None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness_with(best.fit),
         ),
         next_measurement=record.next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
         why=decided.why,
@@ -83,16 +89,7 @@ def diagnose_body(
         in_words=record.words(base, verdict, named),
         probability_unknown=probability.get(UNKNOWN, 0.0),
         states=record.states(base, best),
-        remainder=None if named is None else record.remainder(named.fit, cause),
+        remainder=None if named is None else record.remainder(base, named, cause),
         options=options,
     )
-    return out, {s.name: r for s, r in zip(problem.states, record.by_state(base), strict=True)}
-
-
-def _second(named: BodyFit, effects: Mapping[str, Effect], progress: Progress) -> Rival | None:
-    """Second effect beside the named one, if it passes the same evidence, p-value and prediction tests."""
-    rules = named.model.solver.options.decision_rules
-    for f in rivals(named, effects, progress):
-        if f.log_evidence > np.log(rules.tied) and f.p_value < rules.level and f.predicts:
-            return f
-    return None
+    return out, record.maps(base, best)

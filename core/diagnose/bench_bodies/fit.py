@@ -1,139 +1,156 @@
-"""Fit of a body's stiffness, and of effects, to the markers of all states at once."""
+"""Plain fit of a body: the stiffness that explains all markers and reactions, by the fit that pairs have too."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.bench_bodies.scene import BodySolver
-from palpate.core.diagnose.effects import Effect, Variant
-from palpate.core.fem.assembly import State
-from palpate.core.forward.composition import Composition
-from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.diagnose.bench_bodies.kept_work import KeptWork
+from palpate.core.diagnose.bench_bodies.marker_data import MarkerData
+from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data, noise_covariance
+from palpate.core.diagnose.bench_bodies.problem import BodyProblem
+from palpate.core.diagnose.options import DiagnosisOptions
+from palpate.core.errors import ConvergenceError
+from palpate.core.inference.posterior import laplace
+from palpate.core.inference.starts import spread_starts
 from palpate.core.observe.contour_noise import Weighting
-from palpate.core.residual.linearised_model import out_of_balance
+from palpate.core.residual.fit_options import GOOD, QUICK, FitOptions
+from palpate.core.residual.joint_states import JointLinearisation, JointModel
+from palpate.core.residual.noise_covariance import NoiseSizes
+from palpate.core.residual.noise_estimation import NoiseGrid
+from palpate.core.residual.optimum import SAME_OPTIMUM, Optimum, best_of, solved
+from palpate.core.residual.plain_fit import PlainFit, solved_somewhere
+from palpate.core.worker.progress import Progress, part, silent
 
-# Numerical: step of the finite differences, of ln G and of phi in prior standard deviations.
-_STEP = 1e-3
-# Numerical: a fit ends when no parameter moves by more than this, or after so many solves.
-_TOLERANCE, _EVALUATIONS = 5e-3, 20
-# Precision of ln G's prior: none to speak of.
-_FLAT = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Added:
-    """Effect added to the plain body, with one variant for each state, since loads differ between states."""
-
-    effect: Effect
-    variants: Sequence[Variant]
-
-
-@dataclass(frozen=True, eq=False)
-class BodyModel:
-    """Model of a body with any effects added.
-
-    Parameters x (1 + k,) : ln G (G in kPa), then each effect's phi in prior standard deviations.
-    """
-
-    solver: BodySolver
-    added: tuple[Added, ...] = ()
-
-    @property
-    def scales(self) -> FloatArray:
-        """Prior standard deviations (k,) of all effects' parameters, in their own units."""
-        return np.concatenate([np.zeros(0), *(a.effect.scales for a in self.added)])
-
-    @property
-    def bounds(self) -> FloatArray:
-        """Lower and upper bounds (1 + k, 2) of x."""
-        effects = [a.effect.bounds / a.effect.scales[:, None] for a in self.added]
-        return np.vstack([np.log([self.solver.problem.bounds_kpa]), *effects])
-
-    def composition(self, x: FloatArray, state: int) -> Composition:
-        """Composition at parameters x (1 + k,) in the state of this index."""
-        out, start = Composition(self.solver.problem.shell), 1
-        for a in self.added:
-            n = len(a.effect.parameters)
-            out = a.variants[state].applied(out, x[start : start + n] * a.effect.scales)
-            start += n
-        return out
-
-    def linearised(self, x: FloatArray, which: Sequence[int]) -> tuple[FloatArray, FloatArray] | None:
-        """Residual (m,) mm, predicted minus observed, of the markers of the states `which`; its derivative (m, 1 + k).
-
-        None when a state has no equilibrium at x (1 + k,).
-        """
-        r, J = [], []
-        for k in which:
-            state = self.solver.problem.states[k]
-            equilibrium = self.solver.solve(self.composition(x, k), x[:1], state)
-            if not equilibrium.converged:
-                return None
-            balance = out_of_balance(self.solver.assembler, State(equilibrium.u, equilibrium.p))
-            here = self.solver.markers(equilibrium.u, state)
-            r.append((here - state.moved).ravel())
-            columns = []
-            for step in _STEP * np.eye(len(x)):
-                y = x + step
-                u = equilibrium.u + self.solver.first_order(self.composition(y, k), y[:1], state, equilibrium, balance)
-                columns.append((self.solver.markers(u, state) - here).ravel() / _STEP)
-            J.append(np.stack(columns, axis=1))
-        return np.concatenate(r), np.vstack(J)
+# How often the noise is carried through the model anew where the fit has moved, at most, and the move of ln G, in its
+# standard deviations, from which on it is.
+_CARRIED, _MOVED_SD = 3, 0.1
+_NO_EQUILIBRIUM = "the body has no equilibrium under these loads; look at its supports, loads and stiffness bounds"
 
 
 @dataclass(frozen=True, eq=False)
 class BodyFit:
-    """Model of a body at its best fit to the markers.
+    """The plain model of a body where it fits best, as that of a pair."""
 
-    x (1 + k,) : see `BodyModel`. residual (m,) mm, jacobian (m, 1 + k) mm. cost : weighted squares and prior.
-    covariance (1 + k, 1 + k) : of x. volume : half the logarithm of its determinant.
+    problem: BodyProblem
+    plain: PlainFit
+    options: DiagnosisOptions
+
+    @property
+    def element(self) -> str:
+        """The element that it was fitted with."""
+        return self.plain.model.first.geometry.element
+
+    @property
+    def data(self) -> list[MarkerData]:
+        """Data of every state."""
+        return marker_data(self.plain.model)
+
+    def missed(self, residual: FloatArray) -> list[FloatArray]:
+        """Residuals (k, 3) mm of every state's markers, NaN where not seen, from those of all data (n,)."""
+        return [d.missed(residual[rows]) for d, rows in zip(self.data, self.plain.model.rows, strict=True)]
+
+    def without(self, state: int) -> PlainFit:
+        """The same fit with a state's data and model left out, not yet fitted anew."""
+        fit = self.plain
+        rest = [k for k in range(len(fit.model.each)) if k != state]
+        rows = np.concatenate([np.arange(fit.model.rows[k].start, fit.model.rows[k].stop) for k in rest])
+        covariance = fit.weighting.covariance[np.ix_(rows, rows)]
+        return replace(
+            fit,
+            model=JointModel(tuple(fit.model.each[k] for k in rest)),
+            linearisation=without_state(fit.linearisation, state),
+            mesh=fit.mesh[rows],
+            noise=NoiseGrid.known(covariance, self.options.noise_model),
+            weighting=Weighting(covariance),
+        )
+
+
+def without_state(at: JointLinearisation, state: int) -> JointLinearisation:
+    """A linearisation of all states but one."""
+    return JointLinearisation(tuple(one for k, one in enumerate(at.each) if k != state))
+
+
+def fit_body(
+    problem: BodyProblem,
+    options: DiagnosisOptions | None = None,
+    progress: Progress = silent,
+    kept: KeptWork | None = None,
+    how: FitOptions | None = None,
+) -> BodyFit:
+    """Fit of the plain model to all states: Gauss-Newton from several starts with a quick element, then with the good
+    one from where those end.
+
+    kept : work of a run before. Raises InputError when nothing holds the body, ConvergenceError when it has no
+    equilibrium.
     """
+    options, how, kept = options or DiagnosisOptions(), how or FitOptions(), kept or KeptWork()
+    model = bench_model(problem, how.element, options.noise_model.markers_common)
+    found: list[Optimum] = []
 
-    model: BodyModel
-    which: tuple[int, ...]
-    x: FloatArray
-    residual: FloatArray
-    jacobian: FloatArray
-    cost: float
-    covariance: FloatArray
-    volume: float
+    def search() -> JointLinearisation:
+        found.append(_searched(problem, model, options, how, progress))
+        return found[0].linearisation
 
-    def log_evidence(self, plain: BodyFit) -> float:
-        """Log evidence (Laplace's approximation) against the plain model fitted to the same states."""
-        return 0.5 * (plain.cost - self.cost) + self.volume - plain.volume
+    try:
+        place = kept.place("plain", search)
+        here = solved(model, place.theta, place.on(model))
+    except ConvergenceError as error:
+        raise ConvergenceError(_NO_EQUILIBRIUM) from error
+    covariance = noise_covariance(problem, model, here)
+    noise = options.noise_model
+    plain = PlainFit(
+        model,
+        here,
+        np.zeros(model.n),
+        (),
+        1,
+        float("nan"),
+        NoiseGrid.known(covariance, noise),
+        NoiseSizes.of(noise),
+        Weighting(covariance),
+        replace(found[0], linearisation=here) if found else Optimum(here, here.theta[None]),
+    )
+    return BodyFit(problem, plain, options)
 
 
-def weighting(solver: BodySolver, which: Sequence[int]) -> Weighting:
-    """Weighting of the markers of the states `which` together."""
-    common = solver.options.noise_model.markers_common
-    return Weighting(block_diag(*(solver.problem.states[k].covariance(common) for k in which)))
+def _searched(
+    problem: BodyProblem, model: JointModel, options: DiagnosisOptions, how: FitOptions, progress: Progress
+) -> Optimum:
+    """The optimum with the noise that belongs to it. Raises ConvergenceError when there is no equilibrium."""
+    progress(0.0, "plain model: stiffness with the quick element")
+    starts = _quick_ends(problem, options, how, part(progress, 0.0, 0.2))
+    progress(0.2, f"plain model: element {how.element}")
+    here = solved_somewhere(model, starts)
+    best = None
+    for k in range(_CARRIED):
+        weights = Weighting(noise_covariance(problem, model, here))
+        search = part(progress, 0.3 + 0.2 * k, 0.5 + 0.2 * k)
+        best = best_of(model, weights, starts if best is None else here.theta[None], here, search)
+        before, here = here.theta, best.linearisation
+        sd = laplace(here.theta, weights.whiten(here.residual), weights.whiten(here.in_theta), model.bounds).sd
+        if not _moves_patches(problem) or (np.abs(here.theta - before) < _MOVED_SD * sd).all():
+            break
+    assert best is not None
+    return best
 
 
-def fit_body(model: BodyModel, which: Sequence[int], start: FloatArray) -> BodyFit | None:
-    """Gauss-Newton fit to the states `which` from x = start (1 + k,); None when no equilibrium was found."""
-    weight = weighting(model.solver, which)
-    prior = np.diag(np.concatenate([[0.0], np.ones(len(start) - 1)]))
+def _moves_patches(problem: BodyProblem) -> bool:
+    """Whether the noise hangs on the stiffness: displacements that were prescribed have an error."""
+    return any(sd > 0.0 for p in problem.patches for sd in p.facts.sd_mm)
 
-    def linearise(x: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        linearised = model.linearised(x, which)
-        if linearised is None:
-            return None
-        r, J = linearised
-        return np.concatenate([weight.whiten(r), prior @ x]), np.vstack([weight.whiten(J), prior])
 
-    best = gauss_newton(linearise, start, model.bounds, _TOLERANCE, _EVALUATIONS)
-    if best is None:
-        return None
-    n = len(best.residual) - len(start)
-    H = best.jacobian.T @ best.jacobian + _FLAT * np.diag(np.arange(len(start)) == 0)
-    L = weight.covariance
-    white = np.linalg.cholesky(L)
-    residual, jacobian = white @ best.residual[:n], white @ best.jacobian[:n]
-    volume = -0.5 * float(np.linalg.slogdet(H)[1])
-    covariance = np.asarray(np.linalg.inv(H), dtype=np.float64)
-    return BodyFit(model, tuple(which), best.theta, residual, jacobian, best.misfit, covariance, volume)
+def _quick_ends(problem: BodyProblem, options: DiagnosisOptions, how: FitOptions, progress: Progress) -> FloatArray:
+    """Where Gauss-Newton with the quick element ends, each optimum once; the starts where it has no equilibrium."""
+    model = bench_model(problem, QUICK if how.element == GOOD else how.element, options.noise_model.markers_common)
+    starts = spread_starts(model.bounds, how.starts)
+    try:
+        first = solved_somewhere(model, starts)
+        weights = Weighting(noise_covariance(problem, model, first))
+        ends = best_of(model, weights, starts, first, progress).ends
+    except ConvergenceError:
+        return starts
+    other = [k for k, end in enumerate(ends) if (np.abs(end - ends[:k]).max(axis=1) > SAME_OPTIMUM).all()]
+    return ends[other]

@@ -1,4 +1,4 @@
-"""Judgement of a body: plain model, test for a gap, verdict."""
+"""Judgement of a body: test for a gap, verdict."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from palpate.core.diagnose.bench_bodies.fit import BodyFit, BodyModel, fit_body, weighting
-from palpate.core.diagnose.bench_bodies.rivals import Rival
-from palpate.core.diagnose.bench_bodies.scene import BodySolver
+from palpate.core.diagnose.bench_bodies.fit import BodyFit
+from palpate.core.diagnose.bench_bodies.rivals import Rival, squares
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.verdict.rules import Rule, always, first_that_holds
 from palpate.core.diagnose.verdict.verdict import (
@@ -21,43 +20,29 @@ from palpate.core.diagnose.verdict.verdict import (
     Verdict,
     probabilities,
 )
-from palpate.core.errors import ConvergenceError
-from palpate.core.inference.evidence import projected, score
+from palpate.core.inference.evidence import score
 
 GRAVITY = "gravity_change"
 
 
-def base_fit(solver: BodySolver) -> BodyFit:
-    """Fit of the plain model to all states. Raises ConvergenceError when no equilibrium is found."""
-    which = range(len(solver.problem.states))
-    fit = fit_body(BodyModel(solver), which, np.log(solver.problem.bounds_kpa).mean(keepdims=True))
-    if fit is None:
-        raise ConvergenceError(
-            "the body has no equilibrium under these loads; look at its supports, loads and stiffness bounds"
-        )
-    return fit
-
-
-def p_value(fit: BodyFit) -> float:
-    """p-value of the markers' residual under their noise alone (chi-squared)."""
-    weight = weighting(fit.model.solver, fit.which)
-    return float(stats.chi2.sf(weight.squared(fit.residual), max(len(fit.residual) - len(fit.x), 1)))
+def p_value(base: BodyFit) -> float:
+    """p-value of the residual of markers and reactions under their noise alone (chi-squared)."""
+    fit = base.plain
+    free = max(fit.model.n - len(fit.linearisation.theta), 1)
+    return float(stats.chi2.sf(squares(fit, fit.linearisation), free))
 
 
 def unnamed(base: BodyFit) -> float:
     """Log evidence of a displacement of every state's markers that no effect of the library makes."""
-    states = [base.model.solver.problem.states[k] for k in base.which]
-    weight = weighting(base.model.solver, base.which)
-    r = projected(weight.whiten(base.jacobian), weight.whiten(base.residual))
-    S = np.zeros((len(r), 3 * len(states)))
-    row = 0
-    for k, s in enumerate(states):
-        n = 3 * len(s.rest)
-        S[row : row + n, 3 * k : 3 * k + 3] = np.tile(np.eye(3), (len(s.rest), 1))
-        row += n
-    J = weight.whiten(base.jacobian)
+    fit, columns = base.plain, []
+    for data, rows in zip(base.data, fit.model.rows, strict=True):
+        S = np.zeros((fit.model.n, 3))
+        S[rows.start : rows.start + data.n_seen] = np.tile(np.eye(3), (len(data.seen), 1))[data.seen.ravel()]
+        columns.append(S[:, S.any(axis=0)])
+    S = np.hstack(columns)
+    r, J = fit.residual, fit.jacobian
     return score(
-        r, J, weight.whiten(S), np.full(S.shape[1], base.model.solver.options.decision_rules.bench_unnamed_mm)
+        r, J, fit.weighting.whiten(S), np.full(S.shape[1], base.options.decision_rules.bench_unnamed_mm)
     ).log_evidence
 
 
@@ -152,8 +137,8 @@ def decide_body(base: BodyFit, rivals: Sequence[Rival], detected: bool) -> Verdi
 
     rivals : effects refitted, best first. detected : whether there is a gap.
     """
-    problem = base.model.solver.problem
+    problem = base.problem
     known = not problem.model_gravity and any(np.linalg.norm(s.gravity) > 0.1 for s in problem.states)
-    findings = BodyFindings(detected, rivals, unnamed(base), known, rules=base.model.solver.options.decision_rules)
+    findings = BodyFindings(detected, rivals, unnamed(base), known, rules=base.options.decision_rules)
     decision = first_that_holds(BODY_RULES, findings)
     return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

@@ -5,75 +5,101 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from msgspec import UNSET, structs
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies.fit import BodyFit
-from palpate.core.diagnose.bench_bodies.rivals import Rival, marker_rms
+from palpate.core.diagnose.bench_bodies.model import state_model
+from palpate.core.diagnose.bench_bodies.problem import BodyPatch, BodyProblem
+from palpate.core.diagnose.bench_bodies.rivals import Rival, rms_mm
 from palpate.core.diagnose.diagnosis_record import (
     FittedStiffnessRecord,
     GapRecord,
     MarkersRecord,
     ParameterRecord,
     RankedRecord,
+    ReactionRecord,
     RegionGapRecord,
     RemainderRecord,
     ShrinkageRecord,
 )
+from palpate.core.diagnose.effects import Effect
+from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE
+from palpate.core.forward.composition import PerAxis
+from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.statistics import rms
 
 
-def by_state(fit: BodyFit) -> list[FloatArray]:
-    """Residuals (k, 3) mm of every state's markers."""
-    ends = np.cumsum([3 * len(fit.model.solver.problem.states[k].rest) for k in fit.which])
-    return [r.reshape(-1, 3) for r in np.split(fit.residual, ends[:-1])]
+def by_state(base: BodyFit, one: Refit | None = None) -> list[FloatArray]:
+    """Residuals (k, 3) mm of every state's markers, NaN where not seen, of the plain model or with an effect."""
+    return base.missed((base.plain if one is None else one).linearisation.residual)
+
+
+def distances(missed: FloatArray) -> FloatArray:
+    """Distance (k,) mm of every marker along the axes seen; missed (k, 3) mm, NaN where not seen."""
+    return np.sqrt(np.nansum(missed**2, axis=1))
 
 
 def gap(base: BodyFit, p: float) -> GapRecord:
-    """The "gap" of diagnosis.json; p : of the markers under their noise alone."""
-    distance = np.linalg.norm(np.vstack(by_state(base)), axis=1)
-    noise = [3.0 * base.model.solver.problem.states[k].sd_mm ** 2 for k in base.which]
+    """The "gap" of diagnosis.json; p : of the data under their noise alone."""
+    distance = np.concatenate([distances(r) for r in by_state(base)])
+    variance = np.diag(base.plain.weighting.covariance)
+    parts = zip(base.data, base.plain.model.rows, strict=True)
+    noise = sum(float(variance[rows.start : rows.start + d.n_seen].sum()) for d, rows in parts)
     return GapRecord(
         rms_mm=rms(distance),
         p95_mm=float(np.quantile(distance, 0.95)),
-        noise_floor_mm=float(np.sqrt(np.mean(noise))),
-        detected=p < base.model.solver.options.decision_rules.level,
+        noise_floor_mm=float(np.sqrt(noise / len(distance))),
+        detected=p < base.options.decision_rules.level,
         p_value=p,
     )
 
 
 def regions(base: BodyFit) -> list[RegionGapRecord]:
     """Markers by state."""
-    total = max(float((base.residual**2).sum()), 1e-30)
-    names = [s.name for s in base.model.solver.problem.states]
+    missed = by_state(base)
+    total = max(sum(float(np.nansum(r**2)) for r in missed), 1e-30)
     return [
-        RegionGapRecord(n, "all", marker_rms(r.ravel()), float((r**2).sum()) / total)
-        for n, r in zip(names, by_state(base), strict=True)
+        RegionGapRecord(s.name, "all", rms_mm(r), float(np.nansum(r**2)) / total)
+        for s, r in zip(base.problem.states, missed, strict=True)
     ]
 
 
-def stiffness(fit: BodyFit) -> dict[str, FittedStiffnessRecord]:
+def plain_stiffness(base: BodyFit) -> dict[str, FittedStiffnessRecord]:
+    """Shear modulus G of the body without an effect, see `stiffness`."""
+    posterior = base.plain.posterior
+    return stiffness(float(posterior.mean[0]), float(posterior.sd[0]))
+
+
+def stiffness(ln_G: float, sd: float) -> dict[str, FittedStiffnessRecord]:
     """Shear modulus G of the body with its standard deviation, kPa, and that of ln G."""
-    G, sd = float(np.exp(fit.x[0])), float(np.sqrt(fit.covariance[0, 0]))
+    G = float(np.exp(ln_G))
     return {"body": FittedStiffnessRecord(G, G * float(np.sinh(sd)), sd)}
+
+
+def stiffness_with(one: Refit) -> dict[str, FittedStiffnessRecord]:
+    """The same with an effect."""
+    return stiffness(float(one.linearisation.theta[0]), float(np.sqrt(one.covariance[0, 0])))
 
 
 def row(base: BodyFit, f: Rival, probability: float) -> RankedRecord:
     """One row of "ranking"."""
     before, after = (float(np.sqrt(np.square(c).mean())) for c in f.left_out.T)
-    names = zip(f.effect.parameters, f.fit.x[-len(f.effect.parameters) :], strict=True)
-    sd = np.sqrt(np.diag(f.fit.covariance))[-len(f.effect.parameters) :]
+    fit = base.plain
+    left = fit.weighting.squared(f.fit.linearisation.residual) / max(
+        fit.weighting.squared(fit.linearisation.residual), 1e-30
+    )
+    assert f.fit.hypothesis.variant is not None
+    values = zip(f.effect.parameters, f.fit.phi.tolist(), f.fit.sd_phi.tolist(), strict=True)
     return RankedRecord(
         effect=f.effect.id,
         probability=probability,
-        residual_share=float((f.fit.residual**2).sum() / max((base.residual**2).sum(), 1e-30)),
-        cv_gain_mm=before - after if np.isfinite(before) else 0.0,
+        residual_share=left,
+        cv_gain_mm=before - after if np.isfinite(before) and np.isfinite(after) else 0.0,
         p_value=f.p_value,
-        parameters={
-            p.name: ParameterRecord(p.physical(float(v * p.scale)), float(s * p.scale), p.unit)
-            for (p, v), s in zip(names, sd, strict=True)
-        },
-        variant=f.fit.model.added[-1].variants[0].name,
+        parameters={p.name: ParameterRecord(p.physical(v), s, p.unit) for p, v, s in values},
+        variant=f.fit.hypothesis.variant.name,
         log_evidence=f.log_evidence,
         refitted=True,
     )
@@ -99,48 +125,72 @@ def shrinkage(best: Rival) -> ShrinkageRecord | None:
 
 
 def states(base: BodyFit, best: Rival | None) -> list[MarkersRecord]:
-    """Every state's misfit, mm, before and after, fitted and predicted from the others."""
-    out = []
-    for k, (state, r) in enumerate(zip(base.model.solver.problem.states, by_state(base), strict=True)):
-        before = marker_rms(r.ravel())
-        if best is None:
-            out.append(MarkersRecord(name=state.name, rms_before_mm=before))
-            continue
-        left_before, left_after = (float(x) if np.isfinite(x) else None for x in best.left_out[k])
-        out.append(
-            MarkersRecord(
-                name=state.name,
-                rms_before_mm=before,
-                rms_after_mm=marker_rms(by_state(best.fit)[k].ravel()),
-                held_out_before_mm=left_before,
-                held_out_after_mm=left_after,
-            )
+    """Every state's misfit, mm, before and after, fitted and predicted from the others; and its reaction forces."""
+    out, before = [], by_state(base)
+    after = None if best is None else by_state(base, best.fit)
+    for k, state in enumerate(base.problem.states):
+        record = MarkersRecord(
+            name=state.name,
+            rms_before_mm=rms_mm(before[k]),
+            markers=len(state.rest),
+            noise_mm=_noise_mm(base, k),
+            reactions=_reactions(base, best, k) or UNSET,
         )
+        if best is not None and after is not None:
+            left = [float(x) if np.isfinite(x) else None for x in best.left_out[min(k, len(best.left_out) - 1)]]
+            record = structs.replace(
+                record, rms_after_mm=rms_mm(after[k]), held_out_before_mm=left[0], held_out_after_mm=left[1]
+            )
+        out.append(record)
     return out
 
 
-def remainder(named: BodyFit, cause: Rival | None) -> RemainderRecord:
+def _noise_mm(base: BodyFit, state: int) -> float:
+    """What noise would leave of a state's markers, mm rms."""
+    rows, data = base.plain.model.rows[state], base.data[state]
+    variance = np.diag(base.plain.weighting.covariance)[rows.start : rows.start + data.n_seen]
+    return float(np.sqrt(variance.sum() / len(data.seen)))
+
+
+def _reactions(base: BodyFit, best: Rival | None, state: int) -> list[ReactionRecord]:
+    """Reaction forces of a state, N: measured, and predicted without and with the best effect."""
+    rows, data = base.plain.model.rows[state], base.data[state]
+    first = rows.start + data.n_seen
+    out, k = [], first
+    for patch in base.problem.patches_in(state):
+        for axis, (force, sd) in enumerate(zip(patch.facts.reaction_n, patch.facts.reaction_sd_n, strict=True)):
+            if force is None or sd is None:
+                continue
+            off = [None if f is None else f.linearisation.residual[k] for f in (base.plain, best.fit if best else None)]
+            values = [None if r is None else force + float(r) for r in off]
+            out.append(ReactionRecord(patch.facts.name, "xyz"[axis], force, sd, *values))
+            k += 1
+    return out
+
+
+def remainder(base: BodyFit, named: Rival, cause: Effect | None) -> RemainderRecord:
     """Misfit of each state's markers with the named effect, mm rms, and a second cause where one passes."""
-    names = [s.name for s in named.model.solver.problem.states]
-    rms_mm = {n: marker_rms(r.ravel()) for n, r in zip(names, by_state(named), strict=True)}
-    return RemainderRecord(rms_mm, None if cause is None else cause.effect.id)
+    missed = zip(base.problem.states, by_state(base, named.fit), strict=True)
+    return RemainderRecord({s.name: rms_mm(r) for s, r in missed}, None if cause is None else cause.id)
 
 
-def next_state(base: BodyFit, best: Rival) -> str:
-    """Sentence on the further load under which both models' markers differ most, in mm rms."""
-    problem = base.model.solver.problem
+def next_state(base: BodyFit, best: Rival) -> str | None:
+    """Sentence on the further load or displacement under which both models' markers differ most, in mm rms."""
+    last = len(base.problem.states) - 1
+    moved = bool(base.problem.states[last].loads) or any(p.facts.state == last for p in base.problem.patches)
     differences = []
-    for factor, words in ((0.0, "no load"), (2.0, "twice the load")):
-        loads = tuple(
-            replace(load, force_n=(factor * load.force_n[0], factor * load.force_n[1], factor * load.force_n[2]))
-            for load in problem.states[-1].loads
+    for factor, words in ((0.0, "no load"), (2.0, "twice the load")) if moved else ():
+        asked = state_model(
+            _scaled(base.problem, last, factor), last, base.element, base.options.noise_model.markers_common
         )
-        asked = replace(problem.states[-1], name=words, loads=loads)
-        moved = []
-        for fit in (base, best.fit):
-            at = fit.model.solver.solve(fit.model.composition(fit.x, len(problem.states) - 1), fit.x[:1], asked)
-            moved.append(fit.model.solver.markers(at.u, asked))
-        differences.append((marker_rms((moved[0] - moved[1]).ravel()), words))
+        predicted = []
+        for at, hypothesis in ((base.plain.linearisation, Hypothesis()), (best.fit.linearisation, best.fit.hypothesis)):
+            solved = asked.solve(hypothesis, at.theta, at.phi, None)
+            predicted.append(None if solved is None else asked.marker_data.markers.motion(solved.equilibrium.u))
+        if predicted[0] is not None and predicted[1] is not None:
+            differences.append((rms_mm(predicted[0] - predicted[1]), words))
+    if len(differences) < 2:
+        return None
     (first, one), (second, other) = sorted(differences, reverse=True)
     return (
         f"a further load: with {one} the models' markers differ by {first:.1f} mm (with {other} by {second:.1f} mm), "
@@ -148,9 +198,28 @@ def next_state(base: BodyFit, best: Rival) -> str:
     )
 
 
+def _scaled(problem: BodyProblem, state: int, factor: float) -> BodyProblem:
+    """The problem with a state's loads and displacements times a factor."""
+    loads = tuple(
+        replace(load, force_n=(factor * load.force_n[0], factor * load.force_n[1], factor * load.force_n[2]))
+        for load in problem.states[state].loads
+    )
+    states = list(problem.states)
+    states[state] = replace(states[state], loads=loads)
+    return replace(problem, states=tuple(states), patches=tuple(_moved(p, state, factor) for p in problem.patches))
+
+
+def _moved(patch: BodyPatch, state: int, factor: float) -> BodyPatch:
+    if patch.facts.state != state:
+        return patch
+    x, y, z = (None if value is None else factor * value for value in patch.facts.displacement_mm)
+    displacement: PerAxis = (x, y, z)
+    return replace(patch, facts=replace(patch.facts, displacement_mm=displacement))
+
+
 def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
     """Sentence that sums up the diagnosis for a reader."""
-    missed = rms(np.linalg.norm(np.vstack(by_state(base)), axis=1))
+    missed = rms(np.concatenate([distances(r) for r in by_state(base)]))
     start = f"The plain model misses the markers by {missed:.2f} mm"
     if verdict == NONE:
         return f"{start}, no more than their own error."
@@ -160,7 +229,25 @@ def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
             if verdict == AMBIGUOUS
             else f"{start}; nothing in the library explains it."
         )
-    return (
-        f"{start}, because {named.effect.words}; "
-        f"with it the states are missed by {marker_rms(named.fit.residual):.2f} mm."
-    )
+    left = rms(np.concatenate([distances(r) for r in by_state(base, named.fit)]))
+    return f"{start}, because {named.effect.words}; with it the states are missed by {left:.2f} mm."
+
+
+def maps(base: BodyFit, best: Rival | None) -> dict[str, FloatArray]:
+    """Arrays of the body for pictures: its surface, and by state (state_1/) markers, what is missed, and the motion.
+
+    points (n, 3) mm, faces (f, 3); rest (k, 3) mm; residual, residual_after (k, 3) mm, predicted minus seen, NaN where
+    not seen; displacement (n, 3) mm of the model with the best effect, without one where there is none.
+    """
+    mesh = base.problem.mesh
+    out = {"points": mesh.points, "faces": mesh.boundary[0].astype(np.float64)}
+    before = by_state(base)
+    after = None if best is None else by_state(base, best.fit)
+    each = (base.plain if best is None else best.fit).linearisation.each
+    for k, state in enumerate(base.problem.states):
+        at = f"state_{k + 1}/"
+        out |= {f"{at}rest": np.array(state.rest), f"{at}residual": before[k]}
+        out[f"{at}displacement"] = each[k].equilibrium.u[: len(mesh.points)]
+        if after is not None:
+            out[f"{at}residual_after"] = after[k]
+    return out

@@ -50,13 +50,15 @@ class Refit:
         return np.sqrt(np.diag(self.covariance))[len(self.linearisation.theta) :]
 
 
-def refit(fit: PlainFit, screened: Screened, which: int = 0) -> Refit | None:
+def refit(fit: PlainFit, screened: Screened, which: int = 0, tolerance: float = _TOLERANCE) -> Refit | None:
     """Gauss-Newton on (ln G, phi) from the plain fit, of one variant; None when the model with the effect cannot be
-    solved."""
-    return _fitted(fit, screened, which, fit.linearisation, _start(screened, which))
+    solved. tolerance : of ln G and of phi in prior standard deviations."""
+    return _fitted(fit, screened, which, fit.linearisation, _start(screened, which), tolerance)
 
 
-def refit_corrected(fit: PlainFit, screened: Screened, uncorrected: Refit, correction: FloatArray) -> Refit | None:
+def refit_corrected(
+    fit: PlainFit, screened: Screened, uncorrected: Refit, correction: FloatArray, tolerance: float = _TOLERANCE
+) -> Refit | None:
     """Refit of one variant, started from `uncorrected`, with another correction (n,) mm of the quick element.
 
     None when the model with the effect cannot be solved.
@@ -64,10 +66,24 @@ def refit_corrected(fit: PlainFit, screened: Screened, uncorrected: Refit, corre
     assert uncorrected.hypothesis.variant is not None
     corrected = replace(fit, model=fit.model.corrected(correction))
     which, scales = screened.variants.index(uncorrected.hypothesis.variant), screened.effect.scales
-    return _fitted(corrected, screened, which, uncorrected.linearisation, uncorrected.phi / scales)
+    return _fitted(corrected, screened, which, uncorrected.linearisation, uncorrected.phi / scales, tolerance)
 
 
-def _fitted(fit: PlainFit, screened: Screened, which: int, near: JointLinearisation, start: FloatArray) -> Refit | None:
+def refit_at(
+    fit: PlainFit, screened: Screened, which: int, theta: FloatArray, phi: FloatArray, near: JointLinearisation
+) -> Refit | None:
+    """A variant at (theta (t,), phi (k,)) as it is, started from the equilibria of `near`; None where it has none."""
+    hypothesis = Hypothesis(screened.effect, screened.variants[which])
+    linearisation = fit.model.solve(hypothesis, theta, phi, near)
+    if linearisation is None:
+        return None
+    S = fit.model.directions(hypothesis, linearisation)
+    return _weighed(fit, screened, which, hypothesis, linearisation, S)
+
+
+def _fitted(
+    fit: PlainFit, screened: Screened, which: int, near: JointLinearisation, start: FloatArray, tolerance: float
+) -> Refit | None:
     """Gauss-Newton from the linearisation `near` and phi / scale = start (k,)."""
     effect = screened.effect
     hypothesis = Hypothesis(effect, screened.variants[which])
@@ -94,7 +110,7 @@ def _fitted(fit: PlainFit, screened: Screened, which: int, near: JointLinearisat
         return r, J
 
     bounds = np.vstack([fit.linearisation.first.scene.parameters.bounds, effect.bounds / scales[:, None]])
-    gauss_newton(linearise, np.concatenate([near.theta, start]), bounds, _TOLERANCE, _EVALUATIONS)
+    gauss_newton(linearise, np.concatenate([near.theta, start]), bounds, tolerance, _EVALUATIONS)
     if best is None:
         return None
     return _weighed(fit, screened, which, hypothesis, best[1], best[2])

@@ -10,24 +10,23 @@ import pytest
 from schemas import check_form
 
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
-from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodyState, PointLoad
-from palpate.core.diagnose.bench_bodies.scene import BodySolver
+from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data
+from palpate.core.diagnose.bench_bodies.problem import BODY, BodyPatch, BodyProblem, BodyState, PatchFacts, PointLoad
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.options import DiagnosisOptions
-from palpate.core.errors import InputError
+from palpate.core.errors import Cancelled, InputError
 from palpate.core.fem.meshes import box
 from palpate.core.files.json_types import plain
-from palpate.core.forward.composition import Composition
 from palpate.core.mesh import TetMesh
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.worker.job import Job
-from palpate.core.worker.messages import Reporter
+from palpate.core.worker.messages import Message, Reporter
 
 # Asymmetric on purpose: length along x, width y, height z, mm.
 LENGTH, WIDTH, HEIGHT = 60.0, 22.0, 16.0
 DENSITY, DOWN = 1200.0, (0.0, 0.0, -9.81)
-MARKERS = ((60.0, 4.0, 20.0), (60.0, 20.0, 3.0), (48.0, 11.0, 16.0))
+MARKERS = ((60.0, 4.0, 24.0), (60.0, 20.0, 3.0), (48.0, 11.0, 16.0))
 KIND = "palpate.core.diagnose.bench_bodies.diagnose:run"
 EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compressible_organ")}
 
@@ -38,7 +37,7 @@ def bar(*loads_n: float, model_gravity: bool) -> BodyProblem:
     faces = mesh.boundary[0]
     held = faces[(mesh.points[faces][..., 0] < 1e-9).all(axis=1)]
     states = tuple(
-        BodyState(f"{n} N", MARKERS, MARKERS, 0.15, DOWN, (PointLoad((LENGTH, 11.0, HEIGHT), (0.0, 0.0, -n)),))
+        BodyState(f"{n} N", MARKERS, MARKERS, (0.15,) * 3, DOWN, (PointLoad((LENGTH, 11.0, HEIGHT), (0.0, 0.0, -n)),))
         for n in loads_n
     )
     return BodyProblem(mesh, held, states, DENSITY, (5.0, 500.0), model_gravity)
@@ -46,13 +45,13 @@ def bar(*loads_n: float, model_gravity: bool) -> BodyProblem:
 
 def seen(problem: BodyProblem, G: float, seed: int = 2) -> BodyProblem:
     """What the markers would show of the bar with gravity, with noise."""
-    solver = BodySolver.of(replace(problem, model_gravity=True))
-    rng = np.random.default_rng(seed)
-    states = []
-    for s in problem.states:
-        found = solver.solve(Composition(problem.shell), np.log([G]), s)
-        moved = solver.markers(found.u, s).ravel() + np.linalg.cholesky(s.covariance(0.7)) @ rng.standard_normal(9)
-        x = np.add(s.rest, moved.reshape(-1, 3))
+    model = bench_model(replace(problem, model_gravity=True), "p2p1", 0.7)
+    solved = model.plain(np.log([G]), None)
+    assert solved is not None
+    rng, states = np.random.default_rng(seed), []
+    for s, data, one in zip(problem.states, marker_data(model), solved.each, strict=True):
+        noisy = one.residual + np.linalg.cholesky(data.covariance) @ rng.standard_normal(data.n)
+        x = data.missed(noisy) + data.moved + s.rest
         states.append(replace(s, deformed=tuple(tuple(row) for row in x.tolist())))
     return replace(problem, states=tuple(states))
 
@@ -60,34 +59,46 @@ def seen(problem: BodyProblem, G: float, seed: int = 2) -> BodyProblem:
 def test_a_bar_bends_under_its_weight_as_beam_theory_says() -> None:
     """w L^4 / 8 E I + w L^2 / 2 k G A (Timoshenko); a clamp that holds the root's width makes so short a bar a tenth stiffer."""
     problem, G = bar(0.0, model_gravity=True), 300.0
-    solver = BodySolver.of(problem)
-    found = solver.solve(Composition(problem.shell), np.log([G]), problem.states[0])
+    solved = bench_model(problem, "p2p1", 0.7).plain(np.log([G]), None)
+    assert solved is not None
     w = DENSITY * 9.81e-6 * WIDTH * HEIGHT  # mN/mm
     bending = w * LENGTH**4 / (8.0 * 2.99 * G * WIDTH * HEIGHT**3 / 12.0)
     shear = w * LENGTH**2 / (2.0 * 5.0 / 6.0 * G * WIDTH * HEIGHT)
-    tip = solver.space.nodes[:, 0] > LENGTH - 1e-9
-    assert 0.8 < -found.u[tip, 2].mean() / (bending + shear) < 1.0
+    tip = solved.first.scene.space.nodes[:, 0] > LENGTH - 1e-9
+    assert 0.8 < -solved.first.equilibrium.u[tip, 2].mean() / (bending + shear) < 1.0
 
 
 def test_a_marker_off_the_body_turns_with_it() -> None:
-    problem = bar(0.0, model_gravity=False)
-    solver = BodySolver.of(problem)
+    model = bench_model(bar(0.0, model_gravity=False), "p2p1", 0.7)
+    markers = marker_data(model)[0].markers
+    assert markers.off_body.tolist() == [True, False, False]
     angle = np.deg2rad(20.0)
     R = np.array([[np.cos(angle), 0.0, -np.sin(angle)], [0.0, 1.0, 0.0], [np.sin(angle), 0.0, np.cos(angle)]])
-    X = solver.space.nodes
-    moved = solver.markers(X @ R.T - X + [1.0, -2.0, 0.5], problem.states[0])
+    X = model.first.geometry.space.nodes
+    moved = markers.motion(X @ R.T - X + [1.0, -2.0, 0.5])
     np.testing.assert_allclose(moved, np.array(MARKERS) @ R.T - MARKERS + [1.0, -2.0, 0.5], atol=1e-9)
 
 
+def test_the_motion_of_markers_changes_by_its_derivative() -> None:
+    model = bench_model(bar(0.0, model_gravity=False), "p2p1", 0.7)
+    markers, X = marker_data(model)[0].markers, model.first.geometry.space.nodes
+    u, move = 2.0 * np.sin(0.1 * X[:, [1, 2, 0]]), np.cos(0.2 * X)
+    h = 1e-5
+    expected = (markers.motion(u + h * move) - markers.motion(u - h * move)) / (2.0 * h)
+    np.testing.assert_allclose(markers.change(u, move), expected, atol=1e-8)
+
+
 def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:
-    found, residuals = diagnose_body(seen(bar(0.0, 0.08, 0.15, model_gravity=False), 60.0), EFFECTS, "bar")
+    found, maps = diagnose_body(seen(bar(0.0, 0.08, 0.15, model_gravity=False), 60.0), EFFECTS, "bar")
     found = plain(found)
     check_form(found, "diagnosis")
     assert found["verdict"] == "gravity_change"
     assert found["ranking"][0]["parameters"]["change"]["value"] == pytest.approx(9.81, rel=0.1)
     assert found["stiffness"]["with_effect"]["body"]["G_kpa"] == pytest.approx(60.0, rel=0.1)
     assert found["shrinkage"]["held_out_rms_after_mm"] < 0.3 * found["shrinkage"]["held_out_rms_before_mm"]
-    assert set(residuals) == {"0.0 N", "0.08 N", "0.15 N"}
+    for k in range(3):
+        distance = np.linalg.norm(maps[f"state_{k + 1}/residual"], axis=1)
+        assert np.sqrt((distance**2).mean()) == pytest.approx(found["states"][k]["rms_before_mm"])
 
 
 def test_a_model_with_gravity_has_no_gap() -> None:
@@ -97,20 +108,28 @@ def test_a_model_with_gravity_has_no_gap() -> None:
     assert found["gap"]["p_value"] > 0.05
 
 
-def test_a_body_survives_its_file(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_body_survives_its_file(tmp_path: Path) -> None:
     problem = bar(0.0, 0.1, model_gravity=False)
+    disc = BodyPatch(problem.held[:2], PatchFacts("disc", (0.5, None, 0.0), state=1), problem.held[1:])
+    state = replace(problem.states[0], deformed=((1.0, None, 2.0),) * 3, sd_mm=(0.1, None, 0.2), common=0.3)
+    problem = replace(problem, patches=(disc,), states=(state, problem.states[1]))
     np.savez(tmp_path / "data.npz", **problem.arrays())
     with np.load(tmp_path / "data.npz") as data:
         back = BodyProblem.from_arrays(dict(data))
     assert back.states == problem.states
     assert (back.model_gravity, back.density_kg_m3, back.bounds_kpa) == (False, DENSITY, (5.0, 500.0))
+    assert back.patches[0].facts == disc.facts
+    np.testing.assert_array_equal(back.patches[0].faces, disc.faces)
+    np.testing.assert_array_equal(back.patches[0].rim, disc.rim)
     with pytest.raises(InputError, match="not the data of a body"):
         BodyProblem.from_arrays({"points": problem.mesh.points})
 
 
 def test_the_numbers_of_a_job_decide_and_are_recorded(tmp_path: Path) -> None:
-    """At a level of 1 whatever is left is a gap; markers that err each by itself have another p-value."""
-    np.savez(tmp_path / "data.npz", **seen(bar(0.0, 0.1, model_gravity=True), 60.0).arrays())
+    """At a level of 1 whatever is left is a gap; markers on holders that err each by itself have another p-value."""
+    problem = bar(0.0, 0.1, model_gravity=True)
+    on_holders = tuple(replace(s, rest=MARKERS[:1] * 2, deformed=MARKERS[:1] * 2) for s in problem.states)
+    np.savez(tmp_path / "data.npz", **seen(replace(problem, states=on_holders), 60.0).arrays())
     other = DiagnosisOptions(noise_model=NoiseModelOptions(markers_common=0.1), decision_rules=DecisionRules(level=1.0))
     told = []
     for numbers in (DiagnosisOptions(), other):
@@ -121,3 +140,29 @@ def test_the_numbers_of_a_job_decide_and_are_recorded(tmp_path: Path) -> None:
     assert [t["gap"]["detected"] for t in told] == [False, True]
     assert told[0]["verdict"] == "none" != told[1]["verdict"]
     assert told[1]["gap"]["p_value"] != pytest.approx(told[0]["gap"]["p_value"], rel=0.01)
+
+
+def test_a_stopped_job_goes_on_where_it_was_and_ends_with_the_same_bits(tmp_path: Path) -> None:
+    np.savez(tmp_path / "data.npz", **seen(bar(0.0, 0.08, 0.15, model_gravity=False), 60.0).arrays())
+
+    def run(folder: str, stop_at: str) -> tuple[dict[str, object] | None, list[str]]:
+        told: list[str] = []
+
+        def listen(message: Message) -> None:
+            told.append(str(message.get("message")))
+            if stop_at and stop_at in told[-1]:
+                raise Cancelled("stopped")
+
+        (tmp_path / folder).mkdir(exist_ok=True)
+        job = Job(KIND, str(tmp_path / folder), {"data": str(tmp_path / "data.npz")}, {"case": "bar"})
+        try:
+            return plain(job.function()(job, Reporter(listen))), told
+        except Cancelled:
+            return None, told
+
+    whole, _ = run("whole", "")
+    assert run("stopped", "predicted with gravity")[0] is None
+    again, told = run("stopped", "")
+    assert again == whole
+    assert not any("Gauss-Newton" in message for message in told), "the plain fit was made once more"
+    assert not list((tmp_path / "stopped").glob("finished*"))
