@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec import UNSET, structs
 
-from palpate.case.bench_body import body_problem
+from palpate.case.bench.body import body_problem
 from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import state_rigid_offset

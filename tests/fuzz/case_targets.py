@@ -15,7 +15,7 @@ from pydicom.uid import RLELossless
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "fixtures"))
 from dicom_samples import save, series, straight
 
-from palpate.case.bench_body import MESH, body_problem
+from palpate.case.bench.body import MESH, body_problem
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.stated_files import body_inputs

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from silicone_beam import make_case
 
-from palpate.case.bench_body import body_problem
+from palpate.case.bench.body import body_problem
 from palpate.case.case_folder import CaseFolder
 from palpate.case.stated_files import is_body
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body

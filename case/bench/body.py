@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from palpate.case.bench_patches import check_held, held_faces, patches
+from palpate.case.bench.patches import check_held, held_faces, patches
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.landmarks import COLUMNS, read_landmarks
 from palpate.case.stated_files import BenchBody, MarkerState, bench_body, by_axis
