@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.statistics import rms
 from palpate.core.surfaces.triangles import areas, enclosed_volume
 from palpate.imaging.volume import Volume
 from palpate.segmentation.error_estimate import FLOOR_MM, MOST_MM, Clues, ErrorModel, error_models
@@ -78,13 +79,18 @@ def clues_of(scene: Scene, shell: Shell, chosen: IntArray, found: Found, runs: S
     """What speaks for and against the surface at the chosen of its points."""
     points = shell.points[chosen]
     away = np.stack([_away(run, points) for run in runs]) if runs else np.zeros((1, len(points)))
-    local = np.sqrt(_averaged(points, (away**2).mean(axis=0)))
-    weak = _averaged(points, _weakness(scene, points, shell.normals[chosen]))
+    # The middle one: a run that fails by a landmark that was put far off speaks of the landmark.
+    usual = np.median(np.abs(away), axis=0)
+    local = np.sqrt(_averaged(points, usual**2))
+    bare = _weakness(scene, points, shell.normals[chosen])
+    weak = _averaged(points, bare)
     low, high = points[:, 2].min(), points[:, 2].max()
     ends = np.minimum(points[:, 2] - low, high - points[:, 2])
     even = np.ones(len(points))
-    whole = float(np.sqrt((away**2).mean())) * even
-    return Clues(local, whole, weak, ends, MODES[found.method] * even, (1.0 - found.confidence) * even)
+    whole = rms(usual) * even
+    return Clues(
+        local, whole, weak, float(bare.mean()) * even, ends, MODES[found.method] * even, (1.0 - found.confidence) * even
+    )
 
 
 def spread_points(shell: Shell, grid: Volume) -> IntArray:

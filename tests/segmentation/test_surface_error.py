@@ -63,8 +63,10 @@ def test_runs_that_lie_elsewhere_and_missing_edges_are_clues(scene: Scene) -> No
     np.testing.assert_allclose(clues.whole, 2.0, atol=0.2)
     left, right = shell.points[chosen][:, 0] > 9.0, shell.points[chosen][:, 0] < -7.0
     assert clues.weak[left].max() < 0.35 and clues.weak[right].min() > 0.65
-    lost = clues_of(scene, shell, chosen, organ, [runs[0], None])
-    assert (lost.local > 0.5 * MOST_MM).all()
+    lost = clues_of(scene, shell, chosen, organ, [runs[0], None, None])
+    assert (lost.local > 0.9 * MOST_MM).all()
+    once = clues_of(scene, shell, chosen, organ, [*runs, None])
+    np.testing.assert_allclose(once.local, 2.0, atol=0.4)  # one that fails among three does not count
 
 
 def test_what_is_not_held_by_the_picture_may_be_farther_off(scene: Scene) -> None:
@@ -136,7 +138,9 @@ def test_noise_of_a_scan(scene: Scene) -> None:
 def test_points_that_were_given_make_an_organ_surer() -> None:
     one = np.ones(3)
     for name, model in error_models(ErrorNumbers()).items():
-        auto, pointed = (model.sd_mm(Clues(one, one, 0.5 * one, 20.0 * one, p * one, 0.7 * one)) for p in (0.0, 1.0))
+        auto, pointed = (
+            model.sd_mm(Clues(one, one, 0.5 * one, 0.5 * one, 20.0 * one, p * one, 0.7 * one)) for p in (0.0, 1.0)
+        )
         assert (pointed <= auto).all(), name
 
 

@@ -25,8 +25,8 @@ from palpate.validate.segmentation.dice import dice, prompts_of, true_errors
 # Errors along one surface go together: it counts as so many independent ones.
 _LOOKS = 8.0
 # What the weights are drawn to and how strongly, as so many looks: a spread of 1 mm means an error of about 1.5 mm.
-_USUAL = np.array([0.3, 0.4, 0.4, 0.3, 0.3, 0.0, 0.5])
-_PULL = np.array([0.05, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+_USUAL = np.array([0.3, 0.4, 0.4, 0.3, 0.3, 0.3, 0.0, 0.5])
+_PULL = np.array([0.05, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
