@@ -232,7 +232,7 @@ class NoiseModelOptions:
         float,
         sourced(
             "1",
-            "Share of a marker's variance, on a bench, that all markers of a state have in common.",
+            "Share of a marker's variance, on a bench, that all markers on holders have in common in a state.",
             "Chosen: they sit on one holder, and its pose errs as a whole.",
         ),
     ] = 0.7

@@ -68,7 +68,7 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     blocks.append(_figures(found))
     blocks += [pictures[n] for n in ("gap_residual", "gap_force") if n in pictures]
     if gap_is_seen(found):
-        blocks += [_ranking(found), *_told(_shrinkage(found)), *_told(_stiffness(found))]
+        blocks += [ranking_table(found), *_told(_shrinkage(found)), *_told(_stiffness(found))]
     which = two_stiffnesses(record)
     blocks += [Paragraph(which)] if which else []
     if found.next_measurement:
@@ -94,8 +94,9 @@ def _figures(found: DiagnosisRecord) -> Table:
     return Table(("", ""), rows, numbers=False)
 
 
-def _ranking(found: DiagnosisRecord) -> Table:
-    header = ("effect", "probability", "gain on left-out data, mm", "parameters")
+def ranking_table(found: DiagnosisRecord, gain_header: str = "gain on left-out data, mm") -> Table:
+    """Effects by their probability. gain_header : of the column of gains."""
+    header = ("effect", "probability", gain_header, "parameters")
     rows = []
     for row in found.ranking[:_SHOWN]:
         parameters = ", ".join(
@@ -145,14 +146,14 @@ def _stiffness(found: DiagnosisRecord) -> Table | None:
     if fuller is None:
         return None
     rows = [
-        (region_words(name, len(without) == 1), _interval(values), _interval(fuller[name]))
+        (region_words(name, len(without) == 1), stiffness_interval(values), stiffness_interval(fuller[name]))
         for name, values in without.items()
     ]
     header = ("region", "G without the effect, kPa (95 % interval)", "G with it, kPa (95 % interval)")
     return Table(header, rows, "Stiffness as the diagnosis fits it, to compare; not the one to quote")
 
 
-def _interval(values: FittedStiffnessRecord) -> str:
+def stiffness_interval(values: FittedStiffnessRecord) -> str:
     """``33.2 (22.7 to 48.7)``: normal in ln G, whose sd the diagnosis gives as G sinh(sd)."""
     G, sd = values.G_kpa, float("nan") if values.sd_kpa is None else values.sd_kpa
     factor = float(np.exp(1.96 * np.arcsinh(sd / G)))

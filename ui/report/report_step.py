@@ -9,11 +9,16 @@ from typing import TypedDict
 
 from palpate import __version__
 from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.diagnosed import DIAGNOSIS
 from palpate.case.meshed import rigid_offset_of
+from palpate.case.stated_files import is_body
+from palpate.case.steps.step import MadeFrom
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.volume import Volume
+from palpate.ui.report.bench_page import bench_document
 from palpate.ui.report.declaration import REPORT
+from palpate.ui.report.document import Document
 from palpate.ui.report.figures import draw
 from palpate.ui.report.html_page import html
 from palpate.ui.report.pdf import write_pdf
@@ -51,6 +56,8 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
     if REPORT.is_done(case, made_from) and not _written(case)["missing"]:
         progress(1.0, "the report is up to date")
         return _written(case)
+    if is_body(case):
+        return _of_a_body(case, options, made_from, progress)
     if not case.has_labels("rest"):
         raise InputError(f"{case.file('rest.nii.gz')} is not there; run `palpate segment` or put labels there")
     labels = labels_in_rest_frame(case)
@@ -60,10 +67,31 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
         drawn = draw(case, record, labels, folder, lambda f, m: progress(0.9 * f, m))
         pages = document(record, drawn, date, version)
         progress(0.95, "pages")
-        Path(folder, "report.html").write_text(html(pages), encoding="utf-8")
-        if options.pdf:
-            write_pdf(pages, Path(folder, "report.pdf"))
+        _write(pages, folder, options)
     case.write_json(f"{FOLDER}/missing.json", drawn.missing)
+    return _done(case, options, made_from, progress)
+
+
+def _of_a_body(case: CaseFolder, options: ReportOptions, made_from: MadeFrom, progress: Progress) -> Written:
+    """The report of a body on a bench, whose results are a diagnosis alone. Raises InputError where it has none."""
+    if not case.has(DIAGNOSIS):
+        raise InputError(f"{case.file(DIAGNOSIS)} is not there; run `palpate diagnose` first")
+    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    with case.atomic_folder(FOLDER) as folder:
+        progress(0.2, "the body in its states")
+        pages = bench_document(case, folder, date, __version__)
+        _write(pages, folder, options)
+    case.write_json(f"{FOLDER}/missing.json", [])
+    return _done(case, options, made_from, progress)
+
+
+def _write(pages: Document, folder: Path, options: ReportOptions) -> None:
+    Path(folder, "report.html").write_text(html(pages), encoding="utf-8")
+    if options.pdf:
+        write_pdf(pages, Path(folder, "report.pdf"))
+
+
+def _done(case: CaseFolder, options: ReportOptions, made_from: MadeFrom, progress: Progress) -> Written:
     REPORT.mark_done(case, made_from, [f"{FOLDER}/report.html", *([f"{FOLDER}/report.pdf"] if options.pdf else [])])
     progress(1.0, "report written")
     return _written(case)

@@ -236,7 +236,7 @@ def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
 def maps(base: BodyFit, best: Rival | None) -> dict[str, FloatArray]:
     """Arrays of the body for pictures: its surface, and by state (state_1/) markers, what is missed, and the motion.
 
-    points (n, 3) mm, faces (f, 3); rest (k, 3) mm; residual, residual_after (k, 3) mm, predicted minus seen, NaN where
+    points (n, 3) mm, faces (f, 3); rest, moved (k, 3) mm as seen; residual, residual_after (k, 3) mm, predicted minus seen, NaN where
     not seen; displacement (n, 3) mm of the model with the best effect, without one where there is none.
     """
     mesh = base.problem.mesh
@@ -246,7 +246,7 @@ def maps(base: BodyFit, best: Rival | None) -> dict[str, FloatArray]:
     each = (base.plain if best is None else best.fit).linearisation.each
     for k, state in enumerate(base.problem.states):
         at = f"state_{k + 1}/"
-        out |= {f"{at}rest": np.array(state.rest), f"{at}residual": before[k]}
+        out |= {f"{at}rest": np.array(state.rest), f"{at}moved": base.data[k].moved, f"{at}residual": before[k]}
         out[f"{at}displacement"] = each[k].equilibrium.u[: len(mesh.points)]
         if after is not None:
             out[f"{at}residual_after"] = after[k]
