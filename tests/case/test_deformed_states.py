@@ -11,42 +11,25 @@ from typing import Any
 import numpy as np
 import pytest
 import synthetic_case
+from block_case import voxels, write_block_case
 from schemas import check_form
 
-from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import NewState, add_state
 from palpate.case.problem import problem_of, state_problems
 from palpate.case.stated_files import further_states
 from palpate.case.steps import identify
-from palpate.case.steps.mesh import surface_arrays
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.problem import IdentificationProblem
-from palpate.core.surfaces.distance_field import signed_distance
-from palpate.core.surfaces.surface import Surface
-from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
-from palpate.meshing.mesh_file import mesh_arrays
 from palpate.ui.cli.arguments import Parser, UsageError
 from palpate.ui.cli.commands import further_states as options
 
 TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
 QUICK = IdentifyOptions(method="gauss-newton", starts=1, stiffness_map=False)
-
-
-def voxels(organ: Surface, depth: float) -> Volume:
-    """Labels of one state: the organ's halves, the pushing rectum beyond its wall, tissue."""
-    axis = np.arange(-18.0, 18.5, 1.0)
-    p = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
-    inside = signed_distance(TriangleTree.of(organ.points, organ.faces), p.reshape(-1, 3)).reshape(p.shape[:3]) < 0.0
-    wall = synthetic_case.HALF - synthetic_case.push(p[..., 0], p[..., 2], depth)
-    array = np.where(inside, np.where(p[..., 0] > 0.0, 1, 2), np.where(p[..., 1] > wall, 6, 3))
-    affine = np.eye(4)
-    affine[:3, 3] = axis[0]
-    return Volume(array.astype(np.uint8), affine)
 
 
 @pytest.fixture(scope="module")
@@ -57,16 +40,7 @@ def states() -> dict[float, IdentificationProblem]:
 @pytest.fixture(scope="module")
 def meshed(states: dict[float, IdentificationProblem], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first state is the smaller push."""
-    first = states[4.5]
-    facts = CaseFacts("made-up", boundary_noise_sd_mm=0.2, outer_surface="free")
-    made = CaseFolder.create(tmp_path_factory.mktemp("states") / "case", facts)
-    rest, deformed = voxels(first.organ.rest, 0.0), voxels(first.organ.deformed, 4.5)
-    made.write_labels("rest", rest)
-    made.write_labels("deformed", deformed)
-    made.write_npz("mesh.npz", **mesh_arrays(first.mesh, dict(first.boundary)))
-    made.write_npz("surfaces.npz", **surface_arrays("rest", rest), **surface_arrays("deformed", deformed))
-    made.write_json("mesh.json", {})
-    return made.path
+    return write_block_case(tmp_path_factory.mktemp("states") / "case", states[4.5], 4.5).path
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from palpate.meshing.label_surfaces import organ_surfaces
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.ui.pictures.plan_curve import plan_curve
 
-OPTIONS = PlanOptions("emptying", (0.8, 2.0), element="p1p1", mesh=MeshOptions(edge_mm=12.0))
+OPTIONS = PlanOptions("emptying", (0.8, 2.0), element="p1p1", mesh=MeshOptions(edge_mm=9.0))
 
 
 @pytest.fixture(scope="module")

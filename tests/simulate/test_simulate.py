@@ -25,7 +25,7 @@ SPEC: dict[str, Any] = {
         "rectum": {"inflate_mm": -3, "push_mm": [1, 3, 0]},
         "bladder": {"push_mm": [0, 0, -2]},
     },
-    "mesh": {"edge_mm": 12},
+    "mesh": {"edge_mm": 9},
     "output": "labels",
     "seed": 3,
 }

@@ -9,22 +9,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
-from made_up_body import body
+import synthetic_case
+from block_case import write_block_case
 
-from palpate.case.case_facts import CaseFacts
-from palpate.case.case_folder import CaseFolder
-from palpate.case.steps.simulate.step import run_simulate
-
-SPEC: dict[str, Any] = {
-    "stiffness_kpa": {"prostate_left": 15, "prostate_right": 45},
-    "walls": {"contact": "tied", "rectum": {"inflate_mm": -3, "push_mm": [1, 3, 0]}},
-    "mesh": {"edge_mm": 12},
-    "output": "labels",
-}
-SHORT = ("--particles", "8", "--iterations", "40", "--workers", "1")
+SHORT = ("--element", "p1p1", "--particles", "8", "--iterations", "40", "--workers", "1")
 # Files in the order in which they come: a kill at each.
 STAGES = ("identify/problem.npz", "identify/reference.npz", "identify/reduced.npz", "identify/swarm.npz")
 
@@ -46,14 +36,8 @@ def _killed_when(case: Path, file: str) -> bool:
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("killed")
-    source = CaseFolder.create(folder / "source", CaseFacts("made-up"))
-    source.write_labels("rest", body())
-    run_simulate({**SPEC, "source": {"case": str(source.path)}}, folder / "pair", folder / "answers")
-    subprocess.run(
-        [sys.executable, "-m", "palpate.ui.cli", "mesh", str(folder / "pair"), "--tets", "1500", "--quiet"], check=True
-    )
-    return folder / "pair"
+    problem = synthetic_case.problem((15.0, 45.0), depth=4.5, fine=2)
+    return write_block_case(tmp_path_factory.mktemp("killed") / "pair", problem, 4.5).path
 
 
 def test_killed_at_every_stage_it_ends_as_if_nothing_had_been(pair: Path, tmp_path: Path) -> None:

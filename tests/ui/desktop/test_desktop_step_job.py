@@ -15,24 +15,19 @@ from typing import Any
 import numpy as np
 import pytest
 import synthetic_case
+from block_case import write_block_case
 from phantoms import labels, write_case
 
-from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.steps import identify
 from palpate.case.steps.declarations import IDENTIFY
-from palpate.case.steps.mesh import surface_arrays
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.result_record import ResultRecord
-from palpate.core.surfaces.distance_field import signed_distance
-from palpate.core.surfaces.triangle_tree import TriangleTree
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.imaging.contours.nifti_labels import write_labels
-from palpate.imaging.volume import Volume
-from palpate.meshing.mesh_file import mesh_arrays
 from palpate.ui.cli import main as cli
 from palpate.ui.cli.signals import descendants
 from palpate.ui.desktop.session.jobs import JobControl
@@ -63,21 +58,7 @@ time.sleep(300)
 def meshed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A case that has been meshed: a block of two halves, pushed by the rectum's wall."""
     problem = synthetic_case.problem((30.0, 70.0), depth=4.5, fine=2)
-    made = CaseFolder.create(tmp_path_factory.mktemp("meshed") / "case", CaseFacts("made-up", outer_surface="free"))
-    axis = np.arange(-18.0, 18.5, 1.0)
-    p = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
-    affine = np.eye(4)
-    affine[:3, 3] = axis[0]
-    for state, organ, depth in (("rest", problem.organ.rest, 0.0), ("deformed", problem.organ.deformed, 4.5)):
-        inside = signed_distance(TriangleTree.of(organ.points, organ.faces), p.reshape(-1, 3)).reshape(p.shape[:3]) < 0
-        wall = synthetic_case.HALF - synthetic_case.push(p[..., 0], p[..., 2], depth)
-        array = np.where(inside, np.where(p[..., 0] > 0.0, 1, 2), np.where(p[..., 1] > wall, 6, 3))
-        made.write_labels(state, Volume(array.astype(np.uint8), affine))
-    arrays = {key: a for state in ("rest", "deformed") for key, a in surface_arrays(state, made.labels(state)).items()}
-    made.write_npz("mesh.npz", **mesh_arrays(problem.mesh, dict(problem.boundary)))
-    made.write_npz("surfaces.npz", **arrays)
-    made.write_json("mesh.json", {})
-    return made.path
+    return write_block_case(tmp_path_factory.mktemp("meshed") / "case", problem, 4.5).path
 
 
 @pytest.fixture
