@@ -88,6 +88,7 @@ def diagnose_body(
         decided_by=DecidedByRecord(decided.decided_by, decided.why),
         in_words=record.words(base, verdict, named),
         probability_unknown=probability.get(UNKNOWN, 0.0),
+        flags=record.flags(base),
         states=record.states(base, best),
         remainder=None if named is None else record.remainder(base, named, cause),
         options=options,

@@ -27,6 +27,7 @@ from palpate.core.diagnose.effects import Effect
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE
 from palpate.core.forward.composition import PerAxis
+from palpate.core.inference.posterior import unknown
 from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.statistics import rms
 
@@ -70,6 +71,16 @@ def plain_stiffness(base: BodyFit) -> dict[str, FittedStiffnessRecord]:
     """Shear modulus G of the body without an effect, see `stiffness`."""
     posterior = base.plain.posterior
     return stiffness(float(posterior.mean[0]), float(posterior.sd[0]))
+
+
+def flags(base: BodyFit) -> list[str]:
+    """A line where the states do not tell the stiffness, which then says nothing of an effect either."""
+    if not unknown(base.plain.posterior).all():
+        return []
+    return [
+        "these states tell nothing of the stiffness, whose interval is that which was allowed: a body that is displaced alone "
+        "moves alike whatever its stiffness; measure a force, or let a known load act"
+    ]
 
 
 def stiffness(ln_G: float, sd: float) -> dict[str, FittedStiffnessRecord]:

@@ -102,6 +102,8 @@ def test_a_force_tells_the_stiffness_that_displacements_alone_do_not() -> None:
     without = replace(facts, reaction_n=(None, None, None), reaction_sd_n=(None, None, None))
     untold = fit_body(replace(problem, patches=(*problem.patches[:3], replace(problem.patches[3], facts=without))))
     assert untold.plain.posterior.sd[0] > 1.0
+    assert "tell nothing of the stiffness" in diagnose_body(untold.problem, {}, "bar")[0].flags[0]
+    assert not diagnose_body(told.problem, {}, "bar")[0].flags
 
 
 def test_a_block_without_an_effect_has_no_gap_on_a_mesh_that_is_not_the_truths() -> None:
