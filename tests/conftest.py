@@ -14,22 +14,24 @@ SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 # Files whose tests take longest, in falling order of processor seconds as measured. `./run test` hands out whole files: these are begun
 # first, so that no process is left alone at the end with a long one.
 LONGEST = (
-    "tests/ui/cli/test_killed_anywhere.py",
     "tests/core/diagnose/test_joint_states.py",
-    "tests/case/test_plan.py",
-    "tests/simulate/test_simulate.py",
+    "tests/ui/cli/test_killed_anywhere.py",
     "tests/core/diagnose/test_diagnose.py",
+    "tests/benchmarks/test_bench.py",
     "tests/ui/export/test_contours_round_trip.py",
     "tests/core/identify/test_identify.py",
-    "tests/core/diagnose/test_bench_bodies.py",
+    "tests/ui/desktop/test_desktop_step_job.py",
     "tests/validate/test_silicone_beam.py",
     "tests/ui/export/test_dicom_export.py",
-    "tests/validate/test_paper_figures.py",
-    "tests/ui/cli/test_cli.py",
-    "tests/validate/test_paper_tables.py",
+    "tests/core/diagnose/test_bench_bodies.py",
     "tests/case/test_deformed_states.py",
+    "tests/case/test_plan.py",
+    "tests/validate/test_paper_figures.py",
     "tests/validate/test_element_rates.py",
+    "tests/validate/test_paper_tables.py",
     "tests/core/identify/test_batch.py",
+    "tests/simulate/test_simulate.py",
+    "tests/ui/cli/test_cli.py",
 )
 
 TABLE = pytest.StashKey[list[str]]()
