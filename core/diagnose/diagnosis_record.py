@@ -111,11 +111,12 @@ class ShrinkageRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FittedStiffnessRecord(msgspec.Struct, frozen=True):
-    """Shear modulus G of a region, kPa, and the standard deviation of G and of ln G."""
+    """Shear modulus G of a region, kPa, and the standard deviation of G and of ln G. ci95_kpa : 95 % interval of G."""
 
     G_kpa: float
     sd_kpa: float | None
     sd_ln_G: float | UnsetType | None = UNSET
+    ci95_kpa: tuple[float, float] | UnsetType = UNSET
 
 
 class StiffnessRecord(msgspec.Struct, frozen=True):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.mu_split import with_split
 from palpate.core.identify.result_record import RegionRecord
@@ -9,6 +11,8 @@ from palpate.core.inference.posterior import Posterior
 
 # Distance from a bound, in ln G, below which a stiffness is reported as at the bound.
 AT_BOUND = 0.02
+# Probabilities of the quantiles that are written down.
+PROBABILITIES = np.arange(1, 40) / 40.0
 
 
 def parameter_facts(
@@ -18,6 +22,7 @@ def parameter_facts(
     of_G = posterior.of(parameters.stiffness)
     G, mu = parameters.shear_moduli(posterior.mean), parameters.mu(posterior.mean)
     sd, interval = of_G.sd_kpa(), of_G.interval().tolist()
+    quantiles = np.exp(of_G.quantile(PROBABILITIES[:, None]))
     low, high = of_G.bounds.T
     near = (of_G.mean < low + AT_BOUND) | (of_G.mean > high - AT_BOUND)
     records = [
@@ -30,6 +35,7 @@ def parameter_facts(
             ci95_kpa=(interval[k][0], interval[k][1]),
             sd_ln_G=float(of_G.sd[k]),
             at_bound=bool(near[k]),
+            quantiles_kpa=quantiles[:, k].tolist(),
         )
         for k in range(len(names))
     ]

@@ -17,8 +17,9 @@ _Length = Annotated[float, Meta(ge=0.0)]
 class RegionRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Stiffness of one region, kPa. G_kpa : small-strain shear modulus 2 (mu1 + mu2); sd_kpa half its central 68 % interval.
 
-    ci95_kpa : 95 % interval of G; null where unknown. sd_ln_G : standard deviation of ln G. at_bound : whether G lies at the edge of what
-    was allowed. mu1_share and what follows: only where mu1 and mu2 were looked for apart.
+    ci95_kpa : 95 % interval of G; null where unknown. sd_ln_G : root mean square of ln G about the value found.
+    at_bound : whether G lies at the edge of what was allowed. quantiles_kpa : of G at probabilities 0.025, 0.05 and so
+    on to 0.975. mu1_share and what follows: only where mu1 and mu2 were looked for apart.
     """
 
     G_kpa: Annotated[float, Meta(gt=0.0)]
@@ -29,6 +30,7 @@ class RegionRecord(msgspec.Struct, frozen=True, kw_only=True):
     ci95_kpa: _Interval | None
     sd_ln_G: float | UnsetType | None = UNSET
     at_bound: bool
+    quantiles_kpa: list[float] | UnsetType = UNSET
     mu1_share: float | UnsetType = UNSET
     mu1_share_ci95: _Interval | UnsetType = UNSET
     mu1_ci95_kpa: _Interval | UnsetType = UNSET

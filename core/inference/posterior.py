@@ -136,14 +136,14 @@ def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | No
         parts.append(
             "nothing can be identified: the deformation this pair shows is too small against the contours' error"
         )
-    for name, sd, untold in zip(names, posterior.sd, blind, strict=True):
-        label = name.replace("_", " ")
+    for name, (low, high), untold in zip(names, posterior.ends(), blind, strict=True):
+        label, half = name.replace("_", " "), 0.5 * (high - low)
         if untold:
             parts.append(f"{label}: not identifiable, this pair says no more than the allowed range did")
-        elif sd < 0.1:
-            parts.append(f"{label}: known within {100 * (np.exp(1.96 * sd) - 1):.0f} % (95 %)")
+        elif half < 0.2:
+            parts.append(f"{label}: known within {100 * np.expm1(half):.0f} % (95 %)")
         else:
-            parts.append(f"{label}: known within a factor of {np.exp(1.96 * sd):.1f} (95 %)")
+            parts.append(f"{label}: known within a factor of {np.exp(half):.1f} (95 %)")
     if shares is None:
         parts.append("mu1 and mu2 cannot be told apart by one pair; only G = 2 (mu1 + mu2) is identified")
     else:

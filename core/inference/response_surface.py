@@ -73,8 +73,8 @@ def _basis(x: FloatArray, powers: IntArray, axis: int | None) -> FloatArray:
     out = np.ones((len(x), len(powers)))
     for j in range(x.shape[1]):
         degree = int(powers[:, j].max())
-        identity = np.eye(degree + 1)
+        identity: FloatArray = np.eye(degree + 1)
         if j == axis:
-            identity = chebyshev.chebder(identity) if degree else np.zeros((1, 1))
+            identity = np.asarray(chebyshev.chebder(identity)) if degree else np.zeros((1, 1))
         out *= chebyshev.chebval(x[:, j], identity)[powers[:, j]].T
     return out

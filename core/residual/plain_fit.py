@@ -21,6 +21,7 @@ from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import StateData
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.element_error import ElementErrors, FineSolution, element_errors, scatter_mm
+from palpate.core.residual.exploration import posterior_of
 from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
 from palpate.core.residual.linearised_model import SolveCount
@@ -48,7 +49,7 @@ class PlainFit:
     : mm that the better element changes, the mean over all `meshes` on which it was solved (the fewest of any state), 0
     for none. errors : of the quick element, by state. scatter_mm : rms along the surface of one mesh about that mean in
     the first state, NaN for one mesh. noise : all sizes that it may have. sizes : estimated ones. weighting : of the
-    data vector. optimum : of the search with the quick element.
+    data vector. optimum : of the search with the quick element. posterior : of theta.
     """
 
     model: JointModel
@@ -61,6 +62,7 @@ class PlainFit:
     sizes: NoiseSizes
     weighting: Weighting
     optimum: Optimum
+    posterior: Posterior
 
     @property
     def options(self) -> NoiseModelOptions:
@@ -97,11 +99,6 @@ class PlainFit:
     def bounds(self) -> FloatArray:
         """Bounds (t, 2) of theta."""
         return self.linearisation.first.scene.parameters.bounds
-
-    @cached_property
-    def posterior(self) -> Posterior:
-        """Of theta, by Laplace's approximation."""
-        return laplace(self.linearisation.theta, self.residual, self.jacobian, self.bounds)
 
     @property
     def noise_rms_mm(self) -> list[float]:
@@ -153,7 +150,7 @@ def fit_plain(
     grid, sizes, weighting = _noise(model, here, errors, options, further)
     at = here.theta
     for k in range(_CORRECTIONS):
-        progress(0.75 + 0.08 * k, "plain model: stiffness with the noise of this case")
+        progress(0.75 + 0.05 * k, "plain model: stiffness with the noise of this case")
         here = best_of(model, weighting, here.theta[None], here).linearisation
         sd = laplace(here.theta, weighting.whiten(here.residual), weighting.whiten(here.in_theta), model.bounds).sd
         if (np.abs(here.theta - at) < _MOVED_SD * sd).all():
@@ -162,6 +159,7 @@ def fit_plain(
         model, here = _corrected(model, here, errors)
         at = here.theta
     here = solved(model, here.theta, here)  # lets the walls settle further
+    posterior = posterior_of(model, weighting, here, model.bounds, part(progress, 0.9, 1.0))
     mesh, differences = np.concatenate([e.mean() for e in errors]), [e.every for e in errors]
     return PlainFit(
         model,
@@ -174,6 +172,7 @@ def fit_plain(
         sizes,
         weighting,
         optimum,
+        posterior,
     )
 
 

@@ -10,7 +10,7 @@ from scipy.stats import binomtest, chisquare
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.statistics import rms
-from palpate.validate.calibration.posterior import CutNormal
+from palpate.validate.calibration.posterior import Marginal
 
 # Draws of a posterior among which the truth has its rank, and bins of the ranks: their number divides DRAWS + 1, so that all are alike.
 # A bin shall hold this many cases at least.
@@ -44,12 +44,12 @@ class Calibration(TypedDict):
     sd_ln_G: float
 
 
-def rank(posterior: CutNormal, truth: float, rng: np.random.Generator) -> int:
+def rank(posterior: Marginal, truth: float, rng: np.random.Generator) -> int:
     """How many of DRAWS draws lie below the truth, 0 to DRAWS."""
     return int((posterior.draws(DRAWS, rng) < truth).sum())
 
 
-def calibration(pairs: Sequence[tuple[CutNormal, float, int]]) -> Calibration:
+def calibration(pairs: Sequence[tuple[Marginal, float, int]]) -> Calibration:
     """Figures of posteriors, true ln G and the truths' ranks. The cases must be independent: one region of each patient."""
     n = len(pairs)
     counts, p = uniformity(np.array([r for _, _, r in pairs], dtype=np.int64))
@@ -76,7 +76,7 @@ def uniformity(ranks: IntArray) -> tuple[IntArray, float | None]:
     return counts, float(chisquare(counts).pvalue) if filled else None
 
 
-def _interval(pairs: Sequence[tuple[CutNormal, float, int]], level: float) -> IntervalRow:
+def _interval(pairs: Sequence[tuple[Marginal, float, int]], level: float) -> IntervalRow:
     ends = np.array([posterior.interval(level) for posterior, _, _ in pairs])
     truths: FloatArray = np.array([truth for _, truth, _ in pairs])
     inside = int(((ends[:, 0] <= truths) & (truths <= ends[:, 1])).sum())
@@ -85,8 +85,8 @@ def _interval(pairs: Sequence[tuple[CutNormal, float, int]], level: float) -> In
 
 
 def by_region(
-    posteriors: Mapping[str, CutNormal], truths: Mapping[str, float], rng: np.random.Generator
-) -> dict[str, tuple[CutNormal, float, int]]:
+    posteriors: Mapping[str, Marginal], truths: Mapping[str, float], rng: np.random.Generator
+) -> dict[str, tuple[Marginal, float, int]]:
     """Posterior, true ln G and its rank of every region that both have."""
     return {
         name: (posterior, truths[name], rank(posterior, truths[name], rng))

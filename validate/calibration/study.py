@@ -19,12 +19,12 @@ import numpy as np
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.validate.calibration.patients import check, make_patient, name_of
-from palpate.validate.calibration.posterior import CutNormal, posteriors_of
+from palpate.validate.calibration.posterior import Marginal, posteriors_of
 from palpate.validate.calibration.ranks import by_region, calibration
 from palpate.validate.calibration.records import CalibrationOptions, CalibrationTable, CalibrationTruth
 from palpate.validate.sealed import Kind, SealedStudy, run_alone
 
-Ranked = tuple[CutNormal, float, int]
+Ranked = tuple[Marginal, float, int]
 Make = Callable[[CalibrationOptions, int, Path], bool]
 _COMMAND = (sys.executable, "-m", "palpate.ui.cli")
 
@@ -37,7 +37,7 @@ class Estimator:
 
     result: str
     analyse: Callable[[Path, float], None]
-    posteriors: Callable[[Path, str], dict[str, CutNormal]] = posteriors_of
+    posteriors: Callable[[Path, str], dict[str, Marginal]] = posteriors_of
 
 
 def _identified(case: Path, timeout_s: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from msgspec.structs import replace
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.location import DiscrepancyMaps, discrepancy_maps, regions, residuals
@@ -50,7 +51,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         ranking=_ranking(diagnosis),
         shrinkage=shrinkage(diagnosis, best) if best is not None else None,
         stiffness=StiffnessRecord(
-            without_effect=_stiffness(diagnosis, *plain_stiffness(diagnosis.fit)),
+            without_effect=_plain_stiffness(diagnosis),
             with_effect=None if shown is None else _stiffness(diagnosis, *model_average(diagnosis)),
         ),
         next_measurement=next_measurement(diagnosis),
@@ -214,6 +215,14 @@ def _stiffness(diagnosis: Diagnosis, theta: FloatArray, covariance: FloatArray) 
         names[r]: FittedStiffnessRecord(float(np.exp(t)), float(np.exp(t) * np.sinh(s)), float(s))
         for r, t, s in zip(sorted(names), theta, sd, strict=True)
     }
+
+
+def _plain_stiffness(diagnosis: Diagnosis) -> dict[str, FittedStiffnessRecord]:
+    """Without an effect, with the interval that `identify` reports too."""
+    names = diagnosis.fit.model.first.plain.problem.region_names
+    intervals = dict(zip(sorted(names), diagnosis.fit.posterior.interval().tolist(), strict=False))
+    found = _stiffness(diagnosis, *plain_stiffness(diagnosis.fit))
+    return {name: replace(found[name], ci95_kpa=tuple(intervals[region])) for region, name in names.items()}
 
 
 def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
