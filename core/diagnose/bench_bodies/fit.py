@@ -13,7 +13,7 @@ from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data, n
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import ConvergenceError
-from palpate.core.inference.posterior import laplace
+from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.inference.starts import spread_starts
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.residual.fit_options import GOOD, QUICK, FitOptions
@@ -58,14 +58,21 @@ class BodyFit:
         rest = [k for k in range(len(fit.model.each)) if k != state]
         rows = np.concatenate([np.arange(fit.model.rows[k].start, fit.model.rows[k].stop) for k in rest])
         covariance = fit.weighting.covariance[np.ix_(rows, rows)]
+        model, here = JointModel(tuple(fit.model.each[k] for k in rest)), without_state(fit.linearisation, state)
         return replace(
             fit,
-            model=JointModel(tuple(fit.model.each[k] for k in rest)),
-            linearisation=without_state(fit.linearisation, state),
+            model=model,
+            linearisation=here,
             mesh=fit.mesh[rows],
             noise=NoiseGrid.known(covariance, self.options.noise_model),
             weighting=Weighting(covariance),
+            posterior=_normal(model, here, Weighting(covariance)),
         )
+
+
+def _normal(model: JointModel, at: JointLinearisation, weighting: Weighting) -> Posterior:
+    """Markers tell a body's stiffness well enough for Laplace's approximation."""
+    return laplace(at.theta, weighting.whiten(at.residual), weighting.whiten(at.in_theta), model.bounds)
 
 
 def without_state(at: JointLinearisation, state: int) -> JointLinearisation:
@@ -112,6 +119,7 @@ def fit_body(
         NoiseSizes.of(noise),
         Weighting(covariance),
         replace(found[0], linearisation=here) if found else Optimum(here, here.theta[None]),
+        _normal(model, here, Weighting(covariance)),
     )
     return BodyFit(problem, plain, options)
 
@@ -130,7 +138,7 @@ def _searched(
         search = part(progress, 0.3 + 0.2 * k, 0.5 + 0.2 * k)
         best = best_of(model, weights, starts if best is None else here.theta[None], here, search)
         before, here = here.theta, best.linearisation
-        sd = laplace(here.theta, weights.whiten(here.residual), weights.whiten(here.in_theta), model.bounds).sd
+        sd = _normal(model, here, weights).sd
         if not _moves_patches(problem) or (np.abs(here.theta - before) < _MOVED_SD * sd).all():
             break
     assert best is not None
