@@ -25,7 +25,8 @@ from palpate.ui.pictures.slice_axes import (
 )
 
 _LIMIT_SD = 3.0
-_RESIDUAL, _FORCE = "RdBu_r", "autumn"
+# Not the colours of the misfit in mm, which this must not be taken for.
+_RESIDUAL, _FORCE = "PuOr_r", "autumn"
 # Forces within this distance of a slice are shown on it, in squares of this edge, mm.
 _SLAB_MM, _SQUARE_MM = 7.0, 7.0
 # Forces below this share of the largest are left out: arrows everywhere would hide the anatomy.

@@ -42,8 +42,9 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
     out = {
         "gap_residual": Picture(
             save(residual_views(maps), folder / "gap_residual.png"),
-            "Where the plain model's organ lies outside (red) or inside (blue) of what the deformed scan shows, drawn on the "
-            "organ at rest, in standard deviations of contours, walls and mesh together. R, L, A, P, S, I as on the slices. "
+            "Not a distance: how many standard deviations (contours, walls and mesh together) the plain model's organ lies outside "
+            "(orange) or inside (purple) of what the deformed scan shows, drawn on the organ at rest. "
+            "Fit has the distance in mm. R, L, A, P, S, I as on the slices. "
             "Blank where the two halves meet: no distance is read there.",
             "The organ from four sides, coloured by the residual in standard deviations.",
         )

@@ -87,7 +87,12 @@ def _runs(flowables: Iterable[Flowable]) -> list[Flowable]:
 def _flowables(block: doc.Block) -> list[Flowable]:
     """A block, after its caption where it is a table that has one."""
     if isinstance(block, doc.Table) and block.caption:
-        return [Paragraph(escape(block.caption), _style(8, colour=_QUIET, after=1, with_next=True)), _table(block)]
+        # With a page's end near the whole goes over; else the table begins here and goes on there, under its header again.
+        return [
+            CondPageBreak(_ENOUGH),
+            Paragraph(escape(block.caption), _style(8, colour=_QUIET, after=1)),
+            _table(block),
+        ]
     return [_flowable(block)]
 
 
@@ -170,11 +175,10 @@ def _style(
     before: float = 0,
     after: float = 0,
     align: int = 0,
-    with_next: bool = False,
 ) -> ParagraphStyle:
     return ParagraphStyle(
         f"{size}{bold}{align}", fontName=_BOLD if bold else _FONT, fontSize=size, leading=1.35 * size, textColor=colour,
-        spaceBefore=before * mm, spaceAfter=after * mm, alignment=align, splitLongWords=True, keepWithNext=int(with_next), wordWrap="LTR",
+        spaceBefore=before * mm, spaceAfter=after * mm, alignment=align, splitLongWords=True, wordWrap="LTR",
     )  # fmt: skip
 
 
