@@ -66,6 +66,11 @@ class SurfaceObservation:
         """Operator (q + k + m, n) that takes nodal displacements to surface points, landmarks and matched points."""
         return sp.vstack([self.operator, self.landmark_operator, self.motion.operator]).tocsr()
 
+    @property
+    def every_place(self) -> FloatArray:
+        """Positions (q + k + m, 3) mm at rest of the points of `all_points`."""
+        return np.vstack([self.points, self.landmarks[:, :3], self.motion.data.points])
+
     def parts_of(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows of v (q + k + m, 3) that belong to the surface, to the landmarks and to matched points."""
         q, k = len(self.points), len(self.landmarks)

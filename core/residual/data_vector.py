@@ -64,9 +64,14 @@ class DataVector:
         return slice(self.n_modes, self.n_modes + 3 * self.n_marks)
 
     @property
+    def n_motion(self) -> int:
+        """Number of modes of the motion that the images tell."""
+        return len(self.motion_covariance)
+
+    @property
     def motion(self) -> slice:
         """Rows of the motion that the images tell."""
-        return slice(self.marks.stop, self.marks.stop + len(self.motion_covariance))
+        return slice(self.marks.stop, self.marks.stop + self.n_motion)
 
     def residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
         """Predicted minus observed data (n,), for nodal displacements u (nodes, 3) mm of the scene."""
@@ -124,14 +129,19 @@ class DataVector:
         Read as nodal forces these are the loads of the adjoint problems: the body's response to row i is the change of
         datum i per unit force at every node, for the tangent is symmetric (Maxwell and Betti).
         """
-        observation, every = scene.observation, scene.observation.all_points
+        every, rows = scene.observation.all_points, self.per_point(scene, u)
+        return np.stack([(every.T @ rows[:, :, i].T).T for i in range(3)], axis=2)
+
+    def per_point(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
+        """Derivative (n, p, 3) of the residual in the displacements of `observation.all_points`, at u (nodes, 3) mm."""
+        observation = scene.observation
         _, normal = observation.residual_and_normal(scene.seen(u))
-        q, rows = len(observation.points), np.zeros((self.n, every.shape[0], 3))
+        q, rows = len(observation.points), np.zeros((self.n, observation.all_points.shape[0], 3))
         rows[: self.n_modes, :q] = self.modes.T[:, :, None] * normal
         for k in range(3 * self.n_marks):
             rows[self.marks.start + k, q + k // 3, k % 3] = 1.0
         rows[self.motion, q + self.n_marks :] = observation.motion.per_point
-        return np.stack([(every.T @ rows[:, :, i].T).T for i in range(3)], axis=2)
+        return rows
 
 
 def _still(X: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
 from palpate.core.residual.joint_states import apart, rows_of
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -31,6 +32,7 @@ class NoiseSizes:
     length : correlation length of contour noise, mm. mesh : share of the difference between two elements that the
     better one may still err by. offset : of the whole contour of one scan against the other's, beyond what its noise
     adds up to, mm. model : of a smooth error of the model itself, over a discrepancy of typical size (`ForceFields`).
+    image : of what the model errs by where images show the motion.
     """
 
     along: float
@@ -41,6 +43,7 @@ class NoiseSizes:
     mesh: float
     offset: float
     model: float
+    image: ImageErrorSizes
 
     @classmethod
     def of(cls, options: NoiseModelOptions) -> NoiseSizes:
@@ -54,6 +57,7 @@ class NoiseSizes:
             mesh=options.mesh,
             offset=options.offset_mm,
             model=options.model,
+            image=ImageErrorSizes.of(options),
         )
 
 
@@ -63,8 +67,8 @@ class NoiseParts:
 
     contour : of contours as wide as the case states, one for each of `options.lengths_mm`. along : of the walls' motion
     along themselves. own, marks : of unit variances. floor : of bone registration, and of the motion that the images
-    tell. offset : of 1 mm of the whole contour. The scan at rest was read once: half of the variance of two readings is
-    common to all states.
+    tell. offset : of 1 mm of the whole contour. image : see `ImageErrors`. The scan at rest was read once: half of the
+    variance of two readings is common to all states.
     """
 
     contour: tuple[FloatArray, ...]
@@ -73,6 +77,7 @@ class NoiseParts:
     marks: FloatArray
     floor: FloatArray
     offset: FloatArray
+    image: ImageErrors
     options: NoiseModelOptions
 
     @classmethod
@@ -91,6 +96,7 @@ class NoiseParts:
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
             apart([_floor(s) for s in data_vectors]),
             _read_twice([s.wider[:, None] for s in data_vectors]),
+            ImageErrors.of(linearisations, data_vectors, options),
             options,
         )
 
@@ -104,7 +110,7 @@ class NoiseParts:
         contour = self.contour[int(np.argmin(np.abs(np.array(self.options.lengths_mm) - sizes.length)))]
         out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
         out = out + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
-        return out + self.floor + discretisation @ discretisation.T
+        return out + self.floor + self.image.covariance(sizes.image) + discretisation @ discretisation.T
 
 
 @dataclass(frozen=True, eq=False)

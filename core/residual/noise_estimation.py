@@ -17,14 +17,13 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import FloatArray
+from palpate.core.residual.image_errors import ImageErrorSizes
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.residual.restricted_likelihood import restricted
 
 # Sizes less probable than this, over the most probable one, are left out of the mean: a truncation.
 _NEGLIGIBLE = 1e-4
-# Precision of ln G's prior: none to speak of, so that a pair that tells nothing of the stiffness does not divide by
-# zero.
-FLAT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class NoiseGrid:
     def log_likelihood(self, r: FloatArray, J: FloatArray, more: FloatArray) -> FloatArray:
         """Restricted log likelihood (g,) of residuals r (n,), J (n, t) projected out; more (n, n) : a further
         covariance."""
-        return np.array([_restricted(C + more, r, J) for C in self.covariances])
+        return np.array([restricted(C + more, r, J) for C in self.covariances])
 
     def probable(self, r: FloatArray, J: FloatArray, gap: FloatArray, most: int) -> NoiseGrid:
         """The most probable sizes, with a discrepancy gap (n, k) of any size or without one; at most `most` of them."""
@@ -112,6 +111,39 @@ def fit_noise(
     return FittedNoise(replace(grid.sizes[0], contour=contour, own=own, length=length), covariance)
 
 
+def fit_image_errors(
+    parts: NoiseParts,
+    start: NoiseSizes,
+    discretisation: FloatArray,
+    r: FloatArray,
+    J: FloatArray,
+    gap: FloatArray,
+    free: Sequence[FloatArray],
+) -> ImageErrorSizes:
+    """Sizes of what the model errs by where images show the motion, by the restricted likelihood; those of `start` where no
+    state has matched motion.
+
+    discretisation (n, m) mm : see `NoiseParts.covariance`. r, J, gap, free : see `fit_noise`. The sizes are root mean
+    squares over the grid; the length is the likeliest.
+    """
+    if not parts.image.any:
+        return start.image
+    options = parts.options
+    tried = [
+        ImageErrorSizes(edge, local, length)
+        for edge in options.edge_sizes_mm
+        for local in options.local_sizes_mm
+        for length in options.local_lengths_mm
+    ]
+    fixed = parts.covariance(start, discretisation) - parts.image.covariance(start.image)
+    fixed = fixed + sum((S @ S.T for S in free), np.zeros_like(fixed))
+    others = [fixed + size**2 * gap @ gap.T for size in options.gap_sizes]
+    logs = [logsumexp([restricted(C + parts.image.covariance(s), r, J) for C in others]) for s in tried]
+    weight = softmax(np.array(logs))
+    edge, local = (float(np.sqrt(weight @ np.square([getattr(s, k) for s in tried]))) for k in ("edge", "local"))
+    return replace(tried[int(np.argmax(weight))], edge=edge, local=local)
+
+
 def _prior(factor: float, sd: float) -> float:
     """Log density of the contours' factor, whose logarithm is normal with this standard deviation."""
     return float(-0.5 * (np.log(factor) / sd) ** 2 - np.log(factor))
@@ -124,14 +156,3 @@ def _laplace(C: FloatArray, r: FloatArray, J: FloatArray, precision: FloatArray)
     rw, Jw = both[:, 0], both[:, 1:]
     volume = -0.5 * float(np.linalg.slogdet(Jw.T @ Jw + np.diag(precision))[1])
     return -0.5 * float(rw @ rw) - float(np.log(np.diag(L)).sum()) + volume
-
-
-def _restricted(C: FloatArray, r: FloatArray, J: FloatArray) -> float:
-    """Log of the restricted likelihood."""
-    L = np.linalg.cholesky(C)
-    both = np.linalg.solve(L, np.column_stack([r, J]))
-    rw, Jw = both[:, 0], both[:, 1:]
-    A = Jw.T @ Jw + FLAT * np.eye(J.shape[1])  # a pair that tells nothing of the stiffness must not divide by zero
-    b = Jw.T @ rw
-    Q = float(rw @ rw - b @ np.linalg.solve(A, b))
-    return -0.5 * Q - float(np.log(np.diag(L)).sum()) - 0.5 * float(np.linalg.slogdet(A)[1])

@@ -220,6 +220,50 @@ class NoiseModelOptions:
             "contour noise.",
         ),
     ] = EXTRACTION_MM
+    edge_mm: Annotated[
+        float,
+        sourced("mm an axis", "Motion of the region's edge, which the model holds, before it is estimated.", _REPLACED),
+    ] = 1.0
+    edge_sizes_mm: Annotated[
+        tuple[float, ...],
+        sourced(
+            "mm an axis",
+            "Sizes of the motion of the region's edge that are told apart, where images show the motion.",
+            "Chosen: from none to what a full rectum moves 6 cm away; the data choose.",
+        ),
+    ] = (0.0, 0.5, 1.0, 2.0, 4.0)
+    edge_length_mm: Annotated[
+        float,
+        sourced(
+            "mm",
+            "Correlation length of the motion of the region's edge.",
+            "Chosen: half of its distance from the organ; what is finer at the edge does not reach the organ.",
+        ),
+    ] = 25.0
+    local_mm: Annotated[
+        float,
+        sourced("mm an axis", "Displacement that the model cannot predict, before it is estimated.", _REPLACED),
+    ] = 0.2
+    local_length_mm: Annotated[
+        float,
+        sourced("mm", "Correlation length of that displacement, before it is estimated.", _REPLACED),
+    ] = 10.0
+    local_sizes_mm: Annotated[
+        tuple[float, ...],
+        sourced(
+            "mm an axis",
+            "Sizes of the displacement that the model cannot predict that are told apart, where images show the motion.",
+            "Chosen: from below what elements err by to what a tissue of another stiffness does; the data choose.",
+        ),
+    ] = (0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7)
+    local_lengths_mm: Annotated[
+        tuple[float, ...],
+        sourced(
+            "mm",
+            "Correlation lengths of that displacement that are told apart.",
+            "Chosen: from an element's edge to an organ's size; the data choose.",
+        ),
+    ] = (6.0, 10.0, 16.0, 25.0)
     patch_nugget_mm: Annotated[
         float,
         sourced(

@@ -8,7 +8,7 @@ whose sizes the case's own data choose. `identify` reports this fit, and `diagno
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +26,7 @@ from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
 from palpate.core.residual.linearised_model import SolveCount
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
-from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
+from palpate.core.residual.noise_estimation import NoiseGrid, fit_image_errors, fit_noise
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.optimum import Optimum, best_of, solved
 from palpate.core.residual.remeshing import Remeshed, left_by_all
@@ -215,9 +215,12 @@ def _noise(
     columns = [left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)]
     if further is not None:
         columns.append(further(model, linearisation))
-    grid = NoiseGrid.of(parts, sizes, np.hstack(columns))
+    left = np.hstack(columns)
     free = [apart(f) for f in zip(*(_free(data, options) for data in model.data_vectors), strict=True)]
-    fitted = fit_noise(grid, linearisation.residual, linearisation.in_theta, gap.free, free)
+    r, J = linearisation.residual, linearisation.in_theta
+    image = fit_image_errors(parts, sizes, left, r, J, gap.free, free)
+    grid = NoiseGrid.of(parts, replace(sizes, image=image), left)
+    fitted = fit_noise(grid, r, J, gap.free, free)
     return grid, fitted.sizes, Weighting(fitted.covariance)
 
 

@@ -13,7 +13,8 @@ from scipy.special import logsumexp, softmax
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.inference.evidence import log_share, means_of_exponentials, projected
-from palpate.core.residual.noise_estimation import FLAT, NoiseGrid
+from palpate.core.residual.noise_estimation import NoiseGrid
+from palpate.core.residual.restricted_likelihood import FLAT
 
 # Bounds farther from 0 than so many of the prior's standard deviations are none.
 _FAR = 3.0
