@@ -89,7 +89,7 @@ def _flowables(block: doc.Block) -> list[Flowable]:
     if isinstance(block, doc.Table) and block.caption:
         # With a page's end near the whole goes over; else the table begins here and goes on there, under its header again.
         return [
-            CondPageBreak(_ENOUGH),
+            CondPageBreak(0.5 * _ENOUGH),
             Paragraph(escape(block.caption), _style(8, colour=_QUIET, after=1)),
             _table(block),
         ]
