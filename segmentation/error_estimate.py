@@ -53,8 +53,8 @@ class ErrorModel:
 
 
 _FIT = (
-    "Maximum likelihood on 41 variants of two CTs with manual contours and of the phantom, found automatically or from six points "
-    "(tests/benchmarks/surface_error_fit.py)."
+    "Maximum likelihood on 36 to 41 surfaces of variants of two CTs with manual contours and of the phantom, found automatically or "
+    "from six points (tests/benchmarks/surface_error_fit.py)."
 )
 _WHAT = (
     "Weights of ln sd: constant, ln of the runs' spread here and over the whole surface, weak edge here and over it, ends, points "

@@ -30,6 +30,13 @@ class GridPosterior(Posterior):
     edges: FloatArray
     cumulative: FloatArray
 
+    @property
+    def spread(self) -> FloatArray:
+        """See `Posterior.spread`."""
+        weight, centre = np.diff(self.cumulative, axis=1), 0.5 * (self.edges[:, 1:] + self.edges[:, :-1])
+        mean = (weight * centre).sum(axis=1, keepdims=True)
+        return np.sqrt((weight * (centre - mean) ** 2).sum(axis=1))
+
     def quantile(self, probability: FloatArray | float) -> FloatArray:
         """See `Posterior.quantile`."""
         p = np.broadcast_to(probability, np.broadcast_shapes(np.shape(probability), (len(self.mean),)))

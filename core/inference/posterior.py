@@ -17,6 +17,12 @@ _BLIND = 0.7
 _LEAST = 1e-4
 
 
+# Misfit over what noise leaves, as a factor on the noise, from which on a deformation is not called too small.
+_FAR_ABOVE = 2.0
+_TOO_SMALL = "the deformation this pair shows is too small against the contours' error"
+_TOO_LARGE = "the model misses the second scan by far more than the contours' error"
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """Normal in theta = ln G, cut at the bounds.
@@ -35,6 +41,11 @@ class Posterior:
     def sd(self) -> FloatArray:
         """(t,) standard deviation of ln G."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def spread(self) -> FloatArray:
+        """(t,) standard deviation of ln G about its own mean, which need not be the optimum."""
+        return self.sd
 
     def interval(self, level: float = 0.95) -> FloatArray:
         """(t, 2) interval of G, kPa, of the normal cut at the bounds: central, but from the bound on where the optimum lies
@@ -122,7 +133,7 @@ def _flat_prior(bounds: FloatArray) -> FloatArray:
 
 def unknown(posterior: Posterior) -> BoolArray:
     """(t,) whether a region's stiffness is about as uncertain as it was before the scans."""
-    return posterior.sd > _BLIND * (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
+    return posterior.spread > _BLIND * (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
 
 
 def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | None = None) -> str:
@@ -133,9 +144,7 @@ def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | No
     parts = []
     blind = unknown(posterior)
     if blind.all():
-        parts.append(
-            "nothing can be identified: the deformation this pair shows is too small against the contours' error"
-        )
+        parts.append(f"nothing can be identified: {_TOO_SMALL if posterior.scale < _FAR_ABOVE else _TOO_LARGE}")
     for name, (low, high), untold in zip(names, posterior.ends(), blind, strict=True):
         label, half = name.replace("_", " "), 0.5 * (high - low)
         if untold:

@@ -37,6 +37,8 @@ def diagnosis_sentence(record: CaseRecord) -> str:
     p = chance(gap.p_value)
     if verdict == "none":
         said, doubt = f"found nothing that the model leaves out ({p})", ""
+    elif not gap.detected and not found.candidates:
+        said, doubt = "could not see whether the model leaves anything out, for these scans tell too little", ""
     else:
         said = f"found a gap ({gap.rms_mm:.2f} mm rms where noise would leave {gap.noise_floor_mm:.2f} mm, {p}), {_cause(found)}"
         doubt = " and may be a false alarm"

@@ -26,13 +26,15 @@ class Findings:
 
     detected : outcome of the gap test. judged : effects after their refits. unknown : log evidence of a free smooth
     field of forces. pair : two effects together, and the log evidence of both; None where no pair predicts more than
-    the better one alone. rules : the numbers that the conditions hang on.
+    the better one alone. told : whether the scans tell any region's stiffness. rules : the numbers that the conditions
+    hang on.
     """
 
     detected: bool
     judged: Sequence[Judged]
     unknown: float
     pair: tuple[tuple[str, ...], float] | None = None
+    told: bool = True
     rules: DecisionRules = field(kw_only=True)
 
     @cached_property
@@ -113,6 +115,12 @@ class Findings:
 
 
 RULES: tuple[Rule[Findings], ...] = (
+    Rule(
+        "nothing_told",
+        lambda f: not f.detected and not f.told,
+        AMBIGUOUS,
+        "the stiffness may be anything that was allowed, so that it takes the place of whatever the model leaves out",
+    ),
     Rule(
         "no_gap",
         lambda f: not f.detected,
@@ -205,9 +213,10 @@ def decide(
     unknown: float,
     pair: tuple[tuple[str, ...], float] | None = None,
     *,
+    told: bool = True,
     rules: DecisionRules,
 ) -> Verdict:
     """The first of `RULES` that holds decides. Arguments as in `Findings`."""
-    findings = Findings(detected, judged, unknown, pair, rules=rules)
+    findings = Findings(detected, judged, unknown, pair, told, rules=rules)
     decision = first_that_holds(RULES, findings)
     return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

@@ -21,6 +21,7 @@ from palpate.core.diagnose.verdict.verdict import Judged, Verdict, probabilities
 from palpate.core.inference.evidence import projected
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.inference.posterior import prior_precision
+from palpate.core.inference.posterior import unknown as untold
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 
@@ -85,7 +86,8 @@ def judge(
         fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0]), rules
     ):
         pair = (tuple(_name(pairs[0]).split(JOINED)), pairs[0].log_evidence)
-    verdict = decide(test.detected, all_judged, unknown, pair, rules=rules)
+    told = not bool(untold(fit.posterior).all())
+    verdict = decide(test.detected, all_judged, unknown, pair, told=told, rules=rules)
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
         evidence = {s.effect.id: s.log_evidence for s in screened}
         none = unknown

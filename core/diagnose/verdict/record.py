@@ -255,6 +255,6 @@ def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
             "for; "
             "mesh more finely (--tets)"
         )
-    if diagnosis.verdict.verdict == AMBIGUOUS and not diagnosis.refits:
+    if diagnosis.test.detected and diagnosis.verdict.verdict == AMBIGUOUS and not diagnosis.refits:
         out.append("no effect could be refitted")
     return out

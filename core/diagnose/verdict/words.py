@@ -9,6 +9,7 @@ from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.statistics import rms
 
+_MORE = "a deformed scan in which bladder or rectum moves the organ farther, or contours that err less"
 _GENERAL = "another deformed scan with another bladder and rectum filling, and matched points inside the organ"
 
 
@@ -28,6 +29,11 @@ def sentence(diagnosis: Diagnosis) -> str:
             f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself "
             "shows, and nothing in the "
             "library explains it: the stiffness given here may be wrong."
+        )
+    if not diagnosis.verdict.candidates:
+        return (
+            "These scans tell neither the stiffness nor whether the model leaves anything out: "
+            f"{diagnosis.verdict.why}."
         )
     words = [said[name] for name in diagnosis.verdict.candidates]
     if verdict == AMBIGUOUS:
@@ -53,4 +59,4 @@ def next_measurement(diagnosis: Diagnosis) -> str | None:
         return "; or ".join(parts)
     if diagnosis.verdict.verdict == UNKNOWN:
         return _GENERAL
-    return None
+    return _MORE if not diagnosis.verdict.candidates else None

@@ -33,6 +33,12 @@ MANY = [judged(), judged("bone_motion", 18.3), *(judged(f"rival{k}", 17.5) for k
 
 # Rule -> findings that it decides, verdict, candidates, and findings with one fact changed that it does not decide.
 CASES: dict[str, tuple[Findings, str, tuple[str, ...], Findings]] = {
+    "nothing_told": (
+        replace(CLEAR, detected=False, told=False),
+        "ambiguous",
+        (),
+        replace(CLEAR, detected=False, told=True),
+    ),
     "no_gap": (replace(CLEAR, detected=False), "none", (), CLEAR),
     "two_effects": (replace(CLEAR, pair=(PAIR, 24.0)), "ambiguous", PAIR, replace(CLEAR, pair=(PAIR, 22.0))),
     "nothing_named": (replace(CLEAR, unknown=24.0), "unknown", (), replace(CLEAR, unknown=21.0)),
@@ -87,7 +93,8 @@ def test_every_row_has_a_case_and_a_name_of_its_own() -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_a_row_decides(name: str) -> None:
     findings, verdict, candidates, otherwise = CASES[name]
-    found = decide(findings.detected, findings.judged, findings.unknown, findings.pair, rules=NUMBERS)
+    told = findings.told
+    found = decide(findings.detected, findings.judged, findings.unknown, findings.pair, told=told, rules=NUMBERS)
     assert (found.decided_by, found.verdict, found.candidates) == (name, verdict, candidates)
     assert found.why == ("it pulls" if name == "unlike_its_name" else {r.name: r.sentence for r in RULES}[name])
     assert first_that_holds(RULES, otherwise).rule != name
@@ -99,9 +106,10 @@ def test_rows_are_tried_in_order() -> None:
         judged(gain=NO_GAIN, share_of_ceiling=0.4, remainder_p=0.001, unlike="it pulls"),
         judged("inclusion", 19.9),
     ]
-    findings = Findings(False, worst, 30.0, (PAIR, 40.0), rules=NUMBERS)
+    findings = Findings(False, worst, 30.0, (PAIR, 40.0), told=False, rules=NUMBERS)
     asked = []
     mends: list[Callable[[Findings], Findings]] = [
+        lambda f: replace(f, told=True),
         lambda f: replace(f, detected=True),
         lambda f: replace(f, pair=None),
         lambda f: replace(f, unknown=21.0),

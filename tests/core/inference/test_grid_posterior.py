@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from palpate.core.arrays import FloatArray
 from palpate.core.inference.grid_posterior import on_grid
-from palpate.core.inference.posterior import laplace
+from palpate.core.inference.posterior import laplace, unknown, verdict
 from palpate.core.inference.response_surface import ResponseSurface, chebyshev_nodes
 
 BOUNDS = np.log([[5.0, 500.0], [5.0, 500.0]])
@@ -83,3 +83,24 @@ def test_a_box_that_cuts_the_posterior_is_refused_and_one_that_ends_at_its_bound
     inside = np.stack([at - 1.0, at + 1.0], axis=1)
     assert on_grid(normal, _surface(lambda x: J @ (x - at), lambda x: J, inside, 4)) is None
     assert on_grid(normal, _surface(lambda x: J @ (x - at), lambda x: J, BOUNDS, 4)) is not None
+
+
+def test_a_stiffness_at_its_bound_that_the_data_hold_there_is_told() -> None:
+    """The spread is that of the posterior itself, not the distance of its mean from the bound."""
+    bounds, J = BOUNDS[:1], np.array([[1.5]])
+    high = bounds[:, 1]
+    normal = laplace(high, np.zeros(1), J, bounds)
+    found = on_grid(normal, _surface(lambda x: J @ (x - high), lambda x: J, bounds, 7))
+    assert found is not None
+    half_normal = np.sqrt(1.0 - 2.0 / np.pi) / 1.5
+    assert abs(found.spread[0] - half_normal) < 0.01 and abs(found.sd[0] - 1.0 / 1.5) < 0.01
+    assert not unknown(found).any()
+    flat = on_grid(laplace(high, np.zeros(1), 0 * J, bounds), _surface(lambda x: 0 * x, lambda x: 0 * J, bounds, 7))
+    assert flat is not None and unknown(flat).all()
+
+
+def test_too_small_a_deformation_is_not_said_where_the_misfit_is_far_above_the_noise() -> None:
+    blind = laplace(BOUNDS.mean(axis=1), np.zeros(9), np.zeros((9, 2)), BOUNDS)
+    assert "too small" in verdict(("left", "right"), blind)
+    missed = laplace(BOUNDS.mean(axis=1), np.full(9, 5.0), np.zeros((9, 2)), BOUNDS)
+    assert "too small" not in verdict(("left", "right"), missed) and "misses" in verdict(("left", "right"), missed)
