@@ -1,7 +1,7 @@
 """Response surface: a residual over a box of parameters, as a polynomial through values and gradients at a few points.
 
-A residual that comes with its gradient tells much per solve (Hermite data): some 25 solves for two parameters give a
-polynomial of degree 8.
+A residual that comes with its gradient tells much per solve (Hermite data): 16 solves for two parameters give a
+polynomial of degree 6.
 """
 
 from __future__ import annotations

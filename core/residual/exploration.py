@@ -13,7 +13,8 @@ from palpate.core.residual.joint_states import JointLinearisation, JointModel
 from palpate.core.worker.progress import Progress, silent
 
 # Points along an axis at which the model is solved, by the number of parameters; a normal approximation serves for more.
-_NODES = {1: 7, 2: 5, 3: 4}
+# Against 144 points on two cases whose intervals span a factor of 3 to 20, quantiles of ln G differ by 0.01.
+_NODES = {1: 7, 2: 4, 3: 4}
 # Half the width of the box that is looked at first, in standard deviations of the normal approximation.
 _WITHIN_SD = 5.0
 # Share of the points that must have an equilibrium.
