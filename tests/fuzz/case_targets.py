@@ -17,7 +17,7 @@ from dicom_samples import save, series, straight
 
 from palpate.case.bench.body import MESH, body_problem
 from palpate.case.case_facts import CaseFacts
-from palpate.case.case_folder import CaseFolder
+from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.stated_files import body_inputs
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
@@ -29,6 +29,7 @@ from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
 from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_file import load_mesh, save_mesh
+from palpate.meshing.mesh_solid import CELLS
 from palpate.segmentation.models.monai_bundle import bundle_plan
 from palpate.validate.paper.cohort import cohort_of_table
 
@@ -70,7 +71,10 @@ def body_json(folder: Path) -> Made:
     (case.path / "hanging.csv").write_text(
         "name,rest_x,rest_y,rest_z,deformed_x,deformed_y,deformed_z\na,9,4,3,9,4,2\nb,9,1,1,9,1,0\n"
     )
-    case.write_npz(MESH, points=block.points, cells=block.cells)
+    surface = case.path / "body.stl"
+    surface.write_bytes(b"read by nobody: the mesh is there")
+    made_from = np.frombuffer(f"{file_sha256(surface)} {CELLS}".encode(), dtype=np.uint8)
+    case.write_npz(MESH, points=block.points, cells=block.cells, made_from=made_from)
     facts = json.loads(case.file("case.json").read_text()) | {
         "body": "body.stl",
         "density_kg_m3": 1070.0,
