@@ -86,7 +86,7 @@ def judge(
         fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0]), rules
     ):
         pair = (tuple(_name(pairs[0]).split(JOINED)), pairs[0].log_evidence)
-    told = not bool(untold(fit.posterior).all())
+    told = not (untold(fit.posterior).all() and _moved(fit))
     verdict = decide(test.detected, all_judged, unknown, pair, told=told, rules=rules)
     if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
         evidence = {s.effect.id: s.log_evidence for s in screened}
@@ -107,6 +107,17 @@ def judge(
         forces,
         rules,
     )
+
+
+def _moved(fit: PlainFit) -> bool:
+    """Whether the organ moved by more than noise in any state: where nothing moved, nothing can be left out either."""
+    for linearisation, data, noise_mm in zip(
+        fit.linearisation.each, fit.model.data_vectors, fit.noise_rms_mm, strict=True
+    ):
+        still = data.residual(linearisation.scene, np.zeros_like(linearisation.equilibrium.u))[: data.n_modes]
+        if np.sqrt((still**2).sum() / len(data.modes)) > noise_mm:
+            return True
+    return False
 
 
 def foretells_more(
