@@ -33,7 +33,7 @@ class PerturbationOptions:
         float, sourced("mm", "Spacing of the runs' grid.", "Chosen: coarse enough to be quick, finer than most slices.")
     ] = 2.0
     noise: Annotated[
-        float, sourced("1", "Noise that is added, over the scan's own.", "Chosen: half as much again as one scan has.")
+        float, sourced("1", "Noise that is added, over the scan's own.", "Chosen: as much again as the scan has.")
     ] = 1.0
     blur_mm: Annotated[
         float, sourced("mm", "Largest further blur (standard deviation).", "Chosen: from a sharp to a soft kernel.")

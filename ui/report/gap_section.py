@@ -155,7 +155,10 @@ def _stiffness(found: DiagnosisRecord) -> Table | None:
 
 
 def stiffness_interval(values: FittedStiffnessRecord) -> str:
-    """``33.2 (22.7 to 48.7)``: normal in ln G, whose sd the diagnosis gives as G sinh(sd)."""
+    """``33.2 (22.7 to 48.7)``: the interval that the diagnosis gives; without one, normal in ln G, whose sd it gives as G sinh(sd)."""
+    told = known(values.ci95_kpa)
+    if told is not None:
+        return f"{three_figures(values.G_kpa)} ({three_figures(told[0])} to {three_figures(told[1])})"
     G, sd = values.G_kpa, float("nan") if values.sd_kpa is None else values.sd_kpa
     factor = float(np.exp(1.96 * np.arcsinh(sd / G)))
     return f"{three_figures(G)} ({three_figures(G / factor)} to {three_figures(G * factor)})"

@@ -21,6 +21,7 @@ from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.reidentify import identify_again
 from palpate.core.inference.gauss_newton import gauss_newton
+from palpate.core.inference.grid_posterior import GridPosterior
 from palpate.core.inference.posterior import verdict
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.fit_options import FitOptions
@@ -85,9 +86,12 @@ def test_identification_and_diagnosis_give_one_number(
     """To the last digit: `diagnose` fits the plain model as `identify` does."""
     fit = fit_plain([(problem, None)], how=FitOptions(element="p1p1", starts=2))
     theta, covariance = plain_stiffness(fit)
+    assert isinstance(fit.posterior, GridPosterior)
     for k, values in enumerate(job_result["parameters"].values()):
         assert values["G_kpa"] == np.exp(theta)[k]
         assert values["sd_ln_G"] == np.sqrt(covariance[k, k])
+        assert list(values["ci95_kpa"]) == fit.posterior.interval()[k].tolist()
+        assert np.allclose(np.array(values["quantiles_kpa"])[[0, -1]], values["ci95_kpa"], rtol=1e-12)
 
 
 def test_walls_end_on_the_deformed_surface(problem: IdentificationProblem) -> None:

@@ -11,11 +11,11 @@ from diagnoses import diagnosis
 from phantoms import recorded, result, write_case
 
 from palpate.case.case_folder import CaseFacts, CaseFolder
-from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
+from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffnessRecord
 from palpate.core.files.json_types import typed
 from palpate.ui.pictures.gap_pictures import VIEWS
 from palpate.ui.report.document import Paragraph, Table
-from palpate.ui.report.gap_section import gap_section
+from palpate.ui.report.gap_section import gap_section, stiffness_interval
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.report_step import ReportOptions, run
 from palpate.ui.report.summary import summary
@@ -34,6 +34,14 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> CaseFolder:
     case.write_npz("diagnose/gap_maps.npz", **maps)
     run(case, ReportOptions(pdf=False))
     return case
+
+
+def test_an_interval_is_the_one_that_the_diagnosis_gives() -> None:
+    """The Summary shows the same one, which is not normal."""
+    assert stiffness_interval(FittedStiffnessRecord(13.4, 4.73, 0.4, (5.92, 24.4))) == "13.4 (5.92 to 24.4)"
+    low, high = (13.4 / np.exp(1.96 * 0.4), 13.4 * np.exp(1.96 * 0.4))
+    told = stiffness_interval(FittedStiffnessRecord(13.4, 13.4 * float(np.sinh(0.4)), 0.4))
+    assert told == f"13.4 ({low:.2f} to {high:.1f})"
 
 
 def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> None:
