@@ -166,8 +166,8 @@ def _misfit(figures: Figures, case: CaseFolder, record: CaseRecord, folder: Path
     figure = solids.misfit(misfit_map(case, record.expected_misfit_mm))
     caption = (
         "Where the model's deformed organ lies outside (red) or inside (blue) the surface that the deformed scan shows. "
-        "The table above has its rms and its 95 % over the same points. Black lines in the colour bar: what the contours' own error would leave (one standard "
-        "deviation)."
+        "The table above has its rms and its 95 % over the same points. Black lines in the colour bar: what the contours' own error "
+        "would leave (one standard deviation)."
     )
     figures.add("misfit", folder, figure, caption, "Four views of the organ coloured by signed distance in mm.")
 
