@@ -3,19 +3,24 @@
 Every point has a Gaussian window in which the motion is the predicted one and a small constant shift. Shift, brightness
 and contrast of the window minimise the squared difference of the two scans (Lucas and Kanade 1981; in mechanics: digital
 volume correlation), in coarse windows on smoothed scans first. What is left of the difference is the noise.
+
+Tissue about an organ strains by tenths, so that the motion in a window of 5 mm is not constant: its shift is a mean
+weighed by texture, and neighbouring windows err alike. The windows therefore only find the smooth motion that both scans
+are compared under. The data are the steps from there that smaller windows ask for, which hardly overlap.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.matching.scan_pair import ScanPair
-from palpate.imaging.matching.window_errors import less_sure, precision_of_shifts, variance_left
-from palpate.imaging.matching.window_fits import NormalEquations, shifts, smooth_field
+from palpate.imaging.matching.window_errors import less_sure, one_step, texture_and_precision, variance_left
+from palpate.imaging.matching.window_fits import NormalEquations, equations_under, shifts, smooth_field
+from palpate.imaging.matching.window_sums import Windows
 from palpate.imaging.volume import Volume
 
 # Displacements (n, 3) mm at points (n, 3) mm.
@@ -35,11 +40,15 @@ class Level:
 
 @dataclass(frozen=True, kw_only=True)
 class MatchOptions:
-    """levels : from coarse to fine. spacing_mm : about the distance of control points. full : the least share of a window
-    that must be usable."""
+    """levels : from coarse to fine, which find the smooth motion. window_mm : standard deviation of the windows whose shifts
+    from it are the data; what noise leaves in a smaller one averages out over as many more of them, what uneven motion
+    leaves in a larger one does not (in the modes of the sample pair errors are 6.9 times what is stated with 5 mm, 1.8 with
+    3, 1.5 with 2). spacing_mm : about the distance of these control points. full : the least share of a window that must be
+    usable."""
 
     levels: tuple[Level, ...] = (Level(2.0, 8.0, 3), Level(0.9, 5.0))
-    spacing_mm: float = 8.0
+    window_mm: float = 3.0
+    spacing_mm: float = 7.0
     full: float = 0.3
 
 
@@ -87,23 +96,32 @@ def match(
             field = field + smooth_field(pair, shift, at.A)
         motion = pair.windows.lattice.with_array(field).at
     shift, at = shifts(pair, field, level.iterations)
-    keep = _control_points(pair, at, options, bright)
-    return _at_points(pair, field, shift, at, keep, predicted)
+    field = field + smooth_field(pair, shift, at.A)
+    uneven = pair.windows.lattice.with_array(shift - smooth_field(pair, shift, at.A))
+    small = replace(pair, windows=Windows.of(pair.grid, options.window_mm))
+    at = equations_under(small, *pair.moved(field))
+    keep = _control_points(small, at, options, bright)
+    return _at_points(small, pair.windows.lattice.with_array(field), uneven, at, keep, predicted)
 
 
 def _at_points(
-    pair: ScanPair, field: FloatArray, shift: FloatArray, at: NormalEquations, keep: BoolArray, predicted: Motion
+    pair: ScanPair, motion: Volume, uneven: Volume, at: NormalEquations, keep: BoolArray, predicted: Motion
 ) -> LocalMatches:
     variance = variance_left(pair, at)
-    uneven = smooth_field(pair, shift, at.A) - shift
-    precision = less_sure(precision_of_shifts(pair, at, variance)[keep], uneven[keep])
+    texture, precision = texture_and_precision(pair, at, variance)
     centre = _centre_of_texture(pair, at, keep)
-    lattice = pair.windows.lattice
-    found = lattice.with_array(field).at(centre) + shift[keep]
+    step = one_step(texture[keep], at.right[keep], precision[keep])
+    found = motion.at(centre) + step
+    precision = less_sure(precision[keep], uneven.at(centre))
     return LocalMatches(
-        centre, found, precision, found - predicted(centre), np.sqrt(variance[keep]), 2.0 * pair.windows.sigma_mm,
-        lattice.with_array(field + shift),
-    )  # fmt: skip
+        centre,
+        found,
+        precision,
+        found - predicted(centre),
+        np.sqrt(variance[keep]),
+        2.0 * pair.windows.sigma_mm,
+        motion,
+    )
 
 
 def _centre_of_texture(pair: ScanPair, at: NormalEquations, keep: BoolArray) -> FloatArray:

@@ -12,11 +12,13 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.imaging.matching.noise import CorrelatedNoise, measured_correlation
 from palpate.imaging.matching.scan_pair import ScanPair
-from palpate.imaging.matching.window_fits import NormalEquations
+from palpate.imaging.matching.window_fits import DAMPING, NormalEquations
 from palpate.imaging.matching.window_sums import pairs, symmetric
 
 # Standard deviations by which a window's texture must exceed what noise leaves by chance.
 CHANCE = 3.0
+# Precision, 1/mm2, below which a direction stays where the smooth motion has it: a standard deviation of 3 mm.
+LEAST_PRECISION = 1.0 / 9.0
 
 
 def variance_left(pair: ScanPair, at: NormalEquations) -> FloatArray:
@@ -27,14 +29,25 @@ def variance_left(pair: ScanPair, at: NormalEquations) -> FloatArray:
     return np.asarray(np.maximum(square - mean**2, 1e-6), dtype=np.float64)
 
 
-def precision_of_shifts(pair: ScanPair, at: NormalEquations, variance: FloatArray) -> FloatArray:
-    """A M^-1 A (mi, mj, mk, 3, 3) 1/mm2, with what A has lost to noise counted as nothing."""
+def texture_and_precision(pair: ScanPair, at: NormalEquations, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Texture of the picture alone (mi, mj, mk, 3, 3) HU2/mm2, A less what noise adds to it on average, and precision
+    A M^-1 A (mi, mj, mk, 3, 3) 1/mm2 of the shift, with A less what noise may add to it by chance."""
     noise = measured_correlation(at.difference, at.weight > 0.5)
-    A, M = _without_noise(pair, at, variance, noise), _score_covariance(pair, at, variance, noise)
-    value, vector = np.linalg.eigh(A)
-    A = np.einsum("...ij,...j,...kj->...ik", vector, np.maximum(value, 0.0), vector)
+    M = _score_covariance(pair, at, variance, noise)
+    texture, A = (_without_noise(pair, at, variance, noise, chance) for chance in (0.0, CHANCE))
     floor = 1e-9 * np.maximum(np.trace(M, axis1=-2, axis2=-1), 1e-12)
-    return np.asarray(A @ np.linalg.solve(M + floor[..., None, None] * np.eye(3), A))
+    return texture, np.asarray(A @ np.linalg.solve(M + floor[..., None, None] * np.eye(3), A))
+
+
+def one_step(texture: FloatArray, score: FloatArray, precision: FloatArray) -> FloatArray:
+    """Shift (..., 3) mm by which a window's score (..., 3) is nothing: one Gauss-Newton step, with the texture (..., 3, 3)
+    of the picture alone, for noise has slope but does not move along. No step where the precision (..., 3, 3) is none."""
+    value, vector = np.linalg.eigh(texture)
+    along = np.einsum("...ij,...i->...j", vector, score) / np.maximum(value, DAMPING)
+    step = np.einsum("...ij,...j->...i", vector, along)
+    value, vector = np.linalg.eigh(precision)
+    told = np.einsum("...ij,...i->...j", vector, step) * (value > LEAST_PRECISION)
+    return np.asarray(np.einsum("...ij,...j->...i", vector, told))
 
 
 def less_sure(precision: FloatArray, bias: FloatArray) -> FloatArray:
@@ -44,20 +57,24 @@ def less_sure(precision: FloatArray, bias: FloatArray) -> FloatArray:
     return np.asarray(precision - along[..., :, None] * along[..., None, :] / share[..., None, None])
 
 
-def _without_noise(pair: ScanPair, at: NormalEquations, variance: FloatArray, noise: CorrelatedNoise) -> FloatArray:
-    """A less what the noise's own gradient adds to it: a quarter of the difference's, as the mean of both scans has.
+def _without_noise(
+    pair: ScanPair, at: NormalEquations, variance: FloatArray, noise: CorrelatedNoise, chance: float
+) -> FloatArray:
+    """A less what the noise's own gradient adds to it: a quarter of the difference's, as the mean of both scans has; no
+    direction has less than nothing.
 
-    That part scatters from window to window. CHANCE standard deviations of its scatter are taken off as well, so that
+    That part scatters from window to window. `chance` standard deviations of its scatter are taken off as well, so that
     noise alone does not pass for texture.
     """
     scatter = np.sqrt(2.0 * noise.together / pair.windows.independent_voxels)
-    share = (1.0 + CHANCE * scatter) * pair.windows.sum(at.weight)
+    share = (1.0 + chance * scatter) * pair.windows.sum(at.weight)
     A = at.A.copy()
     for axis in range(3):
         kernel = noise.kernels[axis]
         two = kernel[len(kernel) // 2 + 2] if len(kernel) > 4 else 0.0
         A[..., axis, axis] -= share * 0.25 * variance * (1.0 - two) / (2.0 * pair.windows.spacing[axis] ** 2)
-    return A
+    value, vector = np.linalg.eigh(A)
+    return np.asarray(np.einsum("...ij,...j,...kj->...ik", vector, np.maximum(value, 0.0), vector))
 
 
 def _score_covariance(pair: ScanPair, at: NormalEquations, variance: FloatArray, noise: CorrelatedNoise) -> FloatArray:

@@ -48,13 +48,25 @@ def normal_equations(pair: ScanPair, motion: FloatArray, shift: FloatArray) -> N
     The second scan is seen under a shift that differs from place to place. Were it p in the whole window, the scan would
     be moved + g . (p - shift): the window's p is the one for which that is nearest to the first scan.
     """
-    moved, weight = pair.moved(motion + shift)
+    return equations_under(pair, *pair.moved(motion + shift), shift)
+
+
+def equations_under(
+    pair: ScanPair, moved: Float32Array, weight: Float32Array, shift: FloatArray | None = None
+) -> NormalEquations:
+    """The equations for the second scan as it lies under a motion, moved (ni, nj, nk) HU, with the weight of every voxel.
+
+    shift (..., 3) mm : the part of the motion that the windows' shifts are counted without; None counts them from the
+    whole motion.
+    """
     mean = 0.5 * (pair.first + moved)
     g = [np.gradient(mean, pair.grid.spacing[a], axis=a).astype(np.float32) for a in range(3)]
     level = np.float32((moved * weight).sum() / max(float(weight.sum()), 1.0))
     fields = [*g, np.ones_like(moved), moved - level]
     difference = pair.first - moved
-    target = difference + sum(g[a] * pair.windows.spread(shift[..., a]) for a in range(3))
+    target = difference
+    if shift is not None:
+        target = target + sum(g[a] * pair.windows.spread(shift[..., a]) for a in range(3))
     weighted = [weight * f for f in fields]
     sums = {(i, j): pair.windows.sum(weighted[i] * fields[j]) for i, j in pairs(5)}
     right = np.stack([pair.windows.sum(f * target) for f in weighted], axis=-1)
