@@ -61,15 +61,21 @@ class VariantTable(TypedDict):
 
 
 def variant_study(
-    scans: Sequence[ContouredScan], count: int, seed: int, modes: Sequence[str] = MODES, progress: Progress = silent
+    scans: Sequence[ContouredScan],
+    count: int,
+    seed: int,
+    modes: Sequence[str] = MODES,
+    errors: bool = True,
+    progress: Progress = silent,
 ) -> VariantTable:
-    """Segments `count` variants, drawn from the scans in turn; the same seed draws the same."""
+    """Segments `count` variants, drawn from the scans in turn; the same seed draws the same. errors : whether the surfaces'
+    errors are estimated too, which takes as long again."""
     random = np.random.default_rng(seed)
     recipes = [drawn_recipe(random) for _ in range(count)]
     rows: list[VariantRow] = []
     for number, recipe in enumerate(recipes):
         progress(number / count, f"variant {number + 1} of {count}")
-        rows += _rows(number, scans[number % len(scans)], recipe, seed + number, modes)
+        rows += _rows(number, scans[number % len(scans)], recipe, seed + number, modes, errors)
     return {
         "rows": rows,
         "recipes": [asdict(recipe) for recipe in recipes],
@@ -96,14 +102,16 @@ def variant_text(found: VariantTable) -> str:
     return "\n".join(lines)
 
 
-def _rows(number: int, scan: ContouredScan, recipe: Recipe, seed: int, modes: Sequence[str]) -> list[VariantRow]:
+def _rows(
+    number: int, scan: ContouredScan, recipe: Recipe, seed: int, modes: Sequence[str], errors: bool
+) -> list[VariantRow]:
     variant = variant_of(scan, recipe, seed)
     organs = [name for name in variant.masks if not name.startswith("bone")]
     masks = {name: variant.masks[name] for name in organs}
     rows: list[VariantRow] = []
     for mode in modes:
         try:
-            found = {row.organ: row for row in dice_table(variant.ct, masks, (mode,), seed, True)}
+            found = {row.organ: row for row in dice_table(variant.ct, masks, (mode,), seed, errors)}
             failed = None
         except PalpateError as error:
             found, failed = {}, str(error)

@@ -95,7 +95,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="matching, meshing, segmentation: DICOM folder and contours, several times (default: phantom)")  # fmt: skip
     add_roi(parser, "meshing, segmentation: which structures of CONTOURS are an organ, e.g. rectum=RettoAno")
     parser.add_argument("--variants", type=whole_number(1, 10_000), default=0, metavar="N",
-                        help="segmentation: N variants of the scans instead, with other noise, slices, HU, field, fat")  # fmt: skip
+                        help="segmentation: N variants of scans and phantom in turn, with other noise, slices, HU, field, fat")  # fmt: skip
+    parser.add_argument("--dice-only", action="store_true",
+                        help="segmentation: no estimate of the variants' surface errors, in half the time")  # fmt: skip
     parser.add_argument("--pairs", type=whole_number(1, 1000), default=2, metavar="N",
                         help="matching: how many simulated pairs of the scans (default %(default)s)")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
@@ -228,9 +230,12 @@ def _meshing_text(found: MeshingTable) -> str:
 
 def _segmentation(args: argparse.Namespace, progress: Progress) -> SegmentationTable | VariantTable:
     if args.variants:
+        from palpate.validate.segmentation.contoured_scan import phantom_scan
         from palpate.validate.segmentation.variant_study import variant_study
 
-        return variant_study(_scans(args), args.variants, random_seed(args), progress=progress)
+        scans = _scans(args)
+        both = scans if not args.scan else [*scans, phantom_scan()]
+        return variant_study(both, args.variants, random_seed(args), errors=not args.dice_only, progress=progress)
     from palpate.validate.segmentation.study import segmentation_study
 
     return segmentation_study(_scans(args), seed=random_seed(args), progress=progress)
