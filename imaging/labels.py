@@ -18,15 +18,17 @@ OUTSIDE, PROSTATE_LEFT, PROSTATE_RIGHT, SURROUNDING_TISSUE, BONE, BLADDER, RECTU
 
 ORGAN_LABELS: tuple[int, ...] = (PROSTATE_LEFT, PROSTATE_RIGHT)
 
-# Red, green, blue (0 to 255) and opacity (0 to 1), as the label description file of ITK-SNAP holds them.
+# The one palette of labels, in every picture, window and file: red, green, blue (0 to 255) and opacity (0 to 1), as the label
+# description file of ITK-SNAP holds them. Organs in colours that the colour-blind tell apart: vermillion, bluish green, yellow and
+# reddish purple of B. Wong, "Points of view: Color blindness", Nature Methods 8, 441 (2011). Bone is ivory, as everywhere.
 LABEL_COLOURS: dict[int, tuple[int, int, int, float]] = {
     0: (0, 0, 0, 0.0),
-    1: (255, 0, 0, 1.0),
-    2: (0, 255, 0, 1.0),
+    1: (213, 94, 0, 1.0),
+    2: (0, 158, 115, 1.0),
     3: (255, 220, 170, 0.3),
     4: (240, 240, 210, 1.0),
-    5: (255, 255, 0, 1.0),
-    6: (160, 90, 40, 1.0),
+    5: (240, 228, 66, 1.0),
+    6: (204, 121, 167, 1.0),
 }
 
 # The parts of label 4 in STATE_bones.nii.gz: rigid as one in the model, told apart for the eye and for the alignment.

@@ -16,13 +16,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import slicer
 import vtk
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import withStroke
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "PalpateStiffness"))
-from PalpateStiffnessLib.colours import stiffness_colour  # noqa: E402
 from PalpateStiffnessLib.logic import StiffnessLogic  # noqa: E402
 from PalpateStiffnessLib.nodes import ResultNodes  # noqa: E402
 
@@ -50,8 +49,20 @@ def main(case: Path) -> None:
     centre = middle(nodes.stiffness, G > 0)
     images = {name: slice_view(scene, nodes, name, centre) for name in SIDES}
     images["3D"] = solid_view(nodes, G, centre)
-    compose(images, float(G.max()), HERE / "PalpateStiffness.png")
+    compose(images, nodes, HERE / "PalpateStiffness.png")
     logic.clean()
+
+
+def stiffness_colours(nodes: ResultNodes) -> ListedColormap:
+    """The colour table that the module loaded."""
+    table, rgba = nodes.colours, [0.0] * 4
+    return ListedColormap([list(rgba) for k in range(table.GetNumberOfColors()) if table.GetColor(k, rgba)])
+
+
+def range_of(nodes: ResultNodes) -> Normalize:
+    """From the first to the last colour, kPa."""
+    display = nodes.stiffness.GetDisplayNode()
+    return Normalize(display.GetWindowLevelMin(), display.GetWindowLevelMax())
 
 
 def array_of(volume: Any) -> np.ndarray:
@@ -103,7 +114,7 @@ def solid_view(nodes: ResultNodes, G: np.ndarray, centre: np.ndarray) -> np.ndar
         found = G[inside] if inside.shape == G.shape else np.zeros(1)
         # Pale, so that no label's own colour is taken for a stiffness.
         pale = tuple(0.25 * channel + 0.62 for channel in segment.GetColor())
-        colour = stiffness_colour(float(found.max()) / float(G.max())) if found.max() > 0 else pale
+        colour = stiffness_colours(nodes)(range_of(nodes)(float(found.max())))[:3] if found.max() > 0 else pale
         renderer.AddActor(smooth_surface(image, segment.GetLabelValue(), colour))
     camera = renderer.GetActiveCamera()
     camera.SetFocalPoint(*(centre + [0, 0, 12]))
@@ -166,7 +177,7 @@ def pixels_of(image: Any) -> np.ndarray:
     return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(rows, columns, -1)[::-1, :, :3]
 
 
-def compose(images: dict[str, np.ndarray], highest: float, path: Path) -> None:
+def compose(images: dict[str, np.ndarray], nodes: ResultNodes, path: Path) -> None:
     """Four views and the colour bar."""
     figure, axes = plt.subplots(2, 2, figsize=(9.6, 10.2), facecolor="#2b2b2b")
     outline = [withStroke(linewidth=3, foreground="black")]
@@ -182,8 +193,8 @@ def compose(images: dict[str, np.ndarray], highest: float, path: Path) -> None:
             axis.text(x, SIZE / 2, letter, color="white", fontsize=13, path_effects=outline)
     figure.subplots_adjust(0.01, 0.10, 0.99, 0.99, 0.02, 0.02)
     bar = figure.add_axes((0.25, 0.062, 0.5, 0.016))
-    colours = ListedColormap([stiffness_colour(i / 255) for i in range(256)])
-    figure.colorbar(mpl.cm.ScalarMappable(plt.Normalize(0, highest), colours), cax=bar, orientation="horizontal")
+    shown = mpl.cm.ScalarMappable(range_of(nodes), stiffness_colours(nodes))
+    figure.colorbar(shown, cax=bar, orientation="horizontal")
     bar.tick_params(colors="white", labelsize=8)
     bar.set_xlabel("Shear modulus G, kPa.  Simulated pair.  Research use only, not for diagnosis.", color="white")
     figure.savefig(path, dpi=100, facecolor=figure.get_facecolor())

@@ -29,6 +29,7 @@ from palpate.case.case_folder import CaseFolder  # noqa: E402
 from palpate.case.labels_on_scan import labels_on_scan  # noqa: E402
 from palpate.imaging.labels import LABELS  # noqa: E402
 from palpate.imaging.volume import Volume  # noqa: E402
+from palpate.ui.report.case_scale import case_scale  # noqa: E402
 
 HALF_VOXEL = 0.75
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -103,8 +104,19 @@ def test_nodes_lie_where_the_case_has_them(case: CaseFolder) -> None:
     assert_in_place(nodes, case)
     assert nodes.stiffness.GetVoxelValueUnits().GetCodeValue() == "kPa"
     display = nodes.stiffness.GetDisplayNode()
-    assert (display.GetWindowLevelMin(), display.GetWindowLevelMax()) == (0.0, 120.0)
     assert display.GetColorNode() is nodes.colours and display.GetApplyThreshold()
+
+
+def test_a_colour_in_slicer_is_the_stiffness_that_it_is_in_the_report(case: CaseFolder) -> None:
+    scene = slicer.vtkMRMLScene()
+    nodes, scale = exported(case, StiffnessLogic(scene)), case_scale(case)
+    display, table = nodes.stiffness.GetDisplayNode(), nodes.colours.GetLookupTable()
+    assert (display.GetWindowLevelMin(), display.GetWindowLevelMax()) == (scale.low, scale.high)
+    count = nodes.colours.GetNumberOfColors()
+    for kpa in (10.0, 40.0, 120.0):
+        index = round((kpa - scale.low) / (scale.high - scale.low) * (count - 1))
+        assert nodes.colours.GetColorName(index).endswith("kPa")
+        np.testing.assert_allclose(table.GetTableValue(index)[:3], scale.rgb(kpa), atol=0.01)
 
 
 def test_segmentations_load_as_outlines_that_hide_nothing(case: CaseFolder) -> None:

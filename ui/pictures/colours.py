@@ -1,4 +1,7 @@
-"""The colours of stiffness: one map, one scale for all pictures of a case."""
+"""What a colour means, in every picture, in the window and in the files for 3D Slicer: one scale of stiffness, one palette of labels.
+
+The palette itself stands in `palpate.imaging.labels`, which writes it into files; here it is made ready for drawing.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,43 @@ from matplotlib import colormaps
 from matplotlib.colors import Colormap, LogNorm, Normalize
 from numpy.typing import NDArray
 
+from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, LABEL_VALUES, ORGAN_LABELS, RECTUM
+
+RGB = tuple[float, float, float]
 STIFFNESS_LABEL = "shear modulus G (kPa)"
 # Perceptually uniform and rising in lightness, so that it reads the same in grey and by the colour-blind.
 _MAP = "viridis"
 # Beyond this ratio a linear scale would show the softer regions all alike.
 _LOG_ABOVE = 8.0
-OUTLINES = {"organ": "#ffffff", "bladder": "#ffe34d", "rectum": "#ff9c57", "bone": "#9fd8ff"}
+# Signed distances, blue inside and red outside: of the misfit, and of nothing else.
+DISTANCE_MAP = "RdBu_r"
+# What stands around the organ in 3D is seen through; shares.
+AROUND_OPACITY: Mapping[int, float] = {BONE: 0.25, BLADDER: 0.3, RECTUM: 0.35}
+# Of an organ in 3D whose stiffness is not told, or not shown.
+UNTOLD: RGB = (0.6, 0.6, 0.6)
+
+
+def label_rgb(label: int) -> RGB:
+    """Red, green, blue (0 to 1) of a label."""
+    r, g, b = (channel / 255.0 for channel in LABEL_COLOURS[label][:3])
+    return r, g, b
+
+
+def label_hex(label: int) -> str:
+    """A label's colour as ``#rrggbb``; for lines and charts too."""
+    return "#{:02x}{:02x}{:02x}".format(*LABEL_COLOURS[label][:3])
+
+
+def region_hex(name: str) -> str:
+    """The same by a region's name; grey for a name that is no label."""
+    return label_hex(LABEL_VALUES[name]) if name in LABEL_VALUES else "#777777"
+
+
+# Labels by their outline on a slice: their own colour; the organ's is white, because what it is filled with has a meaning.
+OUTLINES: Mapping[int, str] = {
+    **dict.fromkeys(ORGAN_LABELS, "#ffffff"),
+    **{label: label_hex(label) for label in (BLADDER, RECTUM, BONE)},
+}
 
 
 @dataclass(frozen=True)
@@ -46,7 +80,7 @@ class StiffnessScale:
         """The scale as matplotlib takes it."""
         return LogNorm(self.low, self.high) if self.log else Normalize(self.low, self.high)
 
-    def rgb(self, value: float) -> tuple[float, float, float]:
+    def rgb(self, value: float) -> RGB:
         """Red, green, blue (0 to 1) of a stiffness."""
         r, g, b, _ = self.colormap(self.norm(value))
         return float(r), float(g), float(b)

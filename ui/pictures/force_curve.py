@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-_LOOKS = {"prostate_left": ("#31688e", "o"), "prostate_right": ("#b5651d", "s")}
-_OTHERS = ("#555555", "^")
+from palpate.ui.pictures.colours import region_hex
+
+_MARKERS = {"prostate_left": "o", "prostate_right": "s"}
 _HELD = {"bed": "held by a bed of springs as soft as the tissue around it", "table": "its back stuck to a table"}
 
 
@@ -59,7 +60,7 @@ def force_curve(rows: Sequence[CurveRow], stiffness: Mapping[str, str], support:
     named: set[str] = set()
     for part in _runs(rows):
         region, sliding = part[0].region, len(part) == 1
-        colour, marker = _LOOKS.get(region, _OTHERS)
+        colour, marker = region_hex(region), _MARKERS.get(region, "^")
         label = None if region in named else f"{region.replace('_', ' ')}, {stiffness[region]}"
         named.add(region)
         axes.plot([r.indentation_mm for r in part], [r.force_n for r in part], color=colour, marker=marker, label=label,

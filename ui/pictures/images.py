@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.colours import StiffnessScale, label_rgb
 from palpate.ui.pictures.planes import SAGITTAL, Plane, Slice, Window, centre_of, reach_of, reslice, share_of_label
 
 CT_CENTRE_HU, CT_WIDTH_HU = 40.0, 400.0
@@ -85,7 +85,7 @@ def stiffness_slice(images: CaseImages, plane: Plane, window: Window) -> tuple[S
 def _painted_labels(labels: Volume, plane: Plane, window: Window) -> Slice:
     drawn = (SURROUNDING_TISSUE, BONE, BLADDER, RECTUM, *ORGAN_LABELS)
     shares = [share_of_label(labels, label, plane, window) for label in drawn]
-    colours = {label: np.array(LABEL_COLOURS[label][:3]) / 255.0 for label in drawn}
+    colours = {label: np.array(label_rgb(label)) for label in drawn}
     quiet = {label: 0.45 * colour + 0.12 for label, colour in colours.items()}
     quiet[SURROUNDING_TISSUE] = np.full(3, 0.32)
     quiet[BONE] = np.full(3, 0.85)

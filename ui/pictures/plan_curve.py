@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
+from palpate.ui.pictures.colours import region_hex
+
 if TYPE_CHECKING:
     from palpate.case.steps.plan import PlanRecord
 
-_LOOKS = {"prostate_left": ("#31688e", "o", "-"), "prostate_right": ("#b5651d", "s", "--")}
+_LOOKS = {"prostate_left": ("o", "-"), "prostate_right": ("s", "--")}
 
 
 def plan_curve(plan: PlanRecord) -> Figure:
@@ -19,9 +21,9 @@ def plan_curve(plan: PlanRecord) -> Figure:
     rows = [(row["amount"], row["sd_ln_G"]) for row in plan["rows"] if row["sd_ln_G"] is not None]
     amounts = [amount for amount, _ in rows]
     for name in rows[0][1]:
-        colour, marker, line = _LOOKS.get(name, ("#555555", "^", ":"))
+        marker, line = _LOOKS.get(name, ("^", ":"))
         assumed = plan["assumed_G_kpa"][name]
-        axes.plot(amounts, [sd[name] for _, sd in rows], color=colour, marker=marker, linestyle=line,
+        axes.plot(amounts, [sd[name] for _, sd in rows], color=region_hex(name), marker=marker, linestyle=line,
                   label=f"{name.replace('_', ' ')} (G = {assumed:.3g} kPa assumed)")  # fmt: skip
     axes.axhline(0.2, color="0.6", linewidth=0.8)
     axes.annotate("known to a fifth", (amounts[-1], 0.2), ha="right", va="bottom", fontsize=7, color="0.4")

@@ -29,6 +29,11 @@ class Outline:
     labels: tuple[int, ...]
     divided: bool = False
 
+    @property
+    def colour(self) -> str:
+        """Of its line."""
+        return OUTLINES[self.labels[0]]
+
 
 ORGAN = Outline("organ", ORGAN_LABELS, divided=True)
 WALLS = (Outline("bladder", (BLADDER,)), Outline("rectum", (RECTUM,)))
@@ -78,11 +83,11 @@ def draw_outlines(
     for outline in outlines:
         shares = [share_of_label(labels, label, plane, window) for label in outline.labels]
         whole = np.where(there, np.sum([share.values for share in shares], axis=0), np.nan)
-        if _line(axes, Slice(whole, shares[0].extent), outline.name, style, 1.1):
+        if _line(axes, Slice(whole, shares[0].extent), outline.colour, style, 1.1):
             met.add(outline.name)
         if outline.divided and len(shares) > 1:
             between = np.where(whole > 0.5, shares[0].values - shares[1].values + 0.5, np.nan)
-            _line(axes, Slice(between, shares[0].extent), outline.name, style, 0.7)
+            _line(axes, Slice(between, shares[0].extent), outline.colour, style, 0.7)
     return met
 
 
@@ -96,13 +101,11 @@ def position_text(plane: Plane, window: Window) -> str:
     return f"{'xyz'[plane.normal]} = {sign}{abs(value):.1f} mm"
 
 
-def _line(axes: Axes, level: Slice, name: str, style: str, width: float) -> bool:
+def _line(axes: Axes, level: Slice, colour: str, style: str, width: float) -> bool:
     finite = level.values[np.isfinite(level.values)]
     if not finite.size or not finite.min() < 0.5 < finite.max():
         return False
-    axes.contour(
-        *level.coordinates, level.values, levels=[0.5], colors=OUTLINES[name], linestyles=style, linewidths=width
-    )
+    axes.contour(*level.coordinates, level.values, levels=[0.5], colors=colour, linestyles=style, linewidths=width)
     return True
 
 

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
 from palpate.imaging.labels import BLADDER, RECTUM
-from palpate.ui.pictures.colours import OUTLINES, STIFFNESS_LABEL, StiffnessScale
+from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.planes import AXIAL, PLANES, Plane, Window, reach_of
 from palpate.ui.pictures.slice_axes import (
@@ -125,9 +125,7 @@ def _colour_bar(figure: Figure, images: CaseImages, axes: list[Axes]) -> None:
 def _legend(figure: Figure, images: CaseImages, met: set[str], deformed: bool = False) -> None:
     # Of the outlines that any of the slices meets: an entry without a line is looked for in vain.
     # On paper white lines are nothing: the legend stands on a dark ground, as the outlines do.
-    lines = [
-        Line2D([], [], color=OUTLINES[o.name], linewidth=1.4, label=o.name) for o in _outlines(images) if o.name in met
-    ]
+    lines = [Line2D([], [], color=o.colour, linewidth=1.4, label=o.name) for o in _outlines(images) if o.name in met]
     if deformed:
         for style, state in (("-", "at rest"), ("--", "deformed")):
             lines.append(Line2D([], [], color="white", linewidth=1.4, linestyle=style, label=state))  # type: ignore[arg-type]

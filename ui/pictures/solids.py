@@ -14,20 +14,16 @@ from matplotlib.figure import Figure
 
 from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.core.surfaces.surface import Surface
+from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.colours import AROUND_OPACITY, DISTANCE_MAP, UNTOLD, StiffnessScale, label_rgb
 from palpate.ui.pictures.offscreen import render
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
 from palpate.ui.pictures.slice_axes import LETTER_FONT, SCALE_BAR_MM, spread_out
 from palpate.ui.pictures.slices import stiffness_bar
 
 # Red, green, blue and opacity of what stands around the organ.
-AROUND = {
-    "bone": (0.93, 0.89, 0.78, 0.25),
-    "bladder": (1.0, 0.82, 0.2, 0.4),
-    "rectum": (0.8, 0.45, 0.25, 0.4),
-}
-UNTOLD = (0.6, 0.6, 0.6)
+AROUND = {LABELS[label]: (*label_rgb(label), opacity) for label, opacity in AROUND_OPACITY.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +80,7 @@ def misfit(found: MisfitMap) -> Figure:
     """The misfit on the predicted organ from four sides. Raises OffscreenError where this machine cannot draw it."""
     limit = max(float(np.percentile(np.abs(found.distance), 98)), 0.5, found.noise_mm or 0.0)
     limit = float(np.ceil(limit / 0.5) * 0.5)
-    norm, colours = Normalize(-limit, limit), colormaps["RdBu_r"]
+    norm, colours = Normalize(-limit, limit), colormaps[DISTANCE_MAP]
     beyond = "both" if found.greatest_mm > limit else "neither"
     rgb = colours(norm(found.distance[found.faces].mean(axis=1)))[:, :3]
     views = (ANTERIOR, POSTERIOR, LEFT, RIGHT)

@@ -15,11 +15,11 @@ from palpate.core.files.json_types import known
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures import slices, solids
-from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.map_planes import Arrays, map_planes
 from palpate.ui.pictures.offscreen import OffscreenError
+from palpate.ui.report.case_scale import map_arrays, scale_of
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.gap_section import gap_pictures
 from palpate.ui.report.misfit_map import misfit_map
@@ -66,9 +66,7 @@ def draw(
     case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], folder: Path, progress: Progress
 ) -> Figures:
     """All pictures of a case, as PNG files in ``folder``. What this machine cannot draw is listed, not an error."""
-    mapped = None
-    if record.result.stiffness_map and case.has("identify/stiffness_map.npz"):
-        mapped = case.read_npz("identify/stiffness_map.npz")
+    mapped = map_arrays(case, record.result)
     images = _images(case, record, labels, mapped)
     figures = Figures()
     progress(0.1, "slices")
@@ -94,8 +92,8 @@ def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], 
     ct = case.ct("rest") if case.has("rest_ct") else None
     stiffness = {region.label: region.G for region in record.regions}
     untold = frozenset(region.label for region in record.regions if not region.told)
-    shared = None if mapped is None else map_scale([G for label, G in stiffness.items() if label not in untold], mapped)
-    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold, shared)
+    scale = scale_of(record.regions, mapped)
+    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold, scale)
 
 
 def _slices(figures: Figures, images: CaseImages, folder: Path, same: bool) -> None:
@@ -156,7 +154,7 @@ def _search(figures: Figures, record: CaseRecord, folder: Path) -> None:
 def _anatomy(figures: Figures, case: CaseFolder, images: CaseImages, folder: Path) -> None:
     figure = solids.anatomy(load_surfaces(case, "rest"), images.told, images.scale, images.rest)
     caption = (
-        "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (brown) translucent, cut off where the "
+        "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (purple) translucent, cut off where the "
         "region that is modelled ends."
     )
     figures.add("anatomy", folder, figure, caption, "Two three-dimensional views of the organ among its neighbours.")

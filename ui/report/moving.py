@@ -9,9 +9,10 @@ from palpate.case.meshed import load_meshed
 from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import LABELS
 from palpate.meshing.mesh_labels import MeshedCase
+from palpate.ui.pictures.colours import UNTOLD
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.interactive import MovingBody, deformation_page
-from palpate.ui.pictures.solids import AROUND, UNTOLD
+from palpate.ui.pictures.solids import AROUND
 from palpate.ui.report.document import Interactive
 
 _CAPTION = (

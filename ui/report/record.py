@@ -26,7 +26,8 @@ from palpate.core.identify.result_record import ResultRecord
 from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.report.regions import RegionStiffness, region_of
+from palpate.ui.report.case_scale import regions_of
+from palpate.ui.report.regions import RegionStiffness
 
 T = TypeVar("T")
 
@@ -91,9 +92,7 @@ class CaseRecord:
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
         """The regions of result.json, in the order of their labels."""
-        parameters = self.result.parameters
-        found = [region_of(name, p, self.facts, len(parameters) == 1) for name, p in parameters.items()]
-        return tuple(sorted(found, key=lambda region: region.label))
+        return regions_of(self.result, self.facts)
 
     def ln_ratio_sd(self, a: RegionStiffness, b: RegionStiffness) -> float | None:
         """Standard deviation of ln (G of a / G of b); of independent errors where the covariance is unknown."""

@@ -1,32 +1,43 @@
-"""The colours of stiffness: viridis, even in lightness, so that it reads in grey and to the colour-blind."""
+"""The colours of stiffness: the program's own scale, which it exports as a colour table of Slicer with its range in kPa."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-# Viridis at ninths, red, green, blue from 0 to 1.
-_ANCHORS = (
-    (0.267, 0.005, 0.329), (0.283, 0.141, 0.458), (0.254, 0.265, 0.530), (0.207, 0.372, 0.553), (0.164, 0.471, 0.558),
-    (0.128, 0.567, 0.551), (0.135, 0.659, 0.518), (0.267, 0.749, 0.441), (0.478, 0.821, 0.318), (0.741, 0.873, 0.150),
-    (0.993, 0.906, 0.144),
-)  # fmt: skip
-COUNT = 256
+
+@dataclass(frozen=True)
+class StiffnessColours:
+    """node : the colour table. low, high : the kPa of its first and last colour."""
+
+    node: Any
+    low: float
+    high: float
 
 
-def stiffness_colour(fraction: float) -> tuple[float, float, float]:
-    """The colour at a fraction (0 to 1) of the range."""
-    place = min(max(fraction, 0.0), 1.0) * (len(_ANCHORS) - 1)
-    low = min(int(place), len(_ANCHORS) - 2)
-    share = place - low
-    red, green, blue = ((1 - share) * a + share * b for a, b in zip(_ANCHORS[low], _ANCHORS[low + 1], strict=True))
-    return red, green, blue
-
-
-def add_stiffness_colours(scene: Any, name: str) -> Any:
-    """A colour table node with the stiffness colours."""
+def load_stiffness_colours(scene: Any, path: Path, name: str) -> StiffnessColours | None:
+    """The colour table of a file, and its range; None where the file cannot be read."""
+    ends = _ends(path)
     node = scene.AddNewNodeByClass("vtkMRMLColorTableNode", name)
-    node.SetTypeToUser()
-    node.SetNumberOfColors(COUNT)
-    for index in range(COUNT):
-        node.SetColor(index, f"{100.0 * index / (COUNT - 1):.0f} %", *stiffness_colour(index / (COUNT - 1)), 1.0)
-    return node
+    storage = scene.AddNewNodeByClass("vtkMRMLColorTableStorageNode")
+    storage.SetFileName(str(path))
+    node.SetAndObserveStorageNodeID(storage.GetID())
+    if ends is None or not storage.ReadData(node):
+        scene.RemoveNode(storage)
+        scene.RemoveNode(node)
+        return None
+    return StiffnessColours(node, *ends)
+
+
+def _ends(path: Path) -> tuple[float, float] | None:
+    """What the table's head says: `# low_kpa 0.0`, `# high_kpa 80.0`."""
+    said = {}
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        words = line.split()
+        if len(words) == 3 and words[0] == "#" and words[1] in ("low_kpa", "high_kpa"):
+            try:
+                said[words[1]] = float(words[2])
+            except ValueError:
+                return None
+    return (said["low_kpa"], said["high_kpa"]) if len(said) == 2 else None

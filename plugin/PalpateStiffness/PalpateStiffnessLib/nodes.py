@@ -9,10 +9,10 @@ from typing import Any
 
 import slicer
 
-from .colours import add_stiffness_colours
+from .colours import StiffnessColours, load_stiffness_colours
 
 STATES = ("rest", "deformed")
-STIFFNESS, MESH = "stiffness_kpa.nrrd", "mesh.vtu"
+STIFFNESS, COLOURS, MESH = "stiffness_kpa.nrrd", "stiffness_kpa.ctbl", "mesh.vtu"
 _CT_WINDOW, _CT_LEVEL = 400.0, 40.0
 
 
@@ -50,13 +50,21 @@ def show(scene: Any, folder: Path) -> ResultNodes:
             )
             _show_as_outlines(nodes.segmentations[state], state == STATES[0])
     if (folder / STIFFNESS).is_file():
-        nodes.colours = add_stiffness_colours(scene, "Stiffness G, kPa")
+        colours = _colours(scene, folder / COLOURS)
+        nodes.colours = colours.node
         nodes.stiffness = _volume(scene, folder / STIFFNESS, "Stiffness G, kPa (research use only)")
-        _show_as_stiffness(nodes.stiffness, nodes.colours)
+        _show_as_stiffness(nodes.stiffness, colours)
     if (folder / MESH).is_file():
         nodes.mesh = _loaded(scene, folder / MESH, "vtkMRMLModelNode", "vtkMRMLModelStorageNode", "Mesh at rest")
         _show_mesh(nodes.mesh, nodes.colours)
     return nodes
+
+
+def _colours(scene: Any, path: Path) -> StiffnessColours:
+    found = load_stiffness_colours(scene, path, "Stiffness G, kPa") if path.is_file() else None
+    if found is None:
+        raise LoadError(f"{path.name} cannot be read; run the step again")
+    return found
 
 
 def _loaded(
@@ -99,15 +107,14 @@ def _show_as_outlines(segmentation: Any, visible: bool) -> None:
     display.SetVisibility2DOutline(True)
 
 
-def _show_as_stiffness(volume: Any, colours: Any) -> None:
-    """Colours from zero to the largest value; what has no stiffness (0) is not drawn."""
-    low, high = volume.GetImageData().GetScalarRange()
+def _show_as_stiffness(volume: Any, colours: StiffnessColours) -> None:
+    """Colours as everywhere in the program; what has no stiffness (0) is not drawn."""
     display = volume.GetDisplayNode()
-    display.SetAndObserveColorNodeID(colours.GetID())
+    display.SetAndObserveColorNodeID(colours.node.GetID())
     display.AutoWindowLevelOff()
-    display.SetWindowLevelMinMax(min(low, 0.0), high)
+    display.SetWindowLevelMinMax(colours.low, colours.high)
     display.AutoThresholdOff()
-    display.SetThreshold(1e-6, high)
+    display.SetThreshold(1e-6, max(colours.high, volume.GetImageData().GetScalarRange()[1]))
     display.ApplyThresholdOn()
     display.SetInterpolate(False)  # between a value and nothing there is no value
     units = slicer.vtkCodedEntry()

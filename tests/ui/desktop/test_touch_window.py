@@ -16,21 +16,25 @@ from x_display import needs_xvfb, x_display
 
 from palpate.core.mesh import TetMesh
 from palpate.core.touch.body import Body
+from palpate.core.touch.body_file import load_body, save_body
 from palpate.ui.desktop.solid.camera import Camera, first_hit
-from palpate.ui.desktop.touch.child import Child, load_body, save_body
+from palpate.ui.desktop.touch.child import Child
 from palpate.validate.touch_study import halved_ellipsoid
 
 # Plays a script in a window of its own process: Qt allows one application in a process.
 PLAY = """
 import json, sys
 from pathlib import Path
-from palpate.ui.desktop.touch.application import Playing, show
-from palpate.ui.desktop.touch.child import load_body
+from palpate.core.touch.body_file import load_body
+from palpate.ui.desktop.touch.application import Playing, Probed, show
 from palpate.ui.desktop.touch.script import parse
+from palpate.ui.pictures.colours import StiffnessScale
 folder, headless = Path(sys.argv[1]), sys.argv[2] == "headless"
 script = folder / "script.txt"
 commands = parse(script.read_text(), str(script))
-found = show(load_body(folder / "organ.npz"), 7.0, folder / "kept", headless, Playing(commands, folder, str(script)))
+body = load_body(folder / "organ.npz")
+probed = Probed(body, 7.0, StiffnessScale.of(body.shear_kpa.values()))
+found = show(probed, folder / "kept", headless, Playing(commands, folder, str(script)))
 print(json.dumps(found["events"]))
 """
 

@@ -83,12 +83,12 @@ def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> T
 
 def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands: list[Command]) -> Touched:
     from palpate.ui.desktop.touch import application
+    from palpate.ui.report.case_scale import case_scale
 
     folder = Path() if args.script is None else args.script.absolute().parent
     output = args.output or case.file("touch")
-    return application.show(
-        body, args.radius, output, args.headless, application.Playing(commands, folder, str(args.script))
-    )
+    probed = application.Probed(body, args.radius, case_scale(case))
+    return application.show(probed, output, args.headless, application.Playing(commands, folder, str(args.script)))
 
 
 def _line(event: TouchEvent) -> str:

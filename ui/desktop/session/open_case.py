@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import ParamSpec, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
@@ -23,14 +22,13 @@ from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.journal import Journal, content_hash, replay
 from palpate.ui.desktop.session.strokes import Corrections
-from palpate.ui.pictures.colours import StiffnessScale, map_scale
+from palpate.ui.report.case_scale import map_arrays, regions_of, scale_of
 from palpate.ui.report.record import read_record, simulated
-from palpate.ui.report.regions import RegionStiffness, region_of
+from palpate.ui.report.regions import RegionStiffness
 from palpate.ui.report.summary import first_sentences
 
 Arguments = ParamSpec("Arguments")
 SESSION, EDITS, LOCK = "desktop/session.json", "desktop/edits.jsonl", "desktop/lock"
-MAP_FILE = "identify/stiffness_map.npz"
 
 
 class SessionData(TypedDict, total=False):
@@ -89,22 +87,18 @@ class OpenCase:
     def read_results(self) -> None:
         """What identify and diagnose have found, as far as they have been run."""
         result = read_result(self.folder) if self.folder.has("result.json") else None
-        parameters = {} if result is None else result.parameters
-        facts = self.folder.facts
-        found = [region_of(name, p, facts, len(parameters) == 1) for name, p in parameters.items()]
         self.result = result
         self.diagnosis = read_diagnosis(self.folder) if self.folder.has(DIAGNOSIS) else None
-        self.regions: tuple[RegionStiffness, ...] = tuple(sorted(found, key=lambda region: region.label))
-        told = [region.G for region in self.regions if region.told]
+        self.regions: tuple[RegionStiffness, ...] = () if result is None else regions_of(result, self.folder.facts)
         self.notes_on_labels = self._notes_on_labels()
-        self.first_words = first_sentences(read_record(self.folder, {})) if found else []
+        self.first_words = first_sentences(read_record(self.folder, {})) if self.regions else []
         self.simulated = ""
         with contextlib.suppress(InputError):  # reading the scans tells what is wrong with them
             self.simulated = simulated(self.folder, result) or ""
         self.gap = self._gap()
-        self.stiffness_map = self._map()
+        self.stiffness_map = None if result is None else map_arrays(self.folder, result)
         # One scale whatever is shown, and that of the report: a colour is one stiffness.
-        self.scale = StiffnessScale.of(told) if self.stiffness_map is None else map_scale(told, self.stiffness_map)
+        self.scale = scale_of(self.regions, self.stiffness_map)
 
     @property
     def volumes(self) -> dict[str, Volume]:
@@ -169,10 +163,6 @@ class OpenCase:
         for state, volume in volumes.items():
             if not np.array_equal(self.folder.labels(state).array, volume.array):  # an unchanged file keeps its date
                 self.folder.write_labels(state, volume)
-
-    def _map(self) -> Mapping[str, NDArray[np.generic]] | None:
-        there = self.result is not None and self.result.stiffness_map and self.folder.has(MAP_FILE)
-        return self.folder.read_npz(MAP_FILE) if there else None
 
     def _gap(self) -> GapMap | None:
         mapped = "" if self.diagnosis is None else self.diagnosis.where.map

@@ -10,20 +10,11 @@ from matplotlib import colormaps
 from skimage import measure
 
 from palpate.core.arrays import FloatArray, LabelArray
-from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.labels import BONE, LABEL_COLOURS, SURROUNDING_TISSUE
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice
-from palpate.ui.pictures.colours import OUTLINES, StiffnessScale
+from palpate.ui.pictures.colours import DISTANCE_MAP, StiffnessScale
 from palpate.ui.report.regions import RegionStiffness
-
-# Labels by outline: the organ's two halves apart, so that the plane between them is seen.
-OUTLINED: Mapping[int, str] = {
-    **dict.fromkeys(ORGAN_LABELS, OUTLINES["organ"]),
-    BLADDER: OUTLINES["bladder"],
-    RECTUM: OUTLINES["rectum"],
-    BONE: OUTLINES["bone"],
-}
-_RESIDUAL_MAP = "RdBu_r"
 
 RGBA = tuple[int, int, int, int]
 
@@ -94,7 +85,7 @@ def outlines(sampled: SampledSlice, label: int) -> list[FloatArray]:
 
 def residual_rgb(residual: FloatArray, limit: float) -> LabelArray:
     """Colours (n, 3) of residuals (n,) mm: blue inside (-), red outside (+), white where the model meets the scan."""
-    rgba = colormaps[_RESIDUAL_MAP]((np.clip(residual / limit, -1.0, 1.0) + 1.0) / 2.0)
+    rgba = colormaps[DISTANCE_MAP]((np.clip(residual / limit, -1.0, 1.0) + 1.0) / 2.0)
     return np.rint(255.0 * rgba[:, :3]).astype(np.uint8)
 
 

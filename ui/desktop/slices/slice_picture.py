@@ -12,6 +12,7 @@ from palpate.ui.desktop.slices.map_layer import map_layer
 from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sampled_slice
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice, numbered
 from palpate.ui.desktop.slices.slice_viewport import Screen
+from palpate.ui.pictures.colours import OUTLINES
 from palpate.ui.pictures.planes import Plane
 
 BLEND = "blend"
@@ -64,7 +65,7 @@ class SlicePicture:
         if sampled is None:
             return
         painted = self._painted()
-        in_mm, to_pixels = outline_paths(self._kept, state, sampled, tuple(overlay.OUTLINED)), screen.transform()
+        in_mm, to_pixels = outline_paths(self._kept, state, sampled, tuple(OUTLINES)), screen.transform()
         paths = {label: to_pixels.map(path) for label, path in in_mm.items()}
         if display.overlay == "map" and state == "rest":
             self._map(painter, screen, position, sampled)
@@ -76,7 +77,7 @@ class SlicePicture:
         if display.outlines:
             dashes = Qt.PenStyle.DashLine if self._state == BLEND and state == "deformed" else Qt.PenStyle.SolidLine
             for label, path in paths.items():
-                painter.setPen(QPen(QColor(overlay.OUTLINED[label]), 1.3, dashes))
+                painter.setPen(QPen(QColor(OUTLINES[label]), 1.3, dashes))
                 painter.setBrush(Qt.BrushStyle.NoBrush)
                 painter.drawPath(path)
 

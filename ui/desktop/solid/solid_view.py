@@ -10,20 +10,21 @@ from PySide6.QtGui import QImage, QMouseEvent, QPaintEvent, QResizeEvent, QWheel
 from PySide6.QtWidgets import QWidget
 
 from palpate.core.arrays import FloatArray
-from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
-from palpate.ui.desktop.session.open_case import MAP_FILE
 from palpate.ui.desktop.slices import overlay
 from palpate.ui.desktop.slices.slice_marks import text
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.renderer_client import SolidClient
 from palpate.ui.desktop.solid.solid_marks import begun, directions, image_of
 from palpate.ui.desktop.solid.view_request import MapRequest, ViewRequest
+from palpate.ui.pictures.colours import AROUND_OPACITY, UNTOLD, label_rgb
+from palpate.ui.report.case_scale import MAP_FILE
 
-_AROUND = {BONE: (0.93, 0.89, 0.78, 0.25), BLADDER: (1.0, 0.82, 0.2, 0.18), RECTUM: (0.8, 0.45, 0.25, 0.3)}
-_HALVES = {1: (0.86, 0.33, 0.31, 1.0), 2: (0.36, 0.72, 0.42, 1.0)}
-_UNTOLD, _DEFORMED = (0.6, 0.6, 0.6, 1.0), (0.35, 0.65, 1.0, 0.45)
+_AROUND = {label: (*label_rgb(label), opacity) for label, opacity in AROUND_OPACITY.items()}
+_HALVES = {label: (*label_rgb(label), 1.0) for label in ORGAN_LABELS}
+_UNTOLD, _DEFORMED = (*UNTOLD, 1.0), (0.35, 0.65, 1.0, 0.45)
 
 
 class SolidView(QWidget):

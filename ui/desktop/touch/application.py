@@ -15,6 +15,7 @@ from palpate.core.errors import Cancelled, InputError
 from palpate.core.touch.body import Body
 from palpate.ui.desktop.scripting.script_runner import Command, Told, play
 from palpate.ui.desktop.touch.script import Driver, TouchEvent
+from palpate.ui.pictures.colours import StiffnessScale
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,6 +39,15 @@ class Touched(TypedDict):
     last: NotRequired[Felt | Nothing]
 
 
+@dataclass(frozen=True, eq=False)
+class Probed:
+    """What is touched: body, radius of the probe in mm, and the colours of the stiffness."""
+
+    body: Body
+    radius: float
+    scale: StiffnessScale
+
+
 @dataclass(frozen=True)
 class Playing:
     """commands : none where a person works. folder : their paths are relative to it. source : the script's name, for messages."""
@@ -47,7 +57,7 @@ class Playing:
     source: str
 
 
-def show(body: Body, radius: float, output: Path, headless: bool, playing: Playing) -> Touched:
+def show(probed: Probed, output: Path, headless: bool, playing: Playing) -> Touched:
     """Opens the window; plays the commands and closes it, or without any waits till a person does. The events, and what was felt last.
 
     Raises InputError when a command cannot be done; `display_server.check` says beforehand whether a window can be opened.
@@ -60,7 +70,7 @@ def show(body: Body, radius: float, output: Path, headless: bool, playing: Playi
 
     process = events_for(application)
     with tempfile.TemporaryDirectory(prefix="palpate-touch-") as scratch:
-        model = TouchModel(body, radius, Path(scratch), process)
+        model = TouchModel(probed.body, probed.radius, Path(scratch), process, probed.scale)
         window = TouchWindow(model, output)
         window.show()
         ended = [signal.signal(number, lambda *_: application.quit()) for number in (signal.SIGTERM, signal.SIGINT)]

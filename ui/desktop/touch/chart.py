@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QWidget
 
 from palpate.ui.desktop import style
 from palpate.ui.desktop.touch.model import TouchModel
+from palpate.ui.pictures.colours import label_hex
 
 _LEAST_MM, _LEAST_N = 1.0, 0.5
 # Answers shown, the last ones: more take longer to draw than the probe takes to answer.
@@ -17,13 +18,12 @@ _SHOWN = 3000
 
 
 class TouchChart(QWidget):
-    """A line a touch in the colour of its region, the present place as a ring."""
+    """A line a touch in the colour of its label, the present place as a ring."""
 
     def __init__(self, model: TouchModel) -> None:
         super().__init__()
         self.model = model
-        names = {model.body.names[r]: rgb for r, rgb in model.colours.items()}
-        self._colours = {name: QColor(*rgb).lighter(140) for name, rgb in names.items()}
+        self._colours = {name: QColor(label_hex(region)) for region, name in model.body.names.items()}
         self.setMinimumHeight(240)
         self.setAccessibleName("force against indentation")
 

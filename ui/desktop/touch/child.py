@@ -2,7 +2,7 @@
 
 | type | further keys | answer |
 | --- | --- | --- |
-| body | file (see `save_body`), radius | ready |
+| body | file (see `palpate.core.touch.body_file`), radius | ready |
 | touch, slide | point | felt |
 | at | point, depth: slides there at once | felt; of several that wait together only the last is answered |
 | press | depth: in small steps | felt |
@@ -16,37 +16,15 @@ mm. What cannot be done is answered by {"type": "refused", "id", "reason"}.
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
 import numpy as np
 
 from palpate.core.errors import InputError
-from palpate.core.mesh import TetMesh
-from palpate.core.touch.body import Body
+from palpate.core.touch.body_file import load_body
 from palpate.ui.desktop.solid.pipe_child import Answer, Message, serve
 from palpate.ui.desktop.touch.protocol import Felt, ProbeControl
-
-
-def save_body(path: Path, body: Body) -> None:
-    """A body as an npz without pickle."""
-    facts = {
-        "shear_kpa": body.shear_kpa, "names": body.names, "support": body.support, "tissue_kpa": body.tissue_kpa,
-        "poisson_ratio": body.poisson_ratio, "interval_kpa": body.interval_kpa,
-    }  # fmt: skip
-    m = body.mesh
-    np.savez(path, points=m.points, cells=m.cells, regions=m.regions, facts=np.array(json.dumps(facts)))
-
-
-def load_body(path: Path) -> Body:
-    """What `save_body` wrote."""
-    with np.load(path, allow_pickle=False) as file:
-        mesh = TetMesh(file["points"], file["cells"], file["regions"])
-        facts = json.loads(str(file["facts"]))
-    by_region = ({int(k): v for k, v in facts.pop(key).items()} for key in ("shear_kpa", "names", "interval_kpa"))
-    shear, names, interval = by_region
-    return Body(mesh, shear, names, interval_kpa=interval, **facts)
 
 
 class Child:

@@ -14,11 +14,11 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.touch.body import SUPPORTS, Body
+from palpate.core.touch.body_file import save_body
 from palpate.ui.desktop.solid.process_pipe import Pipe, Reply
-from palpate.ui.desktop.touch.child import save_body
 from palpate.ui.desktop.touch.protocol import Felt, Saved
+from palpate.ui.pictures.colours import StiffnessScale
 
-COLOURS = ((0x31, 0x68, 0x8E), (0xB5, 0x65, 0x1D), (0x88, 0x88, 0x88))
 _CHILD, _DRAWING = "palpate.ui.desktop.touch.child", "palpate.ui.desktop.touch.drawing"
 # Longest wait of a script for one answer: making the organ ready may have to compile.
 _SECONDS = 120.0
@@ -27,7 +27,8 @@ _RATE_OVER_S = 1.0
 
 @dataclass(eq=False)
 class TouchModel:
-    """folder : for what passes between the processes. process : lets the window's events be handled for so many seconds.
+    """folder : for what passes between the processes. process : lets the window's events be handled for so many seconds. scale :
+    colours of the stiffness.
 
     facts : of the probe. u : (s, 3) mm. curve : [touch, region, indentation_mm, force_n]. said : what went wrong last. ready : whether
     the probe can be used.
@@ -37,6 +38,7 @@ class TouchModel:
     radius: float
     folder: Path
     process: Callable[[float], None]
+    scale: StiffnessScale
     facts_now: Felt | None = None
     curve: list[tuple[int, str, float, float]] = field(default_factory=list)
     said: str = ""
@@ -47,13 +49,13 @@ class TouchModel:
         surface = self.body.surface
         self.rest, self.faces = surface.rest, surface.local_faces
         self.u = np.zeros_like(self.rest)
-        self.colours = {r: COLOURS[min(k, 2)] for k, r in enumerate(sorted(self.body.names))}
         self._sent = self._answered = 0
         self._refused: dict[int, str] = {}
         self._files: list[str] = []
         self._times: deque[float] = deque(maxlen=400)
         save_body(self.folder / "body.npz", self.body)
-        rgb = np.array([self.colours[int(r)] for r in self.body.mesh.regions[surface.owner]])
+        colours = {region: [round(255 * c) for c in self.scale.rgb(G)] for region, G in self.body.shear_kpa.items()}
+        rgb = np.array([colours[int(r)] for r in self.body.mesh.regions[surface.owner]])
         np.savez(self.folder / "surface.npz", points=self.rest, faces=self.faces, rgb=rgb)
         self._probe = Pipe(_CHILD, self.folder / "probe.log")
         self.drawing = Pipe(_DRAWING, self.folder / "drawing.log")

@@ -18,10 +18,12 @@ from PySide6.QtWidgets import (
 )
 
 from palpate.ui.desktop import style
+from palpate.ui.desktop.panels.scale_bar import ScaleBar
 from palpate.ui.desktop.touch.chart import TouchChart
 from palpate.ui.desktop.touch.model import TouchModel
 from palpate.ui.desktop.touch.protocol import stiffness_words
 from palpate.ui.desktop.touch.view import TouchView
+from palpate.ui.pictures.colours import label_hex
 
 _POLL_MS = 5
 _PANEL_WIDTH = 340
@@ -71,10 +73,11 @@ class TouchWindow(QMainWindow):
         name = None if facts is None else facts["region"]
         if facts is not None and name:
             region = next(r for r, found in self.model.body.names.items() if found == name)
-            r, g, b = self.model.colours[region]
-            self.region.setStyleSheet(f"background: rgb({r}, {g}, {b}); color: white; padding: 5px; font-weight: bold;")
+            # The label's colour, as of its line in the chart; the organ itself is painted by its stiffness.
+            self.region.setStyleSheet(f"border-left: 8px solid {label_hex(region)}; padding: 5px; font-weight: bold;")
             self.region.setText(f"{name.replace('_', ' ')}: {stiffness_words(facts['G_kpa'], facts['G_ci95_kpa'])}")
         else:
+            self.region.setStyleSheet("padding: 5px;")
             self.region.setText("touch the organ with the left button")
         self.force.setText(f"{0.0 if facts is None else facts['force_n']:.2f} N")
         self.indentation.setText(f"{0.0 if facts is None else facts['indentation_mm']:.2f} mm")
@@ -114,6 +117,7 @@ class TouchWindow(QMainWindow):
         line = QHBoxLayout(both)
         line.setContentsMargins(0, 0, 0, 0)
         line.addWidget(self.view, 1)
+        line.addWidget(ScaleBar(self.model.scale, list(self.model.body.shear_kpa.values())))
         line.addWidget(panel)
         self.setCentralWidget(both)
 
