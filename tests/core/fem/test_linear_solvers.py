@@ -146,3 +146,27 @@ def test_where_single_precision_fails_double_serves() -> None:
     found = solver.solve(dense @ x)
     assert np.linalg.norm(dense @ (found - x)) < 1e-10 * np.linalg.norm(dense @ x)
     assert np.linalg.norm(found - x) < 1e-3 * np.linalg.norm(x)
+
+
+def test_walls_far_stiffer_than_the_tissue_leave_the_factor_in_single_precision(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Springs a million times as stiff as the body on one face: pivots of pressure unknowns are not lost beside them."""
+    assembler = assembler_of("p1p1", "pardiso")
+    assembler.set_materials(MATERIAL)
+    state = State(np.zeros_like(assembler.space.nodes), np.zeros(assembler.space.n_pressures))
+    values = assembler.tangent(state, 1.0)[0].copy()
+    diagonal = assembler.pattern.indptr[:-1]
+    stiff = diagonal[: assembler.n_free : 7]
+    values[stiff] += 1e6 * np.abs(values[diagonal[: assembler.n_free]]).max()
+    monkeypatch.setattr(
+        pardiso.Pardiso, "_factorise_in_double", lambda solver: pytest.fail("double precision was used")
+    )
+    assembler.solver.factorise(values)
+    x = np.random.default_rng(11).normal(size=assembler.pattern.n)
+    x[: assembler.n_free : 7] *= 1e-6
+    upper = assembler.pattern.matrix(values)
+    b = upper @ x + upper.T @ x - values[diagonal] * x
+    assert np.linalg.norm(assembler.solver.solve(b) - x) < 1e-9 * np.linalg.norm(x)
+    assert np.linalg.norm(assembler.solver.solve_roughly(b) - x) < 1e-3 * np.linalg.norm(x)
+    assert assembler.solver.n_negative() == assembler.space.n_pressures
