@@ -14,7 +14,7 @@ import numpy as np
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem import kernels
-from palpate.core.fem.linear.choice import SymmetricSolver, make_solver
+from palpate.core.fem.linear.choice import Iterative, Levels, SymmetricSolver, make_solver
 from palpate.core.fem.linear.kept_matrix import KeptMatrix
 from palpate.core.fem.linear.pattern import Pattern
 from palpate.core.fem.materials import Material, MaterialGroup, group_by_law
@@ -56,7 +56,7 @@ class Assembler:
         self.kept = np.flatnonzero(kept)
         self._terms_unknowns = [t.unknowns for t in self.terms]
         self.pattern = Pattern.of([self._cell_unknowns, *self._terms_unknowns], number_of)
-        self.solver: SymmetricSolver = make_solver(self.pattern, solver)
+        self.solver: SymmetricSolver = make_solver(self.pattern, solver, _levels(space, self.free))
         self.weight = np.ascontiguousarray(space.mesh.volumes[:, None] * e.weights)
         self.pressures = PressureBlock(space, self.weight, solver)
         self.materials: Mapping[int, Material] = {}
@@ -76,6 +76,8 @@ class Assembler:
         # A body at rest has no forces to compare with; rounding in terms must not count as out-of-balance there.
         self._least_force = _REST_STRAIN * float(shear.mean()) * self.total_volume ** (2.0 / 3.0)
         self.pressures.set_moduli(self.kappa, shear)
+        if isinstance(self.solver, Iterative):
+            self.solver.schur = self.pressures.schur
 
     @property
     def cell_size(self) -> float:
@@ -204,3 +206,10 @@ class Assembler:
         kernels.add_internal_force(
             stress, cells, space.cell_nodes, space.element.dN, space.inverse_jacobians, self.weight, out, scale
         )
+
+
+def _levels(space: Space, free: BoolArray) -> Levels | None:
+    """How quadratic displacements go with linear ones; None for elements that the iterative solver does not serve."""
+    if space.element.degree != 2 or space.element.pressure != "vertex":
+        return None
+    return Levels.of(free, len(space.mesh.points), space.edge_ends)

@@ -8,7 +8,8 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem import kernels
-from palpate.core.fem.linear.choice import SymmetricSolver, make_solver
+from palpate.core.fem.linear.direct import make_direct
+from palpate.core.fem.linear.direct_solver import SymmetricSolver
 from palpate.core.fem.linear.pattern import Pattern, scatter
 from palpate.core.fem.space import Space
 
@@ -27,12 +28,13 @@ class PressureBlock:
 
     def __init__(self, space: Space, weight: FloatArray, solver: str) -> None:
         self._take(space, weight)
-        self._solver_name = solver
+        self._solver_name = "auto" if solver == "iterative" else solver
         self.exists = space.n_pressures > 0
         self._solver: SymmetricSolver | None = None
+        self._schur: SymmetricSolver | None = None
         if self.exists:
             self._pattern = Pattern.of([space.cell_pressures], np.arange(space.n_pressures))
-            self._solver = make_solver(self._pattern, solver)
+            self._solver = make_direct(self._pattern, self._solver_name)
 
     def on_shape(self, space: Space, weight: FloatArray) -> PressureBlock:
         """Block of the same unknowns on a mesh with the same cells and other points: its own sums and factor, this one's structure.
@@ -42,7 +44,7 @@ class PressureBlock:
         out = copy.copy(self)
         out._take(space, weight)
         if self.exists:
-            out._solver = make_solver(self._pattern, self._solver_name)
+            out._solver, out._schur = make_direct(self._pattern, self._solver_name), None
         return out
 
     def set_moduli(self, kappa: FloatArray, shear: FloatArray) -> None:
@@ -55,6 +57,7 @@ class PressureBlock:
         values = np.zeros(len(self._pattern.indices))
         scatter(self.compliance, self._pattern.slots[0], values)
         self._solver.factorise(values)
+        self._shear, self._schur = shear, None
 
     def _take(self, space: Space, weight: FloatArray) -> None:
         self.space, self._weight = space, weight
@@ -63,6 +66,16 @@ class PressureBlock:
     def solve(self, b: FloatArray) -> FloatArray:
         """C^-1 b (n_p,)."""
         return np.zeros(0) if self._solver is None else self._solver.solve(b)
+
+    def schur(self, b: FloatArray) -> FloatArray:
+        """About (C + B' K^-1 B)^-1 b (n_p,): B' K^-1 B acts as the mass over 4/3 G, K's modulus against a change of volume."""
+        if self._schur is None:
+            e, values = self.space.element, np.zeros(len(self._pattern.indices))
+            softness = (0.75 * self.space.mesh.volumes / self._shear)[:, None, None] * e.mass
+            scatter(self.compliance + softness, self._pattern.slots[0], values)
+            self._schur = make_direct(self._pattern, self._solver_name)
+            self._schur.factorise(values)
+        return self._schur.solve_roughly(b)
 
     def apply(self, p: FloatArray) -> FloatArray:
         """C p (n_p,) mm3."""

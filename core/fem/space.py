@@ -56,6 +56,16 @@ class Space:
         """Number of displacement unknowns, 3 per node."""
         return 3 * len(self.nodes)
 
+    @property
+    def edge_ends(self) -> IntArray:
+        """(n - vertices, 2) ends of the edge that each node behind the vertices halves; none for linear elements."""
+        vertices = len(self.mesh.points)
+        ends = np.empty((self.n_nodes - vertices, 2), dtype=np.int64)
+        ends[self.cell_nodes[:, 4:].ravel() - vertices] = self.mesh.cells[:, EDGES].reshape(-1, 2)[
+            : self.cell_nodes[:, 4:].size
+        ]
+        return ends
+
     @cached_property
     def inverse_jacobians(self) -> FloatArray:
         """(m, 3, 3) dxi/dX of the straight-sided cells, 1/mm."""

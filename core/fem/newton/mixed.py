@@ -14,16 +14,16 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
+from palpate.core.fem.linear.choice import Iterative
 from palpate.core.fem.newton.point_pressures import point_pressures, pressure_slopes
 from palpate.core.fem.newton.work import Work, certify, is_minimum, moved, relative, size
 from palpate.core.fem.state import Residual, State
 
 _HISTORY = 5  # corrections that the accelerated chord mixes
 # Limits on the reuse of a factor: number of steps, and largest mean contraction. A factorisation costs as much as 6
-# steps at 2,000 unknowns, 25 at 16,000, 60 at 50,000 (measured).
+# steps at 2,000 unknowns, 25 at 16,000, 60 at 50,000 (measured); where the solver iterates, a new matrix costs less than one step.
 _LARGE = 8000
-_CHORD_STEPS = {False: 14, True: 30}
-_CHORD_CONTRACTION = {False: 0.5, True: 0.65}
+_CHORD = {"small": (14, 0.5), "large": (30, 0.65), "iterative": (14, 0.05)}
 _SMALLEST_DAMPING = 1.0 / 600.0
 
 
@@ -140,8 +140,8 @@ def _chord(
     differences: list[FloatArray] = []  # g_k - g_(k-1)
     length = first = size(assembler, correction)
     distance = relative(assembler, residual)
-    large = len(assembler.kept) > _LARGE
-    for k in range(_CHORD_STEPS[large]):
+    most, contraction = _CHORD[_kind(assembler)]
+    for k in range(most):
         step = correction
         if differences:
             step = _mixed_step(correction, changes, differences, assembler.n_free)
@@ -160,11 +160,15 @@ def _chord(
         changes = [*changes, step][-_HISTORY:]
         differences = [*differences, following - correction][-_HISTORY:]
         state, correction, length = trial, following, now
-        if k >= 2 and now > first * _CHORD_CONTRACTION[large] ** (
-            k + 1
-        ):  # too slow: a new factor converges quadratically from here
-            return state, False
+        if k >= 2 and now > first * contraction ** (k + 1):
+            return state, False  # too slow: a new factor converges quadratically from here
     return state, False
+
+
+def _kind(assembler: Assembler) -> str:
+    if isinstance(assembler.solver, Iterative):
+        return "iterative"
+    return "large" if len(assembler.kept) > _LARGE else "small"
 
 
 def _mixed_step(
