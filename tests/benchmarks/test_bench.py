@@ -4,6 +4,7 @@ import importlib.util
 import json
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,11 @@ from run_script import run_script
 from palpate.core.errors import InputError
 from palpate.ui.cli.commands.bench import text_of
 from palpate.validate.bench.contender import PEERS, Contender, ContenderSpec, solve_with_fewest_steps
-from palpate.validate.bench.environment import ours, peer_python
+from palpate.validate.bench.environment import ours, ours_that_identifies, peer_python
 from palpate.validate.bench.equilibrium import EquilibriumTable, scenes
+from palpate.validate.bench.identification import identification
 from palpate.validate.bench.options import BenchOptions
-from palpate.validate.bench.run import run_bench
+from palpate.validate.bench.run import machine, run_bench
 from palpate.validate.bench.scaling import fitted_exponent
 from palpate.validate.bench.scene_file import BenchScene, write_scene
 
@@ -33,7 +35,9 @@ def quick():
 def test_quick_bench_is_a_json_object_with_every_part(quick):
     result, told = quick
     assert json.loads(json.dumps(result, allow_nan=False))["quick"] is True
-    assert {"machine", "equilibrium", "skipped_peers", "scaling", "reduced_model", "workers"} <= set(result)
+    assert {"machine", "equilibrium", "skipped_peers", "scaling", "reduced_model", "workers", "identification"} <= set(
+        result
+    )
     fractions = [f for f, _ in told]
     assert fractions == sorted(fractions) and fractions[-1] <= 1.0
 
@@ -171,7 +175,9 @@ def test_a_peer_that_dies_on_its_first_scene_is_an_error_and_later_a_reason(tmp_
 def test_a_peer_asked_for_by_name_has_to_take_part(tmp_path):
     with pytest.raises(InputError, match="felupe was asked for and is not here: its environment is not in "):
         run_bench(BenchOptions(quick=True, parts=("equilibrium",), peers=("felupe",), peers_dir=tmp_path))
-    with pytest.raises(InputError, match="felupe: peers are compared in the part equilibrium alone"):
+    with pytest.raises(
+        InputError, match="felupe: peers are compared in the parts equilibrium and identification alone"
+    ):
         run_bench(BenchOptions(quick=True, parts=("scaling",), peers=("felupe",)))
 
 
@@ -217,9 +223,41 @@ def test_a_peer_that_cannot_start_ends_the_bench_through_run_with_its_own_last_l
 
 def test_a_peer_knows_nothing_of_palpate():
     """It runs in an environment that has no Palpate, and may be of another licence."""
-    for script in PEERS.glob("*_peer.py"):
+    for script in [*PEERS.glob("*_peer.py"), PEERS / "felupe_identify.py"]:
         assert "palpate." not in script.read_text().replace("palpate-ccx", ""), script
     assert "import palpate" not in (PEERS / "protocol.py").read_text()
+
+
+def test_identification_is_compared_where_the_optimum_is_the_same(tmp_path):
+    """Palpate beside itself under another name, and beside a loop that ends elsewhere and one that cannot run."""
+    again = replace(ours_that_identifies(), name="again")
+    elsewhere = replace(peer(tmp_path, "return np.log(np.array([30.0, 30.0])), 2"), name="elsewhere")
+    broken = ContenderSpec("broken", (sys.executable, "-c", "import nowhere"))
+    found = identification([again, elsewhere, broken], BenchOptions(repeats=1), tmp_path, lambda *_: None)
+    own, peers = found["palpate"], found["peers"]
+    np.testing.assert_allclose(np.exp(own["ln_G"]), [20.0, 60.0], rtol=0.05)
+    assert peers["again"]["ln_G"] == own["ln_G"] and peers["again"]["equilibria"] == own["equilibria"] <= 6
+    assert found["times_faster_than_fastest_peer"] == peers["again"]["times_our_seconds"]
+    assert "times_our_seconds" in peers["elsewhere"]
+    assert "nowhere" in peers["broken"]["reason"]
+    table = {"machine": {**machine(), "load_before": (0, 0, 0), "load_after": (0, 0, 0)}, "identification": found}
+    told = "\n".join(text_of(table))
+    assert "again" in told and "failed: " in told and f"{own['equilibria']} equilibria" in told
+
+
+def test_a_peer_that_was_asked_for_has_to_identify(tmp_path):
+    def asked(*peers):
+        return BenchOptions(quick=True, parts=("identification",), peers=peers, peers_dir=tmp_path / "peers")
+
+    with pytest.raises(InputError, match="calculix was asked for and has no loop that identifies; choose felupe"):
+        run_bench(asked("calculix"))
+    with pytest.raises(InputError, match="felupe was asked for and is not here: its environment is not in "):
+        run_bench(asked("felupe"))
+    (tmp_path / "peers").mkdir()
+    peers_environment(tmp_path / "peers")
+    if importlib.util.find_spec("felupe") is None:
+        with pytest.raises(InputError, match=r"least squares did not run: .*No module named 'felupe'"):
+            run_bench(asked("felupe"))
 
 
 def test_ours_fails_with_a_reason_too(tmp_path, scene):

@@ -13,6 +13,8 @@ from palpate.validate.bench.contender import PEERS, ContenderSpec
 
 # Never in the project's own lock: FElupe is GPL, and it runs as a program of its own.
 REQUIREMENTS = ("felupe==11.3.0", "scikit-fem==12.0.2", "pypardiso==0.4.7", "numpy>=2,<2.5", "scipy>=1.14")
+# Peers that there is a loop for which identifies moduli.
+IDENTIFYING = ("felupe",)
 DOLFINX_PYTHONS = (sys.executable, "/usr/bin/python3")
 
 
@@ -22,6 +24,25 @@ def ours(certify: bool = False) -> ContenderSpec:
     return ContenderSpec(
         "palpate", command, ("certify",) if certify else (), ("p1", "p1p1", "p2", "p2p0", "p2p1"), True
     )
+
+
+def ours_that_identifies() -> ContenderSpec:
+    """Palpate's identification."""
+    return ContenderSpec("palpate", (sys.executable, "-m", "palpate.validate.bench.peers.ours_identify"))
+
+
+def find_identifying_peers(
+    peers_dir: Path | None, wanted: tuple[str, ...] | None, may_install: bool = True
+) -> tuple[list[ContenderSpec], dict[str, str]]:
+    """Loops that a user would write, as `find_peers`: FElupe's equilibria inside scipy's least squares, by both linear solvers."""
+    if not _is_wanted("felupe", wanted):
+        return [], {}
+    python, reason = peer_python(peers_dir or default_folder(), may_install)
+    if python is None:
+        return [], {"felupe": reason}
+    command = (str(python), str(PEERS / "felupe_identify.py"))
+    name = "felupe in scipy's least squares"
+    return [ContenderSpec(name, command), ContenderSpec(f"{name}, with pardiso", command, ("pardiso",))], {}
 
 
 def find_peers(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-PARTS = ("equilibrium", "scaling", "reduced_model", "workers")
+PARTS = ("equilibrium", "scaling", "reduced_model", "workers", "identification")
 
 
 @dataclass(frozen=True)

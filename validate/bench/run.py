@@ -13,8 +13,9 @@ from palpate.core.errors import InputError
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
 from palpate.validate.bench.contender import ContenderSpec
-from palpate.validate.bench.environment import default_folder, find_peers
+from palpate.validate.bench.environment import IDENTIFYING, default_folder, find_identifying_peers, find_peers
 from palpate.validate.bench.equilibrium import EquilibriumTable, Row, scenes
+from palpate.validate.bench.identification import IdentificationTable, identification
 from palpate.validate.bench.options import BenchOptions
 from palpate.validate.bench.reduced_study import ReducedFigures, reduced_study
 from palpate.validate.bench.scaling import Scaling, scaling
@@ -58,6 +59,7 @@ class BenchTable(TypedDict):
     scaling: NotRequired[Scaling]
     reduced_model: NotRequired[ReducedFigures]
     workers: NotRequired[WorkerFigures]
+    identification: NotRequired[IdentificationTable]
 
 
 def run_bench(options: BenchOptions | None = None, progress: Progress = silent) -> BenchTable:
@@ -67,9 +69,9 @@ def run_bench(options: BenchOptions | None = None, progress: Progress = silent) 
     is in "skipped_peers". InputError : a peer that was asked for by name is not here, or one that is here does not run.
     """
     options = (options or BenchOptions()).effective()
-    if options.peers and "equilibrium" not in options.parts:
+    if options.peers and not {"equilibrium", "identification"} & set(options.parts):
         raise InputError(
-            f"{', '.join(options.peers)}: peers are compared in the part equilibrium alone; ask for that part"
+            f"{', '.join(options.peers)}: peers are compared in the parts equilibrium and identification alone; ask for one of these"
         )
     load = os.getloadavg()
     table: BenchTable = {
@@ -85,8 +87,10 @@ def run_bench(options: BenchOptions | None = None, progress: Progress = silent) 
             table["scaling"] = scaling(options, folder, _share(progress, 0.6, 0.8))
         if "reduced_model" in options.parts:
             table["reduced_model"] = reduced_study(options, _share(progress, 0.8, 0.9))
+        if "identification" in options.parts:
+            table["identification"] = _identification(options, folder, _share(progress, 0.9, 0.95))
     if "workers" in options.parts:
-        table["workers"] = worker_scaling(options, _share(progress, 0.9, 1.0))
+        table["workers"] = worker_scaling(options, _share(progress, 0.95, 1.0))
     table["machine"]["load_after"] = os.getloadavg()
     return table
 
@@ -101,6 +105,22 @@ def _equilibria(options: BenchOptions, folder: Path, tell: Progress) -> Equilibr
         tell(k / len(chosen), f"{scene.element}, {scene.cells} cells, v1/mu {scene.ratio:g}, {scene.drive}")
         rows.append(table.row(scene))
     return {"equilibrium": rows, "skipped_peers": skipped}
+
+
+def _identification(options: BenchOptions, folder: Path, tell: Progress) -> IdentificationTable:
+    """InputError where a peer that was asked for has no such loop, is not here or does not run."""
+    peers, skipped = find_identifying_peers(options.peers_dir, options.peers, may_install=not options.quick)
+    wanted = () if options.peers is None or "equilibrium" in options.parts else options.peers
+    for name in wanted:
+        if name not in IDENTIFYING:
+            raise InputError(f"{name} was asked for and has no loop that identifies; choose {', '.join(IDENTIFYING)}")
+        if name in skipped:
+            raise InputError(f"{name} was asked for and is not here: {skipped[name]}")
+    found = identification(peers, options, folder, tell)
+    for name, peer in found["peers"].items():
+        if wanted and peer["reason"]:
+            raise InputError(f"{name} did not run: {peer['reason']}")
+    return found
 
 
 def _refuse_absent_peers(

@@ -1,4 +1,4 @@
-"""Measures speed: one equilibrium beside other solvers on the same mesh, growth with size, workers, the reduced model.
+"""Measures speed: one equilibrium and one identification beside other solvers, growth with size, workers, the reduced model.
 
 The other solvers run as programs of their own, in an environment that is made for them on first use; what is not to be
 had is listed with the reason.
@@ -7,6 +7,7 @@ had is listed with the reason.
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -17,13 +18,14 @@ from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
     from palpate.validate.bench.contender import Answer
+    from palpate.validate.bench.identification import IdentificationTable
     from palpate.validate.bench.options import BenchOptions
     from palpate.validate.bench.run import BenchTable
     from palpate.validate.bench.scaling import Cost
 
 NAME, HELP = "bench", "speed against other solvers"
 PEERS = ("felupe", "scikit-fem", "calculix", "dolfinx")
-PARTS = ("equilibrium", "scaling", "reduced_model", "workers")
+PARTS = ("equilibrium", "scaling", "reduced_model", "workers", "identification")
 ELEMENTS = ("p1", "p1p1", "p2", "p2p0", "p2p1")
 
 
@@ -74,6 +76,7 @@ def text_of(table: BenchTable) -> list[str]:
         lines.append(f"{row['element']}, {row['cells']} cells, v1/mu {row['v1_over_mu']:g}, by {row['drive']}")
         solvers = {"palpate": row["palpate"], "palpate, stability certified": row["palpate_certified"], **row["peers"]}
         lines += [f"  {name:30} {_seconds(found)}" for name, found in solvers.items()]
+    lines += _identification(table["identification"]) if "identification" in table else []
     lines += [f"skipped {name}: {why}" for name, why in table.get("skipped_peers", {}).items()]
     grown = table["scaling"]["elements"] if "scaling" in table else {}
     for element, growth in grown.items():
@@ -83,6 +86,18 @@ def text_of(table: BenchTable) -> list[str]:
                      f"{_exponent(growth['memory_exponent'])} in memory")  # fmt: skip
     lines += [f"reduced model, {key}: {value}" for key, value in table.get("reduced_model", {}).items()]
     lines += [f"workers, {key}: {value}" for key, value in table.get("workers", {}).items()]
+    return lines
+
+
+def _identification(found: IdentificationTable) -> list[str]:
+    lines = [f"identification of two moduli, p1, {found['cells']} cells"]
+    for name, one in {"palpate": found["palpate"], **found["peers"]}.items():
+        if one["reason"]:
+            lines.append(f"  {name:42} failed: {one['reason']}")
+            continue
+        kpa = ", ".join(f"{math.exp(v):.3f}" for v in one["ln_G"])
+        ratio = f"  x {one['times_our_seconds']:.1f}" if "times_our_seconds" in one else ""
+        lines.append(f"  {name:42} {one['seconds']:8.3f} s, {one['equilibria']} equilibria, {kpa} kPa{ratio}")
     return lines
 
 

@@ -2,7 +2,9 @@
 
 A scene file is an npz with nodes (n, 3) mm, cells (m, 4 or 10; mid-edge nodes in the order 01 12 02 03 13 23), regions (m,),
 G and K (m,) kPa of a neo-Hookean solid psi = G/2 (I1bar - 3) + K/2 (J - 1)^2, fixed (n, 3) bool, prescribed (n, 3) mm,
-force (n, 3) mN, corners : number of nodes that are vertices, mixed : whether pressure is an unknown of its own.
+force (n, 3) mN, corners : number of nodes that are vertices, mixed : whether pressure is an unknown of its own. Where moduli are to be
+found: unknown (t,) regions, observed (k,) nodes, measured (k, 3) mm their displacements; the answer is then ln G (t,) in place of
+displacements, and the number of equilibria in place of iterations.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +38,9 @@ class Arrays(TypedDict):
     corners: IntArray
     mixed: BoolArray
     element: NDArray[np.str_]
+    unknown: NotRequired[IntArray]
+    observed: NotRequired[IntArray]
+    measured: NotRequired[FloatArray]
 
 
 class Request(TypedDict):
@@ -84,6 +89,8 @@ def serve(load: Callable[[Arrays], Solver], version: str) -> None:
             "mixed": data["mixed"],
             "element": data["element"],
         }
+        if "unknown" in data:
+            arrays |= {"unknown": data["unknown"], "observed": data["observed"], "measured": data["measured"]}
     solve = load(arrays)
     print(json.dumps({"setup_seconds": time.perf_counter() - start, "version": version}), file=answers)
     for line in sys.stdin:
