@@ -41,7 +41,7 @@ OPTIONAL = {
     "distributed": "core/worker",
 }
 # A peer runs as a script of its own, in the environment of the program that it compares with, beside this file.
-SCRIPTS = {"validate/bench/peers": {"protocol"}}
+SCRIPTS = {"validate/bench/peers": {"protocol", "felupe_peer"}}
 
 
 def import_names(requirements: list[str]) -> set[str]:
