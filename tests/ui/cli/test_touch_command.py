@@ -18,7 +18,7 @@ from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions
 from palpate.ui.cli import main as cli
 from palpate.ui.cli.studies.touch import touch_text
-from palpate.ui.desktop.touch.script import parse
+from palpate.ui.desktop.scripting.touch_script import parse
 from palpate.validate.touch_study import TouchOptions, halved_ellipsoid, touch_study
 
 X, Y, Z = (float(c) for c in CENTRE)

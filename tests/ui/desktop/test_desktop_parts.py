@@ -14,6 +14,7 @@ from phantoms import result, write_case
 from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
+from palpate.ui.desktop.scripting import touch_script as script
 from palpate.ui.desktop.scripting.commands_script import Driver, parse
 from palpate.ui.desktop.scripting.script_runner import names_of
 from palpate.ui.desktop.session import steps
@@ -23,7 +24,6 @@ from palpate.ui.desktop.session.jobs import JobControl
 from palpate.ui.desktop.session.open_case import GapMap, OpenCase
 from palpate.ui.desktop.session.recent import recent_cases, remember
 from palpate.ui.desktop.session.step_requests import StepRequest, import_request, step_request
-from palpate.ui.desktop.touch import script
 
 EVERYTHING = frozenset(step.command for step in steps.STEPS)
 

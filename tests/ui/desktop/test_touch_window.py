@@ -26,8 +26,8 @@ PLAY = """
 import json, sys
 from pathlib import Path
 from palpate.core.touch.body_file import load_body
-from palpate.ui.desktop.touch.application import Playing, Probed, show
-from palpate.ui.desktop.touch.script import parse
+from palpate.ui.desktop.scripting.touch_application import Playing, Probed, show
+from palpate.ui.desktop.scripting.touch_script import parse
 from palpate.ui.pictures.colours import StiffnessScale
 folder, headless = Path(sys.argv[1]), sys.argv[2] == "headless"
 script = folder / "script.txt"

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.core.files.atomic import atomic_path
-from palpate.core.worker.progress import part
 from palpate.imaging.labels import LABELS
 from palpate.ui.cli.arguments import no_points, number
 from palpate.ui.cli.console import Console
@@ -31,9 +29,6 @@ if TYPE_CHECKING:
 
 
 NAME, HELP = "drop", "a film of the organ, or of two, falling onto a dish"
-_PER_SECOND = 30.0
-# Share of the work that the simulation is.
-_SIMULATION = 0.75
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,33 +52,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Simulates, then draws; the film appears whole or not at all."""
     from palpate.case.case_folder import CaseFolder  # here, because all these take seconds to load
-    from palpate.case.steps import drop
     from palpate.core.dynamics.drop import DropOptions
-    from palpate.ui.pictures import offscreen
-    from palpate.ui.pictures.drop.film import make_film
-    from palpate.ui.pictures.drop.words import stage_of
+    from palpate.ui.pictures.drop.fallen import PER_SECOND, film_of
 
     no_points(args)
     if len(args.cases) > 2:
         raise InputError(f"{args.cases[2]}: a film shows one case or two; leave the others out")
     if args.output.suffix.lower() != ".mp4" or args.output.is_dir():
         raise InputError(f"{args.output}: a film is a file whose name ends in .mp4; change -o")
-    options = DropOptions(height=args.height, seconds=args.time, frames=_PER_SECOND * args.slower)
+    options = DropOptions(height=args.height, seconds=args.time, frames=PER_SECOND * args.slower)
     options = replace(options, damping=1e-3 * args.damping, friction=args.friction, element=args.element)
     cases = [CaseFolder(path) for path in args.cases]
-    try:
-        offscreen.check()  # this and whether the film can be written: before minutes of simulation, not after
-        with console.progress(NAME) as progress, atomic_path(args.output) as path:
-            dropped = drop.run(cases, options, part(progress, 0.0, _SIMULATION))
-            codec = make_film(stage_of(dropped, _PER_SECOND), path, part(progress, _SIMULATION, 1.0))
-    except offscreen.OffscreenError as error:
-        raise InputError(str(error)) from error
+    with console.progress(NAME) as progress:
+        fallen = film_of(cases, options, args.output, progress)
+    dropped = fallen.dropped
     organs: list[OrganFall] = [
         {"name": organ.name, "G_kpa": {LABELS[r]: G for r, G in organ.stiffness_kpa.items()}, **one.figures}
         for organ, one in zip(dropped.organs, dropped.drops, strict=True)
     ]
     pictures = len(dropped.drops[0].times)
-    found = {"film": str(args.output), "codec": codec, "pictures": pictures, "organs": organs, "research_use": True}
+    found = {
+        "film": str(args.output),
+        "codec": fallen.codec,
+        "pictures": pictures,
+        "organs": organs,
+        "research_use": True,
+    }
     return found, "\n".join([*map(_line, organs), f"film {args.output}"])
 
 

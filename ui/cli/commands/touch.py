@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from palpate.case.case_folder import CaseFolder
     from palpate.core.touch.body import Body
     from palpate.ui.desktop.scripting.script_runner import Command
-    from palpate.ui.desktop.touch.application import Touched
-    from palpate.ui.desktop.touch.script import TouchEvent
+    from palpate.ui.desktop.scripting.touch_application import Touched
+    from palpate.ui.desktop.scripting.touch_script import TouchEvent
 
 NAME, HELP = "touch", "press and pull the organ in a window and feel its stiffness"
 _SUPPORTS = ("bed", "table")
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
     from palpate.case.steps.touch import TouchStepOptions, body_of
     from palpate.ui.desktop.scripting.script_runner import read_script
-    from palpate.ui.desktop.touch.script import OF_THE_WINDOW, parse
+    from palpate.ui.desktop.scripting.touch_script import OF_THE_WINDOW, parse
 
     no_points(args)
     if args.headless and args.script is None:
@@ -74,15 +74,15 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
 def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> Touched:
     """Without a window."""
     from palpate.ui.desktop.scripting.script_runner import play
+    from palpate.ui.desktop.scripting.touch_script import Driver
     from palpate.ui.desktop.touch.protocol import ProbeControl
-    from palpate.ui.desktop.touch.script import Driver
 
     driver = Driver(ProbeControl(body, args.radius), args.script.absolute().parent, str(args.script))
     return {"events": play(commands, driver)}
 
 
 def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands: list[Command]) -> Touched:
-    from palpate.ui.desktop.touch import application
+    from palpate.ui.desktop.scripting import touch_application as application
     from palpate.ui.report.case_scale import case_scale
 
     folder = Path() if args.script is None else args.script.absolute().parent

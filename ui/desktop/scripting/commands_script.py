@@ -111,6 +111,20 @@ class Driver(Correcting):
         """Starts steps."""
         self.controller.run(*steps)
 
+    def do_touch(self, file: str = "") -> Told:
+        """Opens the probe's window on the organ and waits till it is ready; with a file, its picture."""
+        self.controller.touch()
+        self._until(lambda: not self.controller.jobs.running, _SECONDS)
+        probe = self.window.organ.touching
+        if probe is None:
+            raise InputError(self.controller.said)
+        self._until(lambda: probe.model.ready and probe.view.settled, _SOLID_SECONDS)
+        return {"file": str(synthetic_input.shot(probe, self._folder / file))} if file else {}
+
+    def do_drop(self, film: str) -> None:
+        """Starts the film of the organ's fall."""
+        self.controller.drop(self._folder / film)
+
     def do_cancel(self) -> None:
         """Stops what runs and waits till it has stopped; the facts say in how many seconds."""
         self.controller.cancel()

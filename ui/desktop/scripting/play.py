@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import TypedDict
 
 from palpate.core.errors import Cancelled
+from palpate.ui.desktop.qt_application import events_for
 from palpate.ui.desktop.scripting import script_runner
 from palpate.ui.desktop.scripting.commands_script import Driver, WindowEvent
 from palpate.ui.desktop.scripting.script_runner import Command
-from palpate.ui.desktop.window.application import events_for, new_window
+from palpate.ui.desktop.window.application import new_window
 
 
 class Played(TypedDict):

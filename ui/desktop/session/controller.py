@@ -39,6 +39,7 @@ class Controller:
         self.editing, self.out_of_date_check = Editing(self), OutOfDateCheck()
         self.available = frozenset(steps.BY_COMMAND)
         self.said = ""
+        self.made: dict[str, Path] = {}
         self.listeners: list[Callable[[str], None]] = []
 
     @property
@@ -153,6 +154,19 @@ class Controller:
     def export(self, form: str, folder: Path) -> None:
         """Writes the case in one of the forms of `palpate export` into a folder. Raises InputError when it cannot."""
         self._running.export(form, folder)
+
+    def touch(self) -> None:
+        """Makes the organ ready to be touched; `take_made` has it in the end. Raises InputError when it cannot."""
+        self._running.touch()
+
+    def drop(self, film: Path) -> None:
+        """Films the organ's fall; `take_made` has the film in the end. Raises InputError when it cannot."""
+        self._running.drop(film)
+
+    def take_made(self) -> dict[str, Path]:
+        """What a job has made outside of the case, by what it is: "body", "film"; each is told once."""
+        made, self.made = self.made, {}
+        return made
 
     def cancel(self) -> None:
         """Stops what runs."""

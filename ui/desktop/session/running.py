@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from palpate.core.errors import InputError
-from palpate.ui.desktop.session import export_job, step_job, steps
+from palpate.core.worker.job import Job
+from palpate.ui.desktop.session import export_job, organ_jobs, step_job, steps
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.step_requests import step_request
@@ -36,30 +38,57 @@ class Running:
 
     def export(self, form: str, folder: Path) -> None:
         """Writes the case in one form for other programs. Raises InputError when no case is open or a step runs."""
-        session = self._session
-        if session.case is None:
-            raise InputError("no case is open; open two scans or a case first")
-        if session.jobs.running:
-            raise InputError("a step runs; wait for it or cancel it first")
-        if session.case.corrections.unsaved:
-            session.save()
-        session.case.flush()
-        self.names = ()
-        job = export_job.export_job(session.case.folder.path, form, folder, session.case.folder.file("desktop/job"))
-        session.jobs.start(job, f"Export {form}")
-        session.notify("job")
+        case = self._idle()
+        if case.corrections.unsaved:
+            self._session.save()
+        self._start_beside(
+            case, export_job.export_job(case.folder.path, form, folder, _scratch(case)), f"Export {form}"
+        )
 
-    def _checked(self, names: tuple[str, ...]) -> OpenCase:
-        """The case that the steps can run on."""
+    def touch(self) -> None:
+        """Makes the organ ready to be touched. Raises InputError when no case is open, it has no stiffness, or a step runs."""
+        case = self._identified()
+        self._start_beside(case, organ_jobs.body_job(case.folder.path, _scratch(case)), "Touch")
+
+    def drop(self, film: Path) -> None:
+        """Films the organ's fall. Raises InputError as `touch` does, and for a film that is no .mp4."""
+        case = self._identified()
+        if film.suffix.lower() != ".mp4":
+            raise InputError(f"{film}: a film is a file whose name ends in .mp4; choose another name")
+        self._start_beside(
+            case, organ_jobs.film_job(case.folder.path, film.absolute(), _scratch(case)), "Film of the fall"
+        )
+
+    def _start_beside(self, case: OpenCase, job: Job, title: str) -> None:
+        """Starts a job that is no step of the case."""
+        case.flush()
+        self.names = ()
+        self._session.say("")
+        self._session.jobs.start(job, title)
+        self._session.notify("job")
+
+    def _idle(self) -> OpenCase:
+        """The open case while nothing runs."""
         session = self._session
         if session.case is None:
             raise InputError("no case is open; open two scans or a case first")
         if session.jobs.running:
             raise InputError("another step runs; wait for it or cancel it first")
+        return session.case
+
+    def _identified(self) -> OpenCase:
+        case = self._idle()
+        if not case.regions:
+            raise InputError("no stiffness has been found yet; run Stiffness first")
+        return case
+
+    def _checked(self, names: tuple[str, ...]) -> OpenCase:
+        """The case that the steps can run on."""
+        session, case = self._session, self._idle()
         unknown = [name for name in names if name not in session.available or name not in steps.BY_COMMAND]
         if unknown or not names:
             raise InputError(f"there is no step {' '.join(unknown)!r}; give one of {', '.join(steps.BY_COMMAND)}")
-        return session.case
+        return case
 
     def told(self) -> None:
         """Takes in what the job has told."""
@@ -73,12 +102,23 @@ class Running:
         said = error if outcome == "failed" else ""
         if outcome == "cancelled":
             said = "cancelled; run the step again to go on from where it stopped"
-        files = self._session.jobs.state.result.get("files") if self._session.jobs.state is not None else None
-        if outcome == "done" and isinstance(files, list) and files:
-            said = f"written: {len(files)} file{'s' * (len(files) > 1)} in {Path(files[0]).parent}"
+        if outcome == "done":
+            said = self._made(self._session.jobs.state.result if self._session.jobs.state is not None else {})
         try:
             said = self._session.take_in(outcome == "done", "segment" in self.names) or said
         except InputError as damaged:
             said = said or str(damaged)
         if said:
             self._session.say(said)
+
+    def _made(self, result: Mapping[str, object]) -> str:
+        """Takes note of what a job has made outside of the case; in words, where there is something to say."""
+        files = result.get("files")
+        if isinstance(files, list) and files:
+            return f"written: {len(files)} file{'s' * (len(files) > 1)} in {Path(files[0]).parent}"
+        self._session.made = {kind: Path(str(result[kind])) for kind in ("body", "film") if kind in result}
+        return f"written: {result['film']}" if "film" in result else ""
+
+
+def _scratch(case: OpenCase) -> Path:
+    return case.folder.file("desktop/job")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 from palpate.imaging.volume import Volume
@@ -11,12 +12,16 @@ from palpate.ui.desktop.session.open_case import OpenCase
 
 
 class Session(Protocol):
-    """case : the open case or None. jobs : the steps. available : commands of this version."""
+    """case : the open case or None. jobs : the steps. available : commands of this version.
+
+    made : what a job has made outside of the case and nobody has shown yet: a body to touch, a film.
+    """
 
     case: OpenCase | None
     display: Display
     jobs: JobControl
     available: frozenset[str]
+    made: dict[str, Path]
 
     @property
     def reader(self) -> JobControl:

@@ -30,6 +30,7 @@ from palpate.ui.desktop.session.crosshair import words_at_crosshair
 from palpate.ui.desktop.window import geometry, questions
 from palpate.ui.desktop.window.menu import Menu, MenuParts
 from palpate.ui.desktop.window.open_page import OpenPage
+from palpate.ui.desktop.window.organ_pages import OrganPages
 from palpate.ui.desktop.window.responsiveness import ResponsivenessMeter
 from palpate.ui.desktop.window.statistics_page import statistics_page
 from palpate.ui.desktop.window.views import Views
@@ -55,6 +56,7 @@ class MainWindow(QMainWindow):
         self.results, self.job = ResultPanel(controller, self.open_report), JobPanel(controller)
         self.page = OpenPage(controller, self._opened)
         self._lay_out()
+        self.organ = OrganPages(controller)
         parts = MenuParts(controller, self.views, self.page, self.show_open_page, self.show_statistics)
         self.menu = Menu(self, parts)
         self.setAcceptDrops(True)
@@ -126,7 +128,7 @@ class MainWindow(QMainWindow):
 
     def told(self, what: str) -> None:
         """Something has changed."""
-        for part in (self.views, self.bar, self.display, self.edit, self.results, self.job, self.steps):
+        for part in (self.views, self.bar, self.display, self.edit, self.results, self.job, self.steps, self.organ):
             part.told(what)
         if what == "said":
             self.statusBar().showMessage(self.controller.said)
@@ -221,6 +223,7 @@ class MainWindow(QMainWindow):
         for timer in (self._poll, self._second):
             timer.stop()
         self.controller.listeners.clear()
+        self.organ.close()
         self.controller.quit()
         self.views.solid.client.close()
         self._folder.cleanup()

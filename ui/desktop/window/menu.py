@@ -56,7 +56,8 @@ class Menu:
     def __init__(self, window: QMainWindow, parts: MenuParts) -> None:
         self._window, self._parts = window, parts
         bar = window.menuBar()
-        file, view, guide = bar.addMenu("&File"), bar.addMenu("&View"), bar.addMenu("&Help")
+        file, view, organ = bar.addMenu("&File"), bar.addMenu("&View"), bar.addMenu("&Organ")
+        guide = bar.addMenu("&Help")
         self._entry(file, "Open scans or a case \N{HORIZONTAL ELLIPSIS}", parts.show_open_page, "Ctrl+O")
         self._recent = file.addMenu("Open recent")
         self._recent.aboutToShow.connect(self._list_recent)
@@ -71,10 +72,16 @@ class Menu:
         view.addSeparator()
         self._entry(view, "Fit to the organ (F)", parts.views.fit)
         self._statistics = self._entry(view, "Statistics of labels \N{HORIZONTAL ELLIPSIS}", parts.show_statistics)
+        more = "\N{HORIZONTAL ELLIPSIS}"
+        self._of_organ = [
+            self._entry(organ, f"Touch it {more}", self._touch),
+            self._entry(organ, f"Film of its fall {more}", self._drop),
+        ]
         self._entry(guide, "Mouse and keys", lambda: help_page.mouse_and_keys(window), "F1")
         self._entry(guide, "About Palpate", lambda: help_page.about(window))
         file.aboutToShow.connect(self.refresh)
         view.aboutToShow.connect(self.refresh)
+        organ.aboutToShow.connect(self.refresh)
 
     def refresh(self) -> None:
         """Turns off what needs a case or a report that is not there."""
@@ -84,6 +91,8 @@ class Menu:
         for action, (_, name) in zip(self._of_case[1].actions(), _REPORTS, strict=True):
             action.setEnabled(case is not None and case.folder.file(name).exists())
         self._picture.setEnabled(case is not None)
+        for action in self._of_organ:
+            action.setEnabled(case is not None and bool(case.regions) and not self._parts.controller.jobs.running)
         self._statistics.setEnabled(case is not None and bool(case.volumes))
 
     def _exports(self, file: QMenu) -> QMenu:
@@ -125,10 +134,21 @@ class Menu:
     def _export(self, name: str) -> None:
         folder = QFileDialog.getExistingDirectory(self._window, f"Folder for the files of {name}")
         if folder:
-            try:
-                self._parts.controller.export(name, Path(folder))
-            except InputError as error:
-                self._parts.controller.say(str(error))
+            self._try(lambda: self._parts.controller.export(name, Path(folder)))
+
+    def _touch(self) -> None:
+        self._try(self._parts.controller.touch)
+
+    def _drop(self) -> None:
+        chosen, _ = QFileDialog.getSaveFileName(self._window, "Film of the organ's fall", "fall.mp4", "Film (*.mp4)")
+        if chosen:
+            self._try(lambda: self._parts.controller.drop(Path(chosen)))
+
+    def _try(self, act: Callable[[], None]) -> None:
+        try:
+            act()
+        except InputError as error:
+            self._parts.controller.say(str(error))
 
     def _show_file(self, name: str) -> None:
         case = self._parts.controller.case

@@ -14,7 +14,7 @@ import numpy as np
 from palpate.core.errors import Cancelled, InputError
 from palpate.core.touch.body import Body
 from palpate.ui.desktop.scripting.script_runner import Command, Told, play
-from palpate.ui.desktop.touch.script import Driver, TouchEvent
+from palpate.ui.desktop.scripting.touch_script import Driver, TouchEvent
 from palpate.ui.pictures.colours import StiffnessScale
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def show(probed: Probed, output: Path, headless: bool, playing: Playing) -> Touc
 
     Raises InputError when a command cannot be done; `display_server.check` says beforehand whether a window can be opened.
     """
-    from palpate.ui.desktop.window.application import events_for, qt_application
+    from palpate.ui.desktop.qt_application import events_for, qt_application
 
     application = qt_application(headless)
     from palpate.ui.desktop.touch.model import TouchModel  # here, because the platform is chosen before
