@@ -17,3 +17,10 @@ def measured(value: float, sd: float) -> str:
     """A value and its standard deviation, this in two figures and the value as far as that goes."""
     places = max(0, 1 - math.floor(math.log10(sd))) if sd > 0.0 and math.isfinite(sd) else 3
     return f"{value:.{places}f} \N{PLUS-MINUS SIGN} {sd:.{places}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def duration(seconds: float) -> str:
+    """About how long: in steps of five seconds below a minute and a half, then in minutes."""
+    if seconds < 90:
+        return f"{5 * max(1, round(seconds / 5))} s"
+    return f"{round(seconds / 60)} min"

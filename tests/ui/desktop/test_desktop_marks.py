@@ -64,3 +64,20 @@ def test_letters_titles_window_and_scale_bar_keep_apart(
     assert "deformed" in words and "mm" in words and plane.name[:2].capitalize() in words
     assert (width < 235) or "W 400 L 40" in " ".join(words.split())
     assert (width < 500) or f"{plane.name.capitalize()}, deformed" in words
+
+
+def test_an_angle_is_that_at_its_second_point() -> None:
+    assert slice_marks.degrees([(1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 2.0, 0.0)]) == pytest.approx(90.0)
+    assert slice_marks.degrees([(3.0, 0.0, 5.0), (0.0, 0.0, 5.0), (1.0, 1.0, 5.0)]) == pytest.approx(45.0)
+    assert slice_marks.degrees([(0.0, 0.0, 0.0)] * 3) == 0.0
+
+
+def test_an_angle_is_written_where_its_slice_is_shown(written: list[tuple[str, QRectF]]) -> None:
+    screen, points = (
+        Screen(PLANES[0], Viewport(np.zeros(3)), QSize(300, 300)),
+        [(9.0, 0.0, 5.0), (0.0, 0.0, 5.0), (0.0, 9.0, 5.0)],
+    )
+    for shown, position, words in ((points, 5.0, ["90.0\N{DEGREE SIGN}"]), (points, 40.0, []), (points[:2], 5.0, [])):
+        written.clear()
+        slice_marks.angle(MagicMock(), screen, shown, position)
+        assert [word for word, _ in written] == words

@@ -14,16 +14,19 @@ from phantoms import result, write_case
 from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
+from palpate.ui.desktop.panels.job_panel import time_words
 from palpate.ui.desktop.scripting import touch_script as script
 from palpate.ui.desktop.scripting.commands_script import Driver, parse
 from palpate.ui.desktop.scripting.script_runner import names_of
 from palpate.ui.desktop.session import steps
+from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.dropped_files import Pair, case_beside
-from palpate.ui.desktop.session.jobs import JobControl
+from palpate.ui.desktop.session.jobs import JobControl, JobState
 from palpate.ui.desktop.session.open_case import GapMap, OpenCase
 from palpate.ui.desktop.session.recent import recent_cases, remember
 from palpate.ui.desktop.session.step_requests import StepRequest, import_request, step_request
+from palpate.ui.desktop.window.notices import Notices
 
 EVERYTHING = frozenset(step.command for step in steps.STEPS)
 
@@ -43,6 +46,34 @@ def test_time_left_follows_the_step(tmp_path: Path) -> None:
     assert state.seconds_left(110.0) == pytest.approx(30.0)
     jobs.cancel()
     jobs.wait(5.0)
+
+
+def test_time_left_that_was_told_never_grows_and_elapsed_stands_beside_it() -> None:
+    state = JobState("x", 100.0, step_began=100.0, step_fraction=0.5)
+    assert state.seconds_left(110.0) == pytest.approx(10.0)
+    told = [state.seconds_left(now) for now in (112.0, 118.0, 125.0, 400.0)]  # the step stands still
+    assert told == pytest.approx([8.0, 2.0, 0.0, 0.0])
+    assert time_words(25.0, 0.0, False) == "25 s so far, longer than was thought"
+    assert time_words(200.0, 130.0, False) == "3 min so far, about 2 min left"
+    assert time_words(2.0, None, False) == "5 s so far" and time_words(61.0, None, True) == "took 60 s"
+
+
+@pytest.mark.parametrize(
+    "seconds, outcome, error, words",
+    [(200.0, "done", "", ["Stiffness: done"]), (3.0, "done", "", []), (200.0, "cancelled", "", []),
+     (30.0, "failed", "no equilibrium", ["Stiffness: failed, no equilibrium"])],
+)  # fmt: skip
+def test_a_long_step_that_ends_is_told_once(seconds: float, outcome: str, error: str, words: list[str]) -> None:
+    told: list[str] = []
+    controller = Controller()
+    notices = Notices(controller, told.append)
+    controller.jobs.state = JobState("x", 0.0, step="identify")
+    notices.told("job")
+    assert not told
+    controller.jobs.state = JobState("x", 0.0, step="identify", outcome=outcome, error=error, seconds_taken=seconds)
+    for what in ("view", "job", "job"):
+        notices.told(what)
+    assert told == words
 
 
 def test_steps_tell_what_is_next_and_what_is_out_of_date(tmp_path: Path) -> None:

@@ -118,6 +118,13 @@ def left_and_right(case: Path) -> str:
     screenshot painted.png
     undo
     expect unsaved false
+    show tool angle
+    click axial {ox + 20} {oy} {oz}
+    click axial {ox} {oy} {oz}
+    click axial {ox} {oy - 20} {oz}
+    show overlay none
+    screenshot angle.png
+    show overlay labels
     show mode "side by side"
     screenshot both.png
     show mode blend
@@ -149,6 +156,10 @@ def test_the_window_shows_the_case_with_the_patients_left_on_the_right(
     # 120 kPa in the left half against 40 in the right: on the colour bar green above blue, on the screen right of it.
     assert len(green) > 3000 and len(blue) > 3000 and green[:, 1].mean() > blue[:, 1].mean() + 40
     assert np.abs(shots["masked"].astype(int) - shots["stiffness"]).sum() > 1e5
+    measured = part(shots["angle"], top=True, left=True).astype(int)
+    assert ((measured[..., 0] > 230) & (abs(measured[..., 1] - 216) < 20) & (measured[..., 2] < 110)).sum() > 150, (
+        "no angle"
+    )
     changed = np.abs(shots["painted"].astype(int) - shots["stiffness"]).sum(axis=2) > 60
     assert part(changed, top=True, left=True).any()
 

@@ -6,13 +6,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from map_arrays import map_arrays
+from phantoms import CENTRE
 
-from palpate.imaging.labels import BLADDER, PROSTATE_LEFT, RECTUM, SURROUNDING_TISSUE
+from palpate.imaging.labels import BLADDER, PROSTATE_LEFT, PROSTATE_RIGHT, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.panels.job_panel import _time_words
+from palpate.ui.desktop.panels.job_panel import time_words
 from palpate.ui.desktop.session.jobs import JobState
 from palpate.ui.desktop.session.label_operations import OPERATIONS, changed_label, values_at
-from palpate.ui.desktop.session.label_statistics import label_statistics
+from palpate.ui.desktop.session.label_statistics import MapStatistics, label_statistics
+from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.desktop.session.strokes import Corrections, Stroke
 from palpate.ui.desktop.slices.slice_sampling import numbered
 from palpate.ui.pictures.planes import AXIAL, SAGITTAL
@@ -110,6 +113,24 @@ def test_statistics_are_those_of_the_label_in_its_scan() -> None:
     assert np.isnan(values_at(beyond, labels, np.array([labels.array.size - 1]))).all()
 
 
+def test_statistics_of_the_map_are_those_under_the_label() -> None:
+    """Two patches, 20 kPa on the left and 60 on the right, of which one is told; a ball around each."""
+    centre = np.array(CENTRE, dtype=float)
+    affine = np.eye(4)
+    affine[:3, 3] = centre - [20.0, 10.0, 10.0]
+    grid = np.stack(np.meshgrid(*map(np.arange, (41, 21, 21)), indexing="ij"), axis=-1) + affine[:3, 3]
+    array = np.zeros(grid.shape[:3], dtype=np.uint8)
+    for label, side in ((PROSTATE_LEFT, 9.0), (PROSTATE_RIGHT, -9.0)):
+        array[np.linalg.norm(grid - centre - [side, 0.0, 0.0], axis=-1) < 2.0] = label
+    left, right = label_statistics(Volume(array, affine), None, (), map_arrays(told_left=False))
+    assert left.mapped == MapStatistics(0.0, None, None, None)
+    assert right.mapped is not None and right.mapped.told_share == 1.0
+    G, _ = map_at(map_arrays(told_left=False), centre[None] - [[9.0, 0.0, 0.0]], None)
+    assert right.mapped.low < right.mapped.median < right.mapped.high and right.mapped.median == pytest.approx(
+        G[0], rel=0.05
+    )
+
+
 def test_slices_are_counted_from_one_along_the_patients_axis() -> None:
     volume = ball()
     assert [numbered(volume, AXIAL, z) for z in (0.0, 0.9, 1.1, 46.0, 47.1)] == [
@@ -125,6 +146,6 @@ def test_the_time_left_never_grows_and_says_so_when_it_was_too_short() -> None:
         state.step_fraction = fraction
         told.append(state.seconds_left(now))
     assert told[0] == pytest.approx(10.0) and all(b <= a for a, b in pairwise(told))
-    assert _time_words(40.0, told[-1], False) == "40 s so far, longer than was thought"
-    assert _time_words(300.0, 90.0, False) == "5 min so far, about 2 min left"
-    assert _time_words(20.0, None, True) == "took 20 s"
+    assert time_words(40.0, told[-1], False) == "40 s so far, longer than was thought"
+    assert time_words(300.0, 90.0, False) == "5 min so far, about 2 min left"
+    assert time_words(20.0, None, True) == "took 20 s"

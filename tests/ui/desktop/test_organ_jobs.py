@@ -23,6 +23,7 @@ from palpate.ui.desktop.session.jobs import JobState
 @pytest.fixture(autouse=True)
 def _own_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
+    monkeypatch.setattr(organ_jobs, "give_way", lambda: None)  # the tests' own process stays as quick as it is
 
 
 def opened(path: Path) -> Controller:

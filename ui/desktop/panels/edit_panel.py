@@ -32,6 +32,7 @@ _TOOLS = (
 _MEASURING = (
     ("window", "Window", "Drag: window (sideways) and level (up and down) (5)"),
     ("ruler", "Ruler", "Drag: a distance in mm (6)"),
+    ("angle", "Angle", "Three clicks: an end, the vertex, the other end (7)"),
 )
 # Title, operation, tip, and row, column and columns of the button.
 _OPERATIONS = (

@@ -11,7 +11,7 @@ from palpate.ui.desktop.panels.charts import SwarmChart
 from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.jobs import JobState, Swarm
-from palpate.ui.desktop.session.steps import BY_COMMAND
+from palpate.ui.words.number_words import duration
 
 _OUTCOMES = {"done": ("done", style.GOOD), "cancelled": ("cancelled", style.WARN), "failed": ("failed", style.BAD)}
 
@@ -74,7 +74,7 @@ class JobPanel(QWidget):
         self.bar.setValue(1000 if done else round(1000 * job.step_fraction))
         self.message.setText(job.error or ("" if job.outcome else job.message))
         seconds = job.seconds_left(time.monotonic())
-        self.left.setText(_time_words(job.seconds_since(time.monotonic()), seconds, bool(job.outcome)))
+        self.left.setText(time_words(job.seconds_since(time.monotonic()), seconds, bool(job.outcome)))
         self.chart.setVisible(bool(job.swarm.iterations))
         if job.swarm.iterations:
             case = controller.case
@@ -91,7 +91,7 @@ class JobPanel(QWidget):
         self.chart.swarm = Swarm()
 
     def _title(self, job: JobState) -> str:
-        name = BY_COMMAND[job.step].title if job.step in BY_COMMAND else job.title
+        name = job.name
         if not job.outcome:
             stopping = self._controller.jobs.cancelling
             return f"<b>{name}</b>" + (" (stopping)" if stopping else "")
@@ -99,17 +99,11 @@ class JobPanel(QWidget):
         return f"<b>{name}</b> <span style='color:{tone}'>{words}</span>"
 
 
-def _time_words(spent: float, left: float | None, over: bool) -> str:
+def time_words(spent: float, left: float | None, over: bool) -> str:
     """How long it has taken, and how long it will."""
     if over:
-        return f"took {_duration(spent)}"
+        return f"took {duration(spent)}"
     if left is None:
-        return f"{_duration(spent)} so far"
-    rest = "longer than was thought" if left < 1.0 else f"about {_duration(left)} left"
-    return f"{_duration(spent)} so far, {rest}"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{5 * max(1, round(seconds / 5))} s"
-    return f"{round(seconds / 60)} min"
+        return f"{duration(spent)} so far"
+    rest = "longer than was thought" if left < 1.0 else f"about {duration(left)} left"
+    return f"{duration(spent)} so far, {rest}"

@@ -20,6 +20,7 @@ class Display:
     low_kpa, high_kpa : stiffness outside is not coloured; None is no limit. surest_factor : stiffness known to a larger
     factor than this is hatched instead of coloured; None hatches only what the pair does not tell at all. ball : the brush
     paints in 3D. paint_low_hu, paint_high_hu : the brush changes only voxels whose CT lies between. ruler : its two ends, mm.
+    angle : end, vertex and other end, as far as they are clicked, mm.
     """
 
     crosshair: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -41,6 +42,7 @@ class Display:
     paint_low_hu: float | None = None
     paint_high_hu: float | None = None
     ruler: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    angle: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def window(self) -> WindowLevel:
@@ -58,7 +60,7 @@ class Display:
             out = msgspec.convert(data, cls)
         except msgspec.ValidationError:
             out = cls()
-        out.tool, out.ruler = "look", None
+        out.tool, out.ruler, out.angle = "look", None, ()
         if out.mode not in MODES or out.overlay not in OVERLAYS:
             out.mode, out.overlay = MODES[0], OVERLAYS[0]
         return out

@@ -13,6 +13,7 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
 from palpate.ui.desktop.session.read_scans import Found
+from palpate.ui.desktop.session.steps import BY_COMMAND
 
 # Before this there is nothing to tell the time left from.
 _LEAST_SECONDS, _LEAST_FRACTION = 4.0, 0.04
@@ -61,6 +62,11 @@ class JobState:
     def running(self) -> bool:
         """Whether it has not ended yet."""
         return not self.outcome
+
+    @property
+    def name(self) -> str:
+        """Of the step that runs, or of the job where it has no steps."""
+        return BY_COMMAND[self.step].title if self.step in BY_COMMAND else self.title
 
     def seconds_left(self, now: float) -> float | None:
         """Of this step, by how fast it went so far; None where that cannot be told yet.

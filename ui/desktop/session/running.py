@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from palpate.ui.desktop.session import export_job, organ_jobs, step_job, steps
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.step_requests import step_request
+from palpate.ui.words.number_words import duration
 
 
 class Running:
@@ -108,6 +110,9 @@ class Running:
             said = self._session.take_in(outcome == "done", "segment" in self.names) or said
         except InputError as damaged:
             said = said or str(damaged)
+        state = self._session.jobs.state
+        if outcome == "done" and not said and state is not None:
+            said = f"{state.name} is done; it took {duration(state.seconds_since(time.monotonic()))}"
         if said:
             self._session.say(said)
 

@@ -167,3 +167,30 @@ def ruler(painter: QPainter, screen: Screen, ends: tuple[Sequence[float], Sequen
     length = float(np.linalg.norm(np.subtract(*ends)))
     side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
     text(painter, QRectF(max(a.x(), b.x()) + 8, (a.y() + b.y()) / 2 - 9, 90, 18), f"{length:.1f} mm", side, style.RULER)
+
+
+def angle(painter: QPainter, screen: Screen, points: Sequence[Sequence[float]], position: float) -> None:
+    """An angle with its degrees at the vertex, the second point, where all points lie near the slice; till then what is clicked."""
+    if not points or any(abs(point[screen.plane.normal] - position) > _NEAR_MM for point in points):
+        return
+    pixels = [screen.to_pixel(point[screen.plane.across], point[screen.plane.down]) for point in points]
+    painter.setBrush(Qt.BrushStyle.NoBrush)
+    for ink, width in ((QColor("black"), 4.0), (QColor(style.RULER), 1.8)):
+        painter.setPen(QPen(ink, width))
+        painter.drawPolyline(pixels)
+        for pixel in pixels:
+            painter.drawEllipse(pixel, 3.0, 3.0)
+    if len(points) == 3:
+        at = pixels[1]
+        side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
+        text(
+            painter, QRectF(at.x() + 8, at.y() - 9, 90, 18), f"{degrees(points):.1f}\N{DEGREE SIGN}", side, style.RULER
+        )
+
+
+def degrees(points: Sequence[Sequence[float]]) -> float:
+    """The angle at the second of three points, 0 to 180; 0 where two of them are the same."""
+    first, vertex, last = (np.asarray(point, dtype=float) for point in points)
+    a, b = first - vertex, last - vertex
+    lengths = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(np.degrees(np.arccos(np.clip(a @ b / lengths, -1.0, 1.0)))) if lengths > 0.0 else 0.0

@@ -124,6 +124,7 @@ class SlicePicture:
         place = slice_marks.position_words(screen, position, self._number(position))
         if display.ruler is not None:
             slice_marks.ruler(painter, screen, display.ruler, position)
+        slice_marks.angle(painter, screen, display.angle, position)
         slice_marks.captions(painter, screen, self._plane.name.capitalize(), name, (place, why))
         slice_marks.window_words(painter, screen, display.centre, display.width)
         if not shown:

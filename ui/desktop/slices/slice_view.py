@@ -29,6 +29,8 @@ _KEYS = {
     Qt.Key.Key_PageUp: (0, 0, 1), Qt.Key.Key_PageDown: (0, 0, -1),
 }  # fmt: skip
 _SHIFTED = 5
+# Points of an angle.
+_ENDS = 3
 
 
 class SliceView(QWidget):
@@ -114,6 +116,8 @@ class SliceView(QWidget):
             controller.editing.begin(self.editing_state, None if display.ball else self.plane, point, erase)
         elif act == "ruler":
             controller.show(ruler=(point, point))
+        elif act == "angle":
+            controller.show(angle=(*(display.angle if len(display.angle) < _ENDS else ()), point))
         else:
             controller.look_at(*point)
 

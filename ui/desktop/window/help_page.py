@@ -17,7 +17,7 @@ ROWS = (
     ("Ctrl + wheel", "magnify"),
     ("double click", "this view alone; again: all views"),
     ("F", "fit the picture to the organ"),
-    ("1, 2, 3, 4, 5, 6", "look, point, brush, eraser, window and level, ruler"),
+    ("1, 2, 3, 4, 5, 6, 7", "look, point, brush, eraser, window and level, ruler, angle"),
     ("brush with Ctrl", "takes the label away"),
     ("+, \N{MINUS SIGN}", "radius of the brush"),
     ("Ctrl + Z, Ctrl + Shift + Z, Ctrl + S", "undo, redo, save"),

@@ -28,7 +28,9 @@ from palpate.ui.desktop.panels.step_bar import StepBar
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import words_at_crosshair
 from palpate.ui.desktop.window import geometry, questions
+from palpate.ui.desktop.window.desktop_notice import show_notice
 from palpate.ui.desktop.window.menu import Menu, MenuParts
+from palpate.ui.desktop.window.notices import Notices
 from palpate.ui.desktop.window.open_page import OpenPage
 from palpate.ui.desktop.window.organ_pages import OrganPages
 from palpate.ui.desktop.window.responsiveness import ResponsivenessMeter
@@ -57,6 +59,7 @@ class MainWindow(QMainWindow):
         self.page = OpenPage(controller, self._opened)
         self._lay_out()
         self.organ = OrganPages(controller)
+        self.notices = Notices(controller, lambda words: show_notice(self, words))
         parts = MenuParts(controller, self.views, self.page, self.show_open_page, self.show_statistics)
         self.menu = Menu(self, parts)
         self.setAcceptDrops(True)
@@ -123,12 +126,23 @@ class MainWindow(QMainWindow):
             ("4", "eraser"),
             ("5", "window"),
             ("6", "ruler"),
+            ("7", "angle"),
         ):
             QShortcut(QKeySequence(key), self).activated.connect(lambda t=tool: self.controller.show(tool=t))
 
     def told(self, what: str) -> None:
         """Something has changed."""
-        for part in (self.views, self.bar, self.display, self.edit, self.results, self.job, self.steps, self.organ):
+        for part in (
+            self.views,
+            self.bar,
+            self.display,
+            self.edit,
+            self.results,
+            self.job,
+            self.steps,
+            self.organ,
+            self.notices,
+        ):
             part.told(what)
         if what == "said":
             self.statusBar().showMessage(self.controller.said)

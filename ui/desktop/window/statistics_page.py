@@ -9,9 +9,19 @@ from palpate.case.case_folder import STATES
 from palpate.imaging.labels import LABELS
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import value_words
-from palpate.ui.desktop.session.label_statistics import LabelStatistics, label_statistics
+from palpate.ui.desktop.session.label_statistics import LabelStatistics, MapStatistics, label_statistics
+from palpate.ui.words.number_words import three_figures
 
-_HEADS = ("scan", "label", "volume, cc", "CT mean, HU", "CT sd, HU", "G")
+_HEADS = (
+    "scan",
+    "label",
+    "volume, cc",
+    "CT mean, HU",
+    "CT sd, HU",
+    "G of the region",
+    "map: median (5 to 95 %), kPa",
+    "map tells",
+)
 
 
 def statistics_page(parent: QWidget, controller: Controller) -> QDialog:
@@ -29,7 +39,7 @@ def statistics_page(parent: QWidget, controller: Controller) -> QDialog:
             table.setItem(row, column, QTableWidgetItem(words))
     table.resizeColumnsToContents()
     QVBoxLayout(page).addWidget(table)
-    page.resize(720, 80 + 30 * len(rows))
+    page.resize(980, 80 + 30 * len(rows))
     page.show()
     return page
 
@@ -38,7 +48,9 @@ def _of(controller: Controller, state: str) -> list[LabelStatistics]:
     labels, case = controller.labels(state), controller.case
     if labels is None or case is None:
         return []
-    return label_statistics(labels, controller.ct(state), case.regions if state == "rest" else ())
+    if state != "rest":  # stiffness is of the organ at rest
+        return label_statistics(labels, controller.ct(state), ())
+    return label_statistics(labels, controller.ct(state), case.regions, case.stiffness_map)
 
 
 def _cells(state: str, one: LabelStatistics) -> tuple[str, ...]:
@@ -46,4 +58,13 @@ def _cells(state: str, one: LabelStatistics) -> tuple[str, ...]:
     hu = (hu[0].replace("-", "\N{MINUS SIGN}"), hu[1])
     found = one.region
     stiff = "" if found is None else value_words(found) if found.told else "not determined"
-    return state, LABELS[one.label].replace("_", " "), f"{one.volume_cc:.1f}", *hu, stiff
+    return state, LABELS[one.label].replace("_", " "), f"{one.volume_cc:.1f}", *hu, stiff, *_map_cells(one.mapped)
+
+
+def _map_cells(mapped: MapStatistics | None) -> tuple[str, str]:
+    if mapped is None:
+        return "", ""
+    if mapped.median is None or mapped.low is None or mapped.high is None:
+        return "not determined", "0 %"
+    low, median, high = (three_figures(value) for value in (mapped.low, mapped.median, mapped.high))
+    return f"{median} ({low} to {high})", f"{100.0 * mapped.told_share:.0f} %"
