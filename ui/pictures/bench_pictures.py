@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from palpate.core.arrays import FloatArray
+from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 
 _COLOURS = "viridis_r"
 # The longest arrow over the body's length, and the magnifications that are easy to read.
@@ -34,14 +35,14 @@ def body_in_state(maps: Mapping[str, FloatArray], state: int, times: int, limit_
     """
     across, *others = np.ptp(maps["points"], axis=0) * 1.25
     height = float(np.clip(3.2 * max(others) / across + 0.7, 1.7, 4.5))
-    figure = Figure(figsize=(7.6, height), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, height), layout="constrained")
     axes = list(figure.subplots(1, 2))
     norm = Normalize(0.0, max(limit_mm, 1e-9))
     for ax, (across, up) in zip(axes, ((0, 2), (0, 1)), strict=True):
         _view(ax, maps, f"state_{state + 1}/", across, up, times, norm)
     bar = figure.colorbar(ScalarMappable(norm, _COLOURS), ax=axes, shrink=0.85)
-    bar.set_label("missed, mm", fontsize=7)
-    bar.ax.tick_params(labelsize=6)
+    bar.set_label("missed, mm", fontsize=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)
     return figure
 
 
@@ -64,9 +65,9 @@ def _view(ax: Axes, maps: Mapping[str, FloatArray], at: str, across: int, up: in
     ax.scatter(seen[:, across], seen[:, up], c=size, cmap=_COLOURS, norm=norm, s=9, linewidths=0.3, edgecolors="black")
     ax.set_aspect("equal")
     ax.autoscale_view()
-    ax.set_xlabel(f"{'xyz'[across]}, mm", fontsize=7)
-    ax.set_ylabel(f"{'xyz'[up]}, mm", fontsize=7)
-    ax.tick_params(labelsize=6)
+    ax.set_xlabel(f"{'xyz'[across]}, mm", fontsize=TEXT)
+    ax.set_ylabel(f"{'xyz'[up]}, mm", fontsize=TEXT)
+    ax.tick_params(labelsize=TEXT)
 
 
 def _edges(X: FloatArray, faces: np.ndarray) -> FloatArray:  # type: ignore[type-arg]

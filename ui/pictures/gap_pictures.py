@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from palpate.core.arrays import FloatArray
 from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import PLANES, Plane, Window
 from palpate.ui.pictures.slice_axes import (
     LETTER_FONT,
@@ -45,10 +46,10 @@ class View:
 
 
 VIEWS = (
-    View("from the front", (1, -1), (0, 1), "R", "L"),
-    View("from behind", (1, 1), (0, -1), "L", "R"),
-    View("from the patient's left", (0, 1), (1, 1), "A", "P"),
-    View("from the patient's right", (0, -1), (1, -1), "P", "A"),
+    View("from the\nfront", (1, -1), (0, 1), "R", "L"),
+    View("from\nbehind", (1, 1), (0, -1), "L", "R"),
+    View("from the\npatient's left", (0, 1), (1, 1), "A", "P"),
+    View("from the\npatient's right", (0, -1), (1, -1), "P", "A"),
 )
 
 
@@ -57,7 +58,7 @@ def residual_views(maps: Mapping[str, FloatArray]) -> Figure:
 
     maps : points, normals (q, 3), standardised (q,), as `palpate.core.diagnose.verdict.record.maps` gives them.
     """
-    figure = Figure(figsize=(7.6, 2.6), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 2.6), layout="constrained")
     axes = list(figure.subplots(1, len(VIEWS)))
     spread_out(figure)
     norm = Normalize(-_LIMIT_SD, _LIMIT_SD)
@@ -67,8 +68,8 @@ def residual_views(maps: Mapping[str, FloatArray]) -> Figure:
         _seen_from(ax, view, maps, norm)
         _frame(ax, view.across[1] * middle[view.across[0]], middle[2], half)
     bar = figure.colorbar(ScalarMappable(norm, _RESIDUAL), ax=axes, shrink=0.8, extend="both")
-    bar.set_label("predicted \N{MINUS SIGN} seen (sd)", fontsize=7)
-    bar.ax.tick_params(labelsize=6)
+    bar.set_label("predicted \N{MINUS SIGN} seen (sd)", fontsize=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)
     return figure
 
 
@@ -77,7 +78,7 @@ def force_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
 
     maps : nodes (k, 3) mm, force_kpa_per_mm (k, 3). Shown in N/cm3, which is kPa/mm.
     """
-    figure = Figure(figsize=(7.6, 3.0), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 3.0), layout="constrained")
     axes = list(figure.subplots(1, 3))
     size = np.linalg.norm(maps["force_kpa_per_mm"], axis=1)
     norm = Normalize(0.0, max(float(size.max(initial=0.0)), 1e-9))
@@ -87,8 +88,8 @@ def force_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
         draw_outlines(ax, images, plane, window, (ORGAN, *WALLS))
         _arrows(ax, plane, window, maps, norm)
     bar = figure.colorbar(ScalarMappable(norm, _FORCE), ax=axes, shrink=0.8)
-    bar.set_label("missing force (N/cm\N{SUPERSCRIPT THREE})", fontsize=7)
-    bar.ax.tick_params(labelsize=6)
+    bar.set_label("missing force (N/cm\N{SUPERSCRIPT THREE})", fontsize=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)
     return figure
 
 
@@ -100,9 +101,9 @@ def _seen_from(ax: Axes, view: View, maps: Mapping[str, FloatArray], norm: Norma
     points, value = points[order], maps["standardised"][near][order]
     across, direction = view.across
     ax.scatter(direction * points[:, across], points[:, 2], c=value, cmap=_RESIDUAL, norm=norm, s=9, linewidths=0)
-    ax.set_title(view.name, fontsize=7)
+    ax.set_title(view.name, fontsize=TEXT)
     for letter, x, y in ((view.left, 0.03, 0.5), (view.right, 0.97, 0.5), ("S", 0.5, 0.97), ("I", 0.5, 0.03)):
-        ax.text(x, y, letter, transform=ax.transAxes, fontsize=8, ha="center", va="center", family=LETTER_FONT)
+        ax.text(x, y, letter, transform=ax.transAxes, fontsize=TEXT, ha="center", va="center", family=LETTER_FONT)
 
 
 def _frame(ax: Axes, across: float, up: float, half: float) -> None:
@@ -113,7 +114,7 @@ def _frame(ax: Axes, across: float, up: float, half: float) -> None:
     ax.set_ylim(up - half, up + half)
     end, y = across + 0.97 * half, up - 0.94 * half
     ax.plot([end - SCALE_BAR_MM, end], [y, y], color="black", linewidth=1.6, solid_capstyle="butt")
-    ax.text(end - 0.5 * SCALE_BAR_MM, y, f"{SCALE_BAR_MM:.0f} mm", fontsize=5.5, ha="center", va="bottom")
+    ax.text(end - 0.5 * SCALE_BAR_MM, y, f"{SCALE_BAR_MM:.0f} mm", fontsize=TEXT, ha="center", va="bottom")
 
 
 def _arrows(ax: Axes, plane: Plane, window: Window, maps: Mapping[str, FloatArray], norm: Normalize) -> None:

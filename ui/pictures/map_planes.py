@@ -15,6 +15,7 @@ from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import PLANES, Plane, Slice, Window, share_of_label
 from palpate.ui.pictures.slice_axes import ORGAN, draw_background, draw_outlines
 from palpate.ui.pictures.slices import stiffness_bar
@@ -30,7 +31,7 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
 
     arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`.
     """
-    figure = Figure(figsize=(7.6, 5.3), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 5.3), layout="constrained")
     grid = figure.subplots(2, 3)
     scale = images.shared or map_scale(images.stiffness_kpa.values(), arrays)
     for column, plane in enumerate(PLANES):
@@ -49,8 +50,8 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
         grid[1, column].set_title("")
     stiffness_bar(figure, list(grid[0]), scale, 0.95)
     bar = figure.colorbar(ScalarMappable(_FACTORS, "magma_r"), ax=list(grid[1]), shrink=0.95, pad=0.02, aspect=24)
-    bar.set_label("known to a factor of (1 sd)", fontsize=8)
-    bar.ax.tick_params(labelsize=7)
+    bar.set_label("known to a factor of (1 sd)", fontsize=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)
     return figure
 
 

@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.matched_motion import MatchedMotion
 from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import PLANES, Plane, Window
 from palpate.ui.pictures.slice_axes import ORGAN, WALLS, draw_background, draw_outlines
 
@@ -23,7 +24,7 @@ def motion_planes(images: CaseImages, matched: MatchedMotion) -> Figure:
 
     Of a motion that an image tells in some directions only, the rest is the model's prediction.
     """
-    figure = Figure(figsize=(7.6, 3.0), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 3.0), layout="constrained")
     for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
         window = images.window(plane)
         draw_background(axes, images, plane, window)
@@ -33,7 +34,7 @@ def motion_planes(images: CaseImages, matched: MatchedMotion) -> Figure:
         axes.plot(bad[:, plane.across], bad[:, plane.down], "x", color=_REJECTED, markersize=3.5, markeredgewidth=0.9)
     used = Line2D([], [], color=_USED, label=f"matched ({len(matched.points)} points in all)")
     crosses = Line2D([], [], color=_REJECTED, marker="x", linestyle="", label=f"rejected ({len(matched.rejected)})")
-    figure.legend(handles=[used, crosses], loc="outside lower center", ncols=2, fontsize=7, frameon=False)
+    figure.legend(handles=[used, crosses], loc="outside lower center", ncols=2, fontsize=TEXT, frameon=False)
     return figure
 
 

@@ -13,6 +13,7 @@ from matplotlib.patheffects import withStroke
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.ui.pictures.colours import OUTLINES
 from palpate.ui.pictures.images import CaseImages, grey, stiffness_slice
+from palpate.ui.pictures.lettering import TEXT
 from palpate.ui.pictures.planes import Plane, Slice, Window, reached, share_of_label
 
 SCALE_BAR_MM = 20.0
@@ -48,7 +49,7 @@ def draw_background(axes: Axes, images: CaseImages, plane: Plane, window: Window
     axes.set_ylim(picture.extent[2], picture.extent[3])
     axes.set_xticks([])
     axes.set_yticks([])
-    axes.set_title(f"{plane.name}, {position_text(plane, window)}", fontsize=8)
+    axes.set_title(f"{plane.name}\n{position_text(plane, window)}", fontsize=TEXT)
     _letters(axes, plane)
     _scale_bar(axes, picture.extent)
 
@@ -113,7 +114,7 @@ def _letters(axes: Axes, plane: Plane) -> None:
     places = ((plane.left, 0.03, 0.5), (plane.right, 0.97, 0.5), (plane.top, 0.5, 0.965), (plane.bottom, 0.5, 0.035))
     for letter, x, y in places:
         axes.text(
-            x, y, letter, transform=axes.transAxes, color="white", fontsize=9, fontweight="bold", ha="center",
+            x, y, letter, transform=axes.transAxes, color="white", fontsize=TEXT, fontweight="bold", ha="center",
             va="center", path_effects=_HALO, family=LETTER_FONT,
         )  # fmt: skip
 
@@ -123,7 +124,7 @@ def _scale_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
     x, y = left + 0.06 * (right - left), bottom + 0.06 * (top - bottom)
     axes.plot([x, x + SCALE_BAR_MM], [y, y], color="white", linewidth=2.0, solid_capstyle="butt", path_effects=_HALO)
     axes.text(
-        x, y + 0.02 * (top - bottom), f"{SCALE_BAR_MM:.0f} mm", color="white", fontsize=6, va="bottom",
+        x, y + 0.02 * (top - bottom), f"{SCALE_BAR_MM:.0f} mm", color="white", fontsize=TEXT, va="bottom",
         path_effects=_HALO,
     )  # fmt: skip
 

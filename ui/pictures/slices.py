@@ -17,6 +17,7 @@ from matplotlib.ticker import StrMethodFormatter
 from palpate.imaging.labels import BLADDER, RECTUM
 from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
 from palpate.ui.pictures.images import CaseImages
+from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import AXIAL, PLANES, Plane, Window, reach_of
 from palpate.ui.pictures.slice_axes import (
     BONES,
@@ -35,7 +36,7 @@ matplotlib.rcParams["font.family"] = "DejaVu Sans"
 
 def stiffness_planes(images: CaseImages) -> Figure:
     """Axial, sagittal and coronal slice through the organ's centre: above the scan, below the stiffness on it."""
-    figure = Figure(figsize=(7.6, 5.3), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 5.3), layout="constrained")
     grid = figure.subplots(2, 3)
     met: set[str] = set()
     for column, plane in enumerate(PLANES):
@@ -58,7 +59,7 @@ def stiffness_series(images: CaseImages, count: int = 6) -> Figure:
     """Axial slices from the organ's lower to its upper end with the stiffness on them."""
     low, high = reach_of(images.rest, images.organ)[:, 2]
     middle = images.window(AXIAL)
-    figure = Figure(figsize=(7.6, 5.3), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 5.3), layout="constrained")
     grid = figure.subplots(2, count // 2)
     shares = (np.arange(count) + 0.5) / count
     met: set[str] = set()
@@ -76,7 +77,7 @@ def deformation_planes(images: CaseImages) -> Figure:
     """Outlines at rest (solid) and deformed (dashed) on the scan at rest. ``images.deformed`` must be there."""
     if images.deformed is None:
         raise ValueError("deformation_planes needs the deformed labels")
-    figure = Figure(figsize=(7.6, 3.1), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 3.1), layout="constrained")
     met: set[str] = set()
     for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
         window = images.window(plane, margin_mm=40.0)
@@ -90,8 +91,8 @@ def deformation_planes(images: CaseImages) -> Figure:
 def stiffness_bar(figure: Figure, axes: list[Axes], scale: StiffnessScale, shrink: float) -> Colorbar:
     """The colour bar of stiffness beside some axes, its ticks in plain kPa."""
     bar = figure.colorbar(ScalarMappable(scale.norm, scale.colormap), ax=axes, shrink=shrink, pad=0.02, aspect=24)
-    bar.set_label(STIFFNESS_LABEL, fontsize=8)
-    bar.ax.tick_params(which="both", labelsize=7)
+    bar.set_label(STIFFNESS_LABEL, fontsize=TEXT)
+    bar.ax.tick_params(which="both", labelsize=TEXT)
     if scale.log:
         bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         bar.ax.yaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
@@ -129,5 +130,5 @@ def _legend(figure: Figure, images: CaseImages, met: set[str], deformed: bool = 
     if deformed:
         for style, state in (("-", "at rest"), ("--", "deformed")):
             lines.append(Line2D([], [], color="white", linewidth=1.4, linestyle=style, label=state))  # type: ignore[arg-type]
-    box = figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), fontsize=7, labelcolor="white")
+    box = figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), fontsize=TEXT, labelcolor="white")
     box.get_frame().set(facecolor="#303030", edgecolor="none")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from textwrap import fill
 
 import numpy as np
 from matplotlib import colormaps
@@ -17,6 +18,7 @@ from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures.colours import AROUND_OPACITY, DISTANCE_MAP, UNTOLD, StiffnessScale, label_rgb
+from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.offscreen import render
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
 from palpate.ui.pictures.slice_axes import LETTER_FONT, SCALE_BAR_MM, spread_out
@@ -59,11 +61,11 @@ def anatomy(
             faces = inside(wall, region)
             bodies[name] = Body(wall.points, faces, np.tile([r, g, b], (len(faces), 1)), opacity)
     views = (ANTERIOR, OBLIQUE)
-    figure = Figure(figsize=(7.6, 3.7), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 3.7), layout="constrained")
     axes = figure.subplots(1, 2)
     scene = Scene(bodies, views, (800, 800), "organ")
     for ax, picture, view in zip(axes, render(scene), views, strict=True):
-        _show(ax, picture, view, scene.height_mm)
+        _show(ax, picture, view, scene.height_mm, 40)
     if stiffness:
         stiffness_bar(figure, list(axes), scale, 0.85)
     return figure
@@ -85,29 +87,29 @@ def misfit(found: MisfitMap) -> Figure:
     rgb = colours(norm(found.distance[found.faces].mean(axis=1)))[:, :3]
     views = (ANTERIOR, POSTERIOR, LEFT, RIGHT)
     scene = Scene({"organ": Body(found.points, found.faces, rgb)}, views, (500, 500))
-    figure = Figure(figsize=(7.6, 2.5), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 2.5), layout="constrained")
     axes = figure.subplots(1, 4)
     spread_out(figure)
     for ax, picture, view in zip(axes, render(scene), views, strict=True):
-        _show(ax, picture, view, scene.height_mm)
+        _show(ax, picture, view, scene.height_mm, 15)
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), shrink=0.95, aspect=18, extend=beyond)
-    bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=8)
-    bar.ax.tick_params(labelsize=8)
+    bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)
     for sign in (-1.0, 1.0):
         if found.noise_mm is not None and found.noise_mm < limit:
             bar.ax.axhline(sign * found.noise_mm, color="black", linewidth=0.8)
     return figure
 
 
-def _show(axes: Axes, picture: LabelArray, view: View, height_mm: float) -> None:
-    """height_mm : of the whole picture."""
+def _show(axes: Axes, picture: LabelArray, view: View, height_mm: float, letters: int) -> None:
+    """height_mm : of the whole picture. letters : of the title's lines."""
     axes.imshow(picture)
     axes.set_axis_off()
-    axes.set_title(view.name, fontsize=8)
+    axes.set_title(fill(view.name, letters), fontsize=TEXT)
     places = ((view.left, 0.05, 0.5), (view.right, 0.95, 0.5), (view.top, 0.5, 0.96), (view.bottom, 0.5, 0.04))
     for letter, x, y in places:
         axes.text(
-            x, y, letter, transform=axes.transAxes, fontsize=9, fontweight="bold", ha="center", va="center",
+            x, y, letter, transform=axes.transAxes, fontsize=TEXT, fontweight="bold", ha="center", va="center",
             family=LETTER_FONT,
         )  # fmt: skip
     _scale_bar(axes, picture.shape[0], picture.shape[1], height_mm)
@@ -118,4 +120,4 @@ def _scale_bar(axes: Axes, rows: int, columns: int, height_mm: float) -> None:
     length = SCALE_BAR_MM * rows / height_mm
     right, y = 0.97 * columns, 0.965 * rows
     axes.plot([right - length, right], [y, y], color="black", linewidth=2.0, solid_capstyle="butt")
-    axes.text(right - 0.5 * length, y - 0.015 * rows, f"{SCALE_BAR_MM:.0f} mm", fontsize=6, ha="center", va="bottom")
+    axes.text(right - 0.5 * length, y - 0.015 * rows, f"{SCALE_BAR_MM:.0f} mm", fontsize=TEXT, ha="center", va="bottom")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 RESEARCH_USE = "Research use only \N{EN DASH} not for diagnosis"
@@ -89,3 +89,17 @@ class Document:
     sections: Sequence[Section]
     notices: Sequence[Notice] = field(default=())
     footer: str = RESEARCH_USE
+
+
+def numbered(document: Document) -> Document:
+    """The same with figures counted from 1, in page and PDF alike: a view that turns, which only the page has, is not counted."""
+    sections, count = [], 0
+    for section in document.sections:
+        blocks: list[Block] = []
+        for block in section.blocks:
+            if isinstance(block, Picture):
+                count += 1
+                block = replace(block, caption=f"Figure {count}. {block.caption}")
+            blocks.append(block)
+        sections.append(replace(section, blocks=blocks))
+    return replace(document, sections=sections)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
-from palpate.ui.report.document import Document
+from palpate.ui.report.document import Document, numbered
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 
@@ -18,7 +18,7 @@ def html(document: Document) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["data_uri"] = _data_uri
     environment.filters["kind"] = lambda block: type(block).__name__
-    return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(document=document)
+    return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(document=numbered(document))
 
 
 def _data_uri(path: Path) -> str:

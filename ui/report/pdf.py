@@ -33,7 +33,7 @@ from palpate.ui.report.pdf_parts import FittingPicture, PictureRun, column_width
 
 # matplotlib brings a free font that has Greek letters; PDF's own fonts have none.
 _FONT, _BOLD = "DejaVuSans", "DejaVuSans-Bold"
-_CELL = 8.5
+_CELL = 9.0
 _MARGIN = 17.0 * mm
 _WIDTH = A4[0] - 2.0 * _MARGIN
 # Of reportlab's frames: taken off the margins, so that text, tables and pictures begin where the footer does.
@@ -44,6 +44,7 @@ _INK, _QUIET = colors.HexColor("#1b1f24"), colors.HexColor("#3d4650")
 
 def write_pdf(document: doc.Document, path: Path) -> Path:
     """Writes the report; its footer stands on every page."""
+    document = doc.numbered(document)
     _register_fonts()
     template = SimpleDocTemplate(
         str(path), pagesize=A4, leftMargin=_MARGIN - _PADDING, rightMargin=_MARGIN - _PADDING, topMargin=18.0 * mm, bottomMargin=18.0 * mm,
@@ -90,7 +91,7 @@ def _flowables(block: doc.Block) -> list[Flowable]:
         # With a page's end near the whole goes over; else the table begins here and goes on there, under its header again.
         return [
             CondPageBreak(0.5 * _ENOUGH),
-            Paragraph(escape(block.caption), _style(8, colour=_QUIET, after=1)),
+            Paragraph(escape(block.caption), _style(9, colour=_QUIET, after=1)),
             _table(block),
         ]
     return [_flowable(block)]
@@ -113,7 +114,7 @@ def _flowable(block: doc.Block) -> Flowable:
 
 
 def _paragraph(block: doc.Paragraph) -> Flowable:
-    size, colour = {"lead": (11, _INK), "small": (8, _QUIET)}.get(block.weight, (9.5, _INK))
+    size, colour = {"lead": (11, _INK), "small": (9, _QUIET)}.get(block.weight, (9.5, _INK))
     return Paragraph(escape(block.text), _style(size, colour=colour, after=1.5))
 
 
@@ -125,8 +126,8 @@ def _notice(block: doc.Notice) -> Flowable:
 
 
 def _bullets(block: doc.Bullets) -> Flowable:
-    items = [Paragraph(escape(text), _style(8, colour=_QUIET)) for text in block.items]
-    return ListFlowable(items, bulletType="bullet", bulletFontSize=6, leftIndent=10, spaceAfter=2 * mm)
+    items = [Paragraph(escape(text), _style(9, colour=_QUIET)) for text in block.items]
+    return ListFlowable(items, bulletType="bullet", bulletFontSize=7, leftIndent=10, spaceAfter=2 * mm)
 
 
 def _table(block: doc.Table) -> Flowable:
@@ -153,7 +154,7 @@ def _picture(block: doc.Picture) -> Flowable:
     with PillowImage.open(block.path) as image:
         width, height = image.size
     shown = _WIDTH * block.width
-    caption = Paragraph(escape(block.caption), _style(8, colour=_QUIET))
+    caption = Paragraph(escape(block.caption), _style(9, colour=_QUIET))
     return FittingPicture(str(block.path), shown, shown * height / width, caption)
 
 

@@ -6,12 +6,8 @@ from reportlab.lib.units import mm
 from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.platypus import Flowable, Paragraph
 
+from palpate.ui.pictures.lettering import SMALLEST
 from palpate.ui.report import document as doc
-
-# A picture is made smaller, to this share at most, rather than leave the rest of a page empty.
-SMALLEST = 0.7
-# Pictures that share what is left of a page are not made smaller than this to do so.
-SMALLEST_TOGETHER = 0.8
 
 
 class FittingPicture(Flowable):
@@ -74,7 +70,7 @@ class PictureRun(Flowable):
         """The pictures that fit and the run of the others; nothing where none does."""
         fitting: list[FittingPicture] = []
         for picture in self._pictures:
-            if _scale([*fitting, picture], aW, aH) >= (SMALLEST_TOGETHER if fitting else SMALLEST):
+            if _scale([*fitting, picture], aW, aH) >= SMALLEST:
                 fitting.append(picture)
         if not fitting:
             return []

@@ -36,7 +36,7 @@ def test_figure_has_both_rows_and_both_bars(tmp_path: Path) -> None:
     images = CaseImages(labels(affine()), stiffness_kpa={1: 20.0, 2: 60.0})
     figure = module.map_planes(images, map_arrays(told_left=True))
     titles = [ax.get_title() for ax in figure.axes[:3]]
-    assert [t.split(",")[0] for t in titles] == ["axial", "sagittal", "coronal"]
+    assert [t.split("\n")[0] for t in titles] == ["axial", "sagittal", "coronal"]
     bars = [ax.get_ylabel() for ax in figure.axes[6:]]
     assert bars == ["shear modulus G (kPa)", "known to a factor of (1 sd)"]
     assert map_scale([20.0], map_arrays(told_left=True)).high >= 60.0
