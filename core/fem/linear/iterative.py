@@ -22,7 +22,7 @@ from palpate.core.fem.linear.pattern import Pattern
 from palpate.core.fem.linear.two_level import Levels, TwoLevel
 
 # Relative residuals, scaled, at which a rough solve and one to round-off end; kept directions, and how often they are begun anew.
-_ROUGH, _EXACT = 1e-4, 1e-12
+_ROUGH, _EXACT = 1e-3, 1e-12
 _DIRECTIONS, _RESTARTS = 90, 3
 # More right-hand sides than this, to round-off, take longer one by one than a factor (tests/benchmarks/iterative_solver.py).
 _MANY = 2
