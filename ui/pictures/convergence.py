@@ -25,7 +25,7 @@ def convergence(best: Sequence[float], noise: float | None = None) -> Figure:
     if (values > 0).all() and values.max() > 3.0 * values.min():
         axes.set_yscale("log")
     axes.set_xlabel("iteration", fontsize=TEXT)
-    axes.set_ylabel("weighted sum of squares,\nleast so far", fontsize=TEXT)
+    axes.set_ylabel("weighted squares,\nleast so far", fontsize=TEXT)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.tick_params(labelsize=TEXT)
     axes.grid(alpha=0.3)

@@ -58,7 +58,7 @@ def residual_views(maps: Mapping[str, FloatArray]) -> Figure:
 
     maps : points, normals (q, 3), standardised (q,), as `palpate.core.diagnose.verdict.record.maps` gives them.
     """
-    figure = Figure(figsize=(PAGE_INCHES, 2.6), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 2.9), layout="constrained")
     axes = list(figure.subplots(1, len(VIEWS)))
     spread_out(figure)
     norm = Normalize(-_LIMIT_SD, _LIMIT_SD)
@@ -78,7 +78,7 @@ def force_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
 
     maps : nodes (k, 3) mm, force_kpa_per_mm (k, 3). Shown in N/cm3, which is kPa/mm.
     """
-    figure = Figure(figsize=(PAGE_INCHES, 3.0), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 3.4), layout="constrained")
     axes = list(figure.subplots(1, 3))
     size = np.linalg.norm(maps["force_kpa_per_mm"], axis=1)
     norm = Normalize(0.0, max(float(size.max(initial=0.0)), 1e-9))

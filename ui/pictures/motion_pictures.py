@@ -24,7 +24,7 @@ def motion_planes(images: CaseImages, matched: MatchedMotion) -> Figure:
 
     Of a motion that an image tells in some directions only, the rest is the model's prediction.
     """
-    figure = Figure(figsize=(PAGE_INCHES, 3.0), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 3.5), layout="constrained")
     for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
         window = images.window(plane)
         draw_background(axes, images, plane, window)

@@ -77,7 +77,7 @@ def deformation_planes(images: CaseImages) -> Figure:
     """Outlines at rest (solid) and deformed (dashed) on the scan at rest. ``images.deformed`` must be there."""
     if images.deformed is None:
         raise ValueError("deformation_planes needs the deformed labels")
-    figure = Figure(figsize=(PAGE_INCHES, 3.1), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 3.5), layout="constrained")
     met: set[str] = set()
     for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
         window = images.window(plane, margin_mm=40.0)
