@@ -29,6 +29,8 @@ from palpate.imaging.contours.roi_names import choose_rois
         ("Cabeza femoral", "bone"),
         # TG-263.
         ("Femur_Head_L", "bone"),
+        ("FemoralHead_L", "bone"),
+        ("FemoralHead_R", "bone"),
         ("Bone_Pelvic", "bone"),
         ("Bladder", "bladder"),
         ("Rectum~", "rectum"),

@@ -59,7 +59,7 @@ def stiffness_series(images: CaseImages, count: int = 6) -> Figure:
     """Axial slices from the organ's lower to its upper end with the stiffness on them."""
     low, high = reach_of(images.rest, images.organ)[:, 2]
     middle = images.window(AXIAL)
-    figure = Figure(figsize=(PAGE_INCHES, 5.3), layout="constrained")
+    figure = Figure(figsize=(PAGE_INCHES, 5.9), layout="constrained")
     grid = figure.subplots(2, count // 2)
     shares = (np.arange(count) + 0.5) / count
     met: set[str] = set()
