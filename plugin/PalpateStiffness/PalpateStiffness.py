@@ -7,6 +7,7 @@ from typing import Annotated
 
 import qt
 import slicer
+from PalpateStiffnessLib import install
 from PalpateStiffnessLib.errors import InputError
 from PalpateStiffnessLib.logic import METHODS, StiffnessLogic
 from PalpateStiffnessLib.nodes import LoadError, ResultNodes
@@ -26,6 +27,9 @@ from slicer.ScriptedLoadableModule import (
 from slicer.util import VTKObservationMixin
 
 POLL_MS = 200
+_BUTTONS = (
+    "loadButton", "segmentButton", "identifyButton", "diagnoseButton", "reportButton", "showButton", "correctButton", "installButton",
+)  # fmt: skip
 
 
 class PalpateStiffness(ScriptedLoadableModule):
@@ -69,12 +73,17 @@ def open_with_sample(_source):
 class PalpateStiffnessParameterNode:
     """What a scene remembers of the panel.
 
-    restFolder, deformedFolder : DICOM. caseFolder : where everything is kept. program : path of the palpate program, found
-    where empty. clicks : points named by organ, in the scan at rest. method, tetrahedra : of the search.
+    restFolder, deformedFolder : DICOM; where empty, the volumes of the scene. restContours, deformedContours : segmentations of the
+    scene. caseFolder : where everything is kept. program : path of the palpate program, found where empty. clicks : points named by
+    organ, in the scan at rest. method, tetrahedra : of the search.
     """
 
     restFolder: Path
     deformedFolder: Path
+    restVolume: slicer.vtkMRMLScalarVolumeNode
+    deformedVolume: slicer.vtkMRMLScalarVolumeNode
+    restContours: slicer.vtkMRMLSegmentationNode
+    deformedContours: slicer.vtkMRMLSegmentationNode
     caseFolder: Path
     program: Path
     clicks: slicer.vtkMRMLMarkupsFiducialNode
@@ -93,6 +102,7 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         self._then = None
         self._nodes: ResultNodes | None = None
         self._results = {}
+        self._logged = 0
         self._parameters = None
         self._connections = None
 
@@ -112,6 +122,9 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
             (self.ui.loadButton, self.on_load),
             (self.ui.segmentButton, self.on_segment),
             (self.ui.identifyButton, self.on_identify),
+            (self.ui.diagnoseButton, self.on_diagnose),
+            (self.ui.correctButton, self.on_correct),
+            (self.ui.installButton, self.on_install),
             (self.ui.reportButton, self.on_report),
             (self.ui.showButton, self.on_show),
             (self.ui.cancelButton, self.on_cancel),
@@ -159,9 +172,11 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
 
     def on_load(self):
         """Imports the pair."""
-        p = self._parameters
-        case = self._case()
-        self._start(self._stiffness().load_pair(p.restFolder, p.deformedFolder, case), lambda: self._show(case))
+        p, case, logic = self._parameters, self._case(), self._stiffness()
+        rest = logic.scan_folder(p.restFolder, p.restVolume)
+        deformed = logic.scan_folder(p.deformedFolder, p.deformedVolume)
+        labels = (logic.contours(p.restContours), logic.contours(p.deformedContours))
+        self._start(logic.load_pair(rest, deformed, case, labels=labels), lambda: self._show(case))
 
     def on_segment(self):
         """Finds the organs."""
@@ -172,6 +187,35 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         """Finds the stiffness."""
         p, case = self._parameters, self._case()
         self._start(self._stiffness().identify(case, p.method, (), p.tetrahedra), lambda: self._show(case))
+
+    def on_diagnose(self):
+        """Looks for what the model leaves out."""
+        self._start(self._stiffness().diagnose(self._case()), None)
+
+    def on_correct(self):
+        """The segments of the scene, as they are now, into a new case, which the panel names from then on."""
+        shown = self._nodes if self._nodes is not None else ResultNodes()
+        pipeline, case = self._stiffness().corrected(self._case(), shown)
+
+        def corrected():
+            self._parameters.caseFolder = case
+            self._show(case)
+
+        self._start(pipeline, corrected)
+
+    def on_install(self):
+        """Asks, then makes an environment for the program and names it in the panel."""
+        source, target = install.source_folder(), install.target_folder()
+        if not slicer.util.confirmYesNoDisplay(install.QUESTION.format(source=source, target=target)):
+            self.ui.statusLabel.text = _("Nothing was installed.")
+            return
+        pipeline = install.install_pipeline(install.find_python(), source, target)
+
+        def installed():
+            self._parameters.program = install.program_in(target)
+            self.ui.statusLabel.text = _("The program is installed; go on.")
+
+        self._start(pipeline, installed)
 
     def on_report(self):
         """Writes the report and opens it."""
@@ -207,6 +251,7 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         state = pipeline.poll()
         self.ui.progressBar.value = round(100 * pipeline.fraction)
         self.ui.statusLabel.text = pipeline.message
+        self._show_log(pipeline)
         if state == RUNNING:
             return
         self.timer.stop()
@@ -218,8 +263,14 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         if state == DONE and then is not None:
             self._guarded(then)
 
+    def _show_log(self, pipeline):
+        """What has been printed since the last time."""
+        for line in pipeline.log[self._logged :]:
+            self.ui.logText.appendPlainText(line)
+        self._logged = len(pipeline.log)
+
     def _start(self, pipeline, then):
-        self._pipeline, self._then = pipeline, then
+        self._pipeline, self._then, self._logged = pipeline, then, 0
         self.ui.statusLabel.styleSheet = ""
         self.timer.start()
         self._update_buttons()
@@ -228,9 +279,16 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         """Runs a slot; what a person can put right is said in the panel."""
         try:
             slot()
-        except (InputError, LoadError, ProgramNotFoundError) as error:
-            self.ui.statusLabel.text = str(error)
-            self.ui.statusLabel.styleSheet = "color: #b00020"
+        except ProgramNotFoundError as error:
+            self._refuse(error)
+            if self._parameters.program == Path():  # nothing is chosen that a person could mean instead
+                self._guarded(self.on_install)
+        except (InputError, LoadError) as error:
+            self._refuse(error)
+
+    def _refuse(self, error):
+        self.ui.statusLabel.text = str(error)
+        self.ui.statusLabel.styleSheet = "color: #b00020"
 
     def _stiffness(self):
         """The logic, calling the program that the panel names; an empty path is `.` in a parameter node."""
@@ -246,7 +304,7 @@ class PalpateStiffnessWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         """Off while something runs; a button that is off says why."""
         running = self._pipeline is not None
         why = _("Something is running: wait or cancel.")
-        for button in ("loadButton", "segmentButton", "identifyButton", "reportButton", "showButton"):
+        for button in _BUTTONS:
             widget = getattr(self.ui, button)
             if not hasattr(self, f"_tip_{button}"):
                 setattr(self, f"_tip_{button}", widget.toolTip)

@@ -119,6 +119,15 @@ def test_a_colour_in_slicer_is_the_stiffness_that_it_is_in_the_report(case: Case
         np.testing.assert_allclose(table.GetTableValue(index)[:3], scale.rgb(kpa), atol=0.01)
 
 
+def test_a_legend_says_what_a_colour_stands_for(case: CaseFolder) -> None:
+    scene = slicer.vtkMRMLScene()
+    scene.RegisterNodeClass(slicer.vtkMRMLColorLegendDisplayNode())  # Slicer's application does that
+    nodes = exported(case, StiffnessLogic(scene))
+    legend = slicer.vtkSlicerColorLogic.GetColorLegendDisplayNode(nodes.stiffness)
+    assert legend is nodes.legend and legend.GetTitleText() == "G, kPa" and legend.GetVisibility()
+    assert nodes.legend in nodes.all(), "it goes with the results"
+
+
 def test_segmentations_load_as_outlines_that_hide_nothing(case: CaseFolder) -> None:
     scene = slicer.vtkMRMLScene()
     nodes = exported(case, StiffnessLogic(scene))

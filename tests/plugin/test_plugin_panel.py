@@ -17,7 +17,13 @@ MODULE = ROOT / "plugin" / "PalpateStiffness"
 sys.path[:0] = [str(MODULE), str(ROOT / "tests" / "fixtures")]
 
 from dicom_cases import pair  # noqa: E402
+from PalpateStiffnessLib import install, program  # noqa: E402
+from PalpateStiffnessLib.errors import InputError  # noqa: E402
+from PalpateStiffnessLib.pipeline import Pipeline, Step  # noqa: E402
 from phantoms import affine  # noqa: E402
+
+from palpate.case.labels_on_scan import labels_on_scan  # noqa: E402
+from palpate.imaging.contours.user_labels import read_user_labels  # noqa: E402
 
 
 class Control:
@@ -29,6 +35,9 @@ class Control:
 
     def connect(self, _signal: str, slot: Callable[..., None]) -> None:
         self.slots.append(slot)
+
+    def appendPlainText(self, line: str) -> None:
+        self.plainText += line + "\n"
 
     def click(self) -> None:
         assert self.enabled
@@ -80,6 +89,7 @@ class Base:
 class Parameters:
     def __init__(self, _node: Any) -> None:
         self.restFolder = self.deformedFolder = self.caseFolder = self.program = Path()
+        self.restVolume = self.deformedVolume = self.restContours = self.deformedContours = None
         self.clicks, self.method, self.tetrahedra = None, "swarm", 7000
 
     def connectGui(self, _ui: Any) -> int:
@@ -118,6 +128,7 @@ def panel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     shown: dict[str, Any] = {}
     for name, made in (
         ("VTKObservationMixin", Observing), ("loadUI", lambda _path: Loaded()), ("childWidgetVariables", lambda _w: Controls()),
+        ("confirmYesNoDisplay", lambda question: shown.setdefault("asked", []).append(question) or shown.get("answer", False)),
         ("setSliceViewerLayers", lambda **layers: shown.update(layers)), ("resetSliceViews", lambda: None),
     ):  # fmt: skip
         monkeypatch.setattr(slicer.util, name, made, raising=False)
@@ -205,3 +216,101 @@ def test_the_sample_pair_fills_in_the_folders(panel: Any) -> None:
     panel.on_sample()
     assert panel._parameters.restFolder == ROOT / "sample_dicom" / "rest"
     assert "simulated" in panel.ui.statusLabel.text
+
+
+def test_the_log_has_every_command_and_what_it_printed(panel: Any, tmp_path: Path) -> None:
+    panel._parameters.caseFolder = pair(tmp_path / "case", affine(), deformed=False).path
+    panel.ui.showButton.click()
+    run_to_the_end(panel)
+    lines = panel.ui.logText.plainText.splitlines()
+    assert lines[0].startswith("> ") and "export" in lines[0] and "--to nrrd" in lines[0]
+    assert any("export" in line and "%" in line for line in lines[1:]), "progress is in the log too"
+    assert len(lines) == len(set(lines)), "nothing twice"
+
+
+def test_diagnose_runs_on_the_case_and_its_verdict_is_said(
+    panel: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panel._parameters.caseFolder = pair(tmp_path / "case", affine(), deformed=False).path
+    answer = {
+        "verdict": "ambiguous",
+        "candidates": ["wall_slid", "gravity"],
+        "next_measurement": "a scan in prone position",
+    }
+    step = Step("diagnose", [sys.executable, "-c", f"import json; print(json.dumps({answer!r}))"])
+    asked = panel.logic.stiffness().diagnose(panel._parameters.caseFolder).steps[0].command
+    assert asked[-2:] == ["diagnose", str(panel._parameters.caseFolder)]
+    monkeypatch.setattr(type(panel.logic.stiffness()), "diagnose", lambda self, case: Pipeline([step]))
+    panel.ui.diagnoseButton.click()
+    run_to_the_end(panel)
+    assert "by one of: wall slid, gravity" in panel.ui.summaryText.plainText
+    assert "What would settle it: a scan in prone position" in panel.ui.summaryText.plainText
+
+
+def test_corrected_segments_go_back_into_a_new_case(panel: Any, tmp_path: Path) -> None:
+    case = pair(tmp_path / "case", affine())
+    panel._parameters.caseFolder = case.path
+    panel.ui.correctButton.click()
+    assert "press Show in the scene first" in panel.ui.statusLabel.text
+    panel.ui.showButton.click()
+    run_to_the_end(panel)
+    logic = panel.logic.stiffness()
+    pipeline, new = logic.corrected(case.path, panel._nodes)
+    assert new == tmp_path / "case_corrected_1" and [step.name for step in pipeline.steps] == ["import", "segment"]
+    command = pipeline.steps[0].command
+    assert [str(case.file("rest_ct")), str(case.file("deformed_ct")), "-o", str(new)] == command[-8:-4]
+    files = {command[k - 1]: Path(command[k]) for k in (-3, -1)}
+    for state in ("rest", "deformed"):
+        written = read_user_labels(files[f"--{state}-labels"], case.ct(state), placed=False).volume.array
+        for value in (1, 2, 5):
+            assert (written == value).sum() == (labels_on_scan(case, state).array == value).sum()
+
+
+def test_a_missing_program_is_installed_after_asking_only(
+    panel: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lacking(_given: str = "") -> list[str]:
+        raise program.ProgramNotFoundError(program.INSTALL)
+
+    panel._parameters.caseFolder = pair(tmp_path / "case", affine(), deformed=False).path
+    monkeypatch.setattr("PalpateStiffnessLib.logic.program_command", lacking)
+    monkeypatch.setattr(install, "target_folder", lambda: tmp_path / "own")
+    panel.ui.segmentButton.click()
+    assert "3.2 GB" in panel.shown["asked"][0] and str(tmp_path / "own") in panel.shown["asked"][0]
+    assert panel.ui.statusLabel.text == "Nothing was installed." and panel._pipeline is None
+    panel.shown["answer"] = True
+    done = Pipeline([Step("environment", [sys.executable, "-c", "print('made')"], json=False)])
+    monkeypatch.setattr(install, "install_pipeline", lambda python, source, target: done)
+    panel.ui.installButton.click()
+    run_to_the_end(panel)
+    assert panel._parameters.program == install.program_in(tmp_path / "own") and "made" in panel.ui.logText.plainText
+
+
+def test_the_program_gets_an_environment_with_locked_packages(tmp_path: Path) -> None:
+    steps = install.install_pipeline("python3", install.source_folder(), tmp_path).steps
+    assert [step.name for step in steps] == ["environment", "packages", "program"] and not any(
+        step.json for step in steps
+    )
+    assert steps[0].command == ["python3", "-m", "venv", "--clear", str(tmp_path)]
+    assert "--require-hashes" in steps[1].command and steps[1].command[-1] == str(ROOT / "requirements.lock")
+    assert steps[2].command[-2:] == ["--no-deps", str(ROOT)] and Path(install.find_python()).exists()
+
+
+def test_a_volume_of_the_scene_stands_for_its_folder(
+    panel: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = pair(tmp_path / "case", affine(), deformed=False)
+    files = sorted(case.file("rest_ct").iterdir())
+    database = types.SimpleNamespace(fileForInstance=lambda uid: str(files[int(uid)]) if int(uid) < len(files) else "")
+    monkeypatch.setattr(slicer, "dicomDatabase", database, raising=False)
+    volume = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    logic = panel.logic.stiffness()
+    with pytest.raises(InputError, match="was not loaded by the DICOM module"):
+        logic.scan_folder(Path(), volume)
+    volume.SetAttribute("DICOM.instanceUIDs", " ".join(map(str, range(len(files)))))
+    folder = logic.scan_folder(Path(), volume)
+    assert sorted(p.read_bytes() for p in folder.iterdir()) == sorted(p.read_bytes() for p in files)
+    assert logic.scan_folder(tmp_path, volume) == tmp_path, "a chosen folder goes before the volume"
+    volume.SetAttribute("DICOM.instanceUIDs", "0 9999")
+    with pytest.raises(InputError, match="no longer in Slicer's DICOM database"):
+        logic.scan_folder(Path(), volume)

@@ -29,10 +29,11 @@ class ResultNodes:
     stiffness: Any = None
     mesh: Any = None
     colours: Any = None
+    legend: Any = None
 
     def all(self) -> list[Any]:
         """Every node there is."""
-        single = [node for node in (self.stiffness, self.mesh, self.colours) if node is not None]
+        single = [node for node in (self.legend, self.stiffness, self.mesh, self.colours) if node is not None]
         return [*self.volumes.values(), *self.segmentations.values(), *single]
 
 
@@ -54,6 +55,7 @@ def show(scene: Any, folder: Path) -> ResultNodes:
         nodes.colours = colours.node
         nodes.stiffness = _volume(scene, folder / STIFFNESS, "Stiffness G, kPa (research use only)")
         _show_as_stiffness(nodes.stiffness, colours)
+        nodes.legend = _legend(nodes.stiffness)
     if (folder / MESH).is_file():
         nodes.mesh = _loaded(scene, folder / MESH, "vtkMRMLModelNode", "vtkMRMLModelStorageNode", "Mesh at rest")
         _show_mesh(nodes.mesh, nodes.colours)
@@ -120,6 +122,20 @@ def _show_as_stiffness(volume: Any, colours: StiffnessColours) -> None:
     units = slicer.vtkCodedEntry()
     units.SetValueSchemeMeaning("kPa", "UCUM", "kilopascal")
     volume.SetVoxelValueUnits(units)
+
+
+def _legend(volume: Any) -> Any:
+    """The colour legend in the slice views: what a colour stands for, in kPa. None where Slicer is without its Colors module."""
+    if not hasattr(slicer, "vtkSlicerColorLogic") or not volume.GetScene().IsNodeClassRegistered(
+        "vtkMRMLColorLegendDisplayNode"
+    ):
+        return None
+    legend = slicer.vtkSlicerColorLogic.AddDefaultColorLegendDisplayNode(volume.GetDisplayNode())
+    if legend is not None:
+        legend.SetTitleText("G, kPa")
+        legend.SetLabelFormat("%.3g")
+        legend.SetMaxNumberOfColors(256)
+    return legend
 
 
 def _show_mesh(model: Any, colours: Any) -> None:

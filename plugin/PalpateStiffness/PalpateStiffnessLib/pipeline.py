@@ -15,16 +15,21 @@ _CANCELLED_CODE = 130
 
 @dataclass(frozen=True)
 class Step:
-    """name : what a person reads. command : its command line. share : of the whole time, for the progress bar."""
+    """name : what a person reads. command : its command line. share : of the whole time, for the progress bar. json : whether it is a
+    command of the program, which answers in JSON."""
 
     name: str
     command: Sequence[str]
     share: float = 1.0
+    json: bool = True
 
 
 @dataclass
 class Pipeline:
-    """steps : what to do. After each ``poll``: state, fraction, message; at the end results by step name, or error."""
+    """steps : what to do. After each ``poll``: state, fraction, message; at the end results by step name, or error.
+
+    log : command lines and what they printed, line by line.
+    """
 
     steps: Sequence[Step]
     state: str = RUNNING
@@ -32,8 +37,10 @@ class Pipeline:
     message: str = ""
     error: str = ""
     results: dict[str, dict[str, Any]] = field(default_factory=dict)
+    log: list[str] = field(default_factory=list)
     _index: int = 0
     _call: ProgramCall | None = None
+    _heard: int = 0
 
     def poll(self) -> str:
         """Looks how far the running step is and starts the next one where it has ended; returns the state."""
@@ -41,11 +48,14 @@ class Pipeline:
             return self.state
         step = self.steps[self._index]
         if self._call is None:
-            self._call = ProgramCall(step.command)
+            self.log.append("> " + " ".join(step.command))
+            self._call = ProgramCall(step.command, step.json)
+            self._heard = 0
         total = sum(s.share for s in self.steps)
         before = sum(s.share for s in self.steps[: self._index])
         self.fraction = (before + step.share * self._call.fraction) / total
         self.message = f"{step.name}: {self._call.message}"
+        self._take_log(self._call)
         if not self._call.is_running:
             self._end_step(step, self._call)
         return self.state
@@ -67,7 +77,14 @@ class Pipeline:
             time.sleep(0.05)
         return self.state
 
+    def _take_log(self, call: ProgramCall) -> None:
+        """What the running step has printed since the last time."""
+        new = call.log[self._heard :]
+        self._heard += len(new)
+        self.log += new
+
     def _end_step(self, step: Step, call: ProgramCall) -> None:
+        self._take_log(call)
         if call.exit_code == 0:
             self.results[step.name] = call.result()
             self._index, self._call = self._index + 1, None

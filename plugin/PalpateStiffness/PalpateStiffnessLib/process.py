@@ -24,18 +24,21 @@ _POSIX = os.name == "posix"
 
 
 class ProgramCall:
-    """command : the whole command line but `--json`, which is added.
+    """command : the whole command line but `--json`, which is added where as_json. log : the lines it printed, without the result.
 
     fraction (0 to 1) and message : how far it is, from its standard error. Reading happens in threads: nothing here blocks
     but ``wait``.
     """
 
-    def __init__(self, command: Sequence[str]) -> None:
+    def __init__(self, command: Sequence[str], as_json: bool = True) -> None:
         self.fraction, self.message = 0.0, "starting"
         self._output, self._errors = "", ""
+        self.log: list[str] = []
+        self._as_json = as_json
         group = {"start_new_session": True} if _POSIX else {"creationflags": 0x00000200}  # CREATE_NEW_PROCESS_GROUP
+        whole = [*command, "--json"] if as_json else [*command]
         self.process = subprocess.Popen(
-            [*command, "--json"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            whole, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             encoding="utf-8", errors="replace", env=environment(), **group,  # type: ignore[call-overload]
         )  # fmt: skip
         self._readers = [threading.Thread(target=read, daemon=True) for read in (self._read_output, self._read_errors)]
@@ -92,12 +95,25 @@ class ProgramCall:
 
     def _read_output(self) -> None:
         assert self.process.stdout is not None
-        self._output = self.process.stdout.read()
+        if self._as_json:
+            self._output = self.process.stdout.read()
+        else:
+            for line in self.process.stdout:
+                self._hear(line)
         self.process.stdout.close()
+
+    def _hear(self, line: str) -> None:
+        """A line for the log; of progress only what is new."""
+        said = line.strip()
+        if said and (not self.log or self.log[-1] != said):
+            self.log.append(said)
+            if not self._as_json:
+                self.message = said[:120]
 
     def _read_errors(self) -> None:
         assert self.process.stderr is not None
         for line in self.process.stderr:
+            self._hear(line)
             match = _PROGRESS.match(line.strip())
             if match is None:
                 self._errors += line

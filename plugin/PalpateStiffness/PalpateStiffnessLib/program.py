@@ -21,7 +21,8 @@ class ProgramNotFoundError(Exception):
 def program_command(given: str = "") -> list[str]:
     """The beginning of every command line. ``given`` : path of the program or of the repository's `run`; may be empty.
 
-    Looked for in this order: ``given``, the variable PALPATE, `run` of the repository that this extension lies in, PATH.
+    Looked for in this order: ``given``, the variable PALPATE, `run` of the repository that this extension lies in, the
+    environment that the module installed (`install.py`), PATH.
     Raises ProgramNotFoundError saying what to do.
     """
     for text in (given.strip(), os.environ.get("PALPATE", "").strip()):
@@ -30,6 +31,9 @@ def program_command(given: str = "") -> list[str]:
     beside = Path(__file__).resolve().parents[3] / "run"
     if beside.is_file() and os.access(beside, os.X_OK):
         return _command_of(beside)
+    own = Path.home() / ".palpate" / "environment" / ("Scripts/palpate.exe" if os.name == "nt" else "bin/palpate")
+    if own.is_file():
+        return [str(own)]
     found = shutil.which("palpate")
     if found is None:
         raise ProgramNotFoundError(INSTALL)

@@ -11,7 +11,8 @@ RESEARCH_USE = "Research use only. Not for diagnosis."
 def summary(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Lines about each step that has been done."""
     lines: list[str] = []
-    for name, of_step in (("import", _imported), ("segment", _segmented), ("mesh", _meshed), ("identify", _found)):
+    steps = {"import": _imported, "segment": _segmented, "mesh": _meshed, "identify": _found, "diagnose": _diagnosed}
+    for name, of_step in steps.items():
         if results.get(name):
             lines += of_step(results[name])
     return lines
@@ -51,6 +52,17 @@ def _found(result: Mapping[str, Any]) -> list[str]:
         lines.append(f"{name.replace('_', ' ')}: G = {_three(region['G_kpa'])} kPa, {sure}{edge}")
     lines.append(f"Misfit: {result['misfit']['rms_mm']:.2f} mm (rms)")
     return [*lines, f"What this pair can tell: {result['identifiability']['verdict']}", *_notes(result)]
+
+
+def _diagnosed(result: Mapping[str, Any]) -> list[str]:
+    names = ", ".join(str(name).replace("_", " ").replace("-", " ") for name in result.get("candidates", ()))
+    verdict = str(result.get("verdict", "unknown"))
+    said = {
+        "none": "no gap beyond the noise", "unknown": "a gap of a kind that is not known",
+        "ambiguous": f"a gap, by one of: {names}" if names else "the scans tell too little to see one",
+    }.get(verdict, verdict.replace("_", " ").replace("-", " "))  # fmt: skip
+    following = str(result.get("next_measurement") or "")
+    return [f"Gap between model and scan: {said}", *([f"What would settle it: {following}"] if following else [])]
 
 
 def _three(value: float) -> str:
