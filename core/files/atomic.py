@@ -7,6 +7,7 @@ import os
 import re
 import secrets
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -127,13 +128,15 @@ def _beside(path: Path, kind: str) -> Path:
 
 
 def _flush(path: Path) -> None:
-    with path.open("rb") as stream:
+    with path.open("rb+") as stream:  # Windows flushes only what may be written
         os.fsync(stream.fileno())
 
 
 def _is_another_running(process_id: int) -> bool:
     if process_id == os.getpid():
         return False
+    if sys.platform == "win32":  # there, signal 0 is Ctrl-C
+        return True
     try:
         os.kill(process_id, 0)
     except ProcessLookupError:

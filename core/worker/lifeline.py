@@ -11,6 +11,8 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
+from palpate.core.worker.wake_pipe import wake_pipe
+
 _BELOW_A_WINDOW = 10
 _PR_SET_PDEATHSIG = 1
 
@@ -22,8 +24,7 @@ def watch(stop: Callable[[bool], None]) -> None:
     Signal handlers run between two Python instructions of the main thread, which may be inside a solver for long. The
     interpreter writes to the wake-up pipe at once.
     """
-    woken, wake = os.pipe()
-    os.set_blocking(wake, False)
+    woken, wake = wake_pipe()
     signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, _leave_to_the_thread)

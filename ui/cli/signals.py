@@ -14,6 +14,7 @@ from pathlib import Path
 from types import FrameType
 
 from palpate.core.errors import Cancelled
+from palpate.core.worker.wake_pipe import wake_pipe
 
 CANCELLED = "cancelled; run the same command again: what was finished is kept"
 EXIT_CODE = 130
@@ -27,8 +28,7 @@ def cancellable() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    woken, wake = os.pipe()
-    os.set_blocking(wake, False)
+    woken, wake = wake_pipe()
     old_wake = signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     old = {number: signal.signal(number, _raise) for number in numbers}
@@ -74,7 +74,9 @@ def descendants(process: int) -> list[int]:
 
 
 def _parents() -> dict[int, int]:
-    """Every process of this machine and its parent."""
+    """Every process of this machine and its parent; none on Windows, where a worker ends when its parent's pipe does."""
+    if sys.platform == "win32":
+        return {}
     if not Path("/proc/self/stat").exists():
         listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid="], capture_output=True, text=True, check=False).stdout
         return {int(a): int(b) for a, b in (line.split() for line in listed.splitlines())}
