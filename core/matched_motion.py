@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.window_scores import WindowScores
 
 # Why a point is not used, by number.
 REASONS = (
@@ -27,7 +28,8 @@ class MatchedMotion:
     (n, 3, 3) 1/mm2 of each displacement; a direction that the image does not tell has none. correlation_mm : errors of
     two points a distance d apart have correlation exp(-(d / correlation_mm)^2), because their windows overlap.
     rejected : (m, 6) mm, rest position and displacement of points that are not used. rejected_for : (m,) why, an index
-    of `REASONS`.
+    of `REASONS`. scores : what the same windows say without a displacement of one point; None where only displacements are
+    known.
     """
 
     points: FloatArray
@@ -36,10 +38,12 @@ class MatchedMotion:
     correlation_mm: float
     rejected: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
     rejected_for: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    scores: WindowScores | None = None
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """For numpy.savez; `from_arrays` is the inverse."""
-        return {
+        scores = {} if self.scores is None else self.scores.arrays()
+        return {f"scores/{key}": values for key, values in scores.items()} | {
             "points": self.points,
             "moved": self.moved,
             "precision": self.precision,
@@ -55,4 +59,7 @@ class MatchedMotion:
             np.asarray(data[key], dtype=np.float64) for key in ("points", "moved", "precision", "rejected")
         )
         reasons = np.asarray(data["rejected_for"], dtype=np.int64)
-        return cls(points, moved, precision, float(np.asarray(data["correlation_mm"]).item()), rejected, reasons)
+        found = {key.removeprefix("scores/"): values for key, values in data.items() if key.startswith("scores/")}
+        scores = WindowScores.from_arrays(found) if found else None
+        correlation = float(np.asarray(data["correlation_mm"]).item())
+        return cls(points, moved, precision, correlation, rejected, reasons, scores)

@@ -20,8 +20,8 @@ from palpate.core.identify.options import IdentifyOptions
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.inference.posterior import Posterior, laplace
 from palpate.core.observe.contour_noise import Weighting
-from palpate.core.observe.motion_data import MotionData
 from palpate.core.observe.motion_observation import MotionObservation
+from palpate.core.observe.motion_rows import MotionRows
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
 from palpate.core.reduced.reduced_model import ReducedModel, scene_hash
@@ -34,7 +34,6 @@ FILE = "again.npz"
 # Starts of the search, shares of the way from the lower to the upper bound.
 _STARTS = (0.3, 0.5, 0.7)
 _OF_SURFACE = ("points", "normals", "region", "area")
-_OF_MOTION = ("points", "moved", "point", "direction", "sd")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +80,7 @@ def keep_for_again(folder: Path, fit: PlainFit, options: IdentifyOptions, finger
         "model": np.array(fingerprint),
     }
     arrays |= {f"surface/{key}": getattr(observation, key) for key in _OF_SURFACE}
-    arrays |= {f"motion/{key}": getattr(observation.motion.data, key) for key in _OF_MOTION}
+    arrays |= {f"motion/rows/{key}": values for key, values in observation.motion.rows.arrays().items()}
     arrays["motion/reader"] = observation.motion.reader
     save_checkpoint(folder / FILE, arrays, scene_key(first.scene.problem, options))
 
@@ -120,9 +119,8 @@ def identify_again(folder: Path, problem: IdentificationProblem, options: Identi
 def _misfit(kept: Mapping[str, NDArray[np.generic]], problem: IdentificationProblem) -> Misfit:
     """Misfit of the problem's deformed organ, with the data and weights that were kept."""
     deformed, nowhere = problem.organ.deformed, MotionObservation.empty()
-    points, moved, point, direction, sd = (np.asarray(kept[f"motion/{key}"]) for key in _OF_MOTION)
-    seen = MotionData(points, moved, point, direction, sd, nowhere.data.correlation_mm)
-    motion = replace(nowhere, data=seen, reader=np.asarray(kept["motion/reader"]))
+    rows = {key.removeprefix("motion/rows/"): values for key, values in kept.items() if key.startswith("motion/rows/")}
+    motion = replace(nowhere, rows=MotionRows.from_arrays(rows), reader=np.asarray(kept["motion/reader"]))
     observation = SurfaceObservation(
         **{key: np.asarray(kept[f"surface/{key}"]) for key in _OF_SURFACE},
         operator=nowhere.operator,

@@ -11,21 +11,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 from scipy.spatial.distance import cdist
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.matched_motion import MatchedMotion
-from palpate.core.observe.contour_noise import noise_modes
 
 # Directions with a larger standard deviation, mm, are no data: they know less than the model before it sees anything.
 LARGEST_SD_MM = 3.0
 # Independent part of every datum's error, as a share of its standard deviation: keeps the covariance well conditioned
 # where points nearly coincide.
-_NUGGET = 0.1
-# Modes: correlation length of the motion that they hold, mm (that of a missing force, `NoiseModelOptions`; the motion that
-# forces cause is smoother); share of its variance that is kept; the least signal over noise of one, and the most of them.
-_LENGTH_MM, _KEPT, _LEAST, _MOST = 12.0, 0.999, 0.05, 300
+NUGGET = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,25 +57,6 @@ class MotionData:
         """Covariance (d, d) mm2 of the errors."""
         at = self.points[self.point]
         together = np.exp(-((cdist(at, at) / self.correlation_mm) ** 2)) * (self.direction @ self.direction.T)
-        together = (1.0 - _NUGGET**2) * together
+        together = (1.0 - NUGGET**2) * together
         together[np.diag_indices_from(together)] = 1.0
         return np.asarray(self.sd[:, None] * together * self.sd)
-
-
-def mode_reader(data: MotionData) -> FloatArray:
-    """Matrix (m, d) that takes data to modes of unit variance and independent errors, the best known first.
-
-    A thousand points are some hundred independent observations of a smooth motion. The data are whitened by their own
-    covariance, and projected on the directions in which smooth motion of 1 mm shows most above their noise; the remainder
-    is finer than any motion that forces cause.
-    """
-    if not len(data.sd):
-        return np.zeros((0, 0))
-    factor = cholesky(data.covariance(), lower=True)
-    modes = noise_modes(data.points, 1.0, _LENGTH_MM, _KEPT)[data.point]
-    shown = np.concatenate([modes * data.direction[:, a : a + 1] for a in range(3)], axis=1)
-    signal = solve_triangular(factor, shown, lower=True)
-    square, turn = np.linalg.eigh(signal.T @ signal)
-    kept = np.flatnonzero(square > _LEAST)[::-1][:_MOST]
-    whole = signal @ (turn[:, kept] / np.sqrt(square[kept]))
-    return np.asarray(solve_triangular(factor, whole, lower=True, trans="T").T)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,33 +11,33 @@ import scipy.sparse as sp
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.fem.space import Space, locate
 from palpate.core.matched_motion import MatchedMotion
-from palpate.core.observe.motion_data import MotionData, mode_reader
+from palpate.core.observe.motion_rows import MotionRows, mode_reader
 
-# A point outside the mesh by more than this share of its nearest cell is no datum.
-_OUTSIDE = 0.2
+# A point outside the mesh by more than this share of its nearest cell is no datum. Points that are looked for at once.
+_OUTSIDE, _AT_ONCE = 0.2, 20_000
 
 
 @dataclass(frozen=True, eq=False)
 class MotionObservation:
-    """data : of the points that lie in the mesh. operator : (p, n) takes nodal displacements to them. reader : (m, d)
-    takes the data to their modes, whose errors are independent and of unit variance."""
+    """rows : of what lies in the mesh. operator : (p, n) takes nodal displacements to the rows' nodes. reader : (m, d)
+    takes the rows to their modes, whose errors are independent and of unit variance."""
 
-    data: MotionData
+    rows: MotionRows
     operator: sp.csr_matrix
     reader: FloatArray
 
     @classmethod
     def of(cls, matched: MatchedMotion | None, space: Space) -> MotionObservation:
-        """The points that lie in the mesh; no data where nothing was matched."""
+        """What lies in the mesh; no data where nothing was matched."""
         if matched is None or len(matched.points) == 0:
             return cls.empty(space.n_nodes)
-        data = MotionData.of(matched, _in_mesh(space, matched.points))
-        return cls(data, space.interpolation(data.points), mode_reader(data))
+        rows = MotionRows.of(matched, lambda points: _in_mesh(space, points))
+        return cls(rows, _interpolation(space, rows.nodes), mode_reader(rows))
 
     @classmethod
     def empty(cls, nodes: int = 0) -> MotionObservation:
         """No data, on a space of so many nodes."""
-        return cls(MotionData.of(None), sp.csr_matrix((0, nodes)), np.zeros((0, 0)))
+        return cls(MotionRows.none(), sp.csr_matrix((0, nodes)), np.zeros((0, 0)))
 
     @property
     def n(self) -> int:
@@ -50,29 +51,36 @@ class MotionObservation:
 
     def on(self, space: Space) -> MotionObservation:
         """The same data, read on another space."""
-        if not len(self.data.points):
-            return replace(self, operator=sp.csr_matrix((0, space.n_nodes)))
-        return replace(self, operator=space.interpolation(self.data.points))
+        if not self.n:
+            return MotionObservation.empty(space.n_nodes)
+        return replace(self, operator=_interpolation(space, self.rows.nodes))
 
     def residual(self, u: FloatArray) -> FloatArray:
         """Predicted minus matched motion (m,), in the modes, for nodal displacements u (n, 3) mm."""
         return self.residual_of(self.operator @ u)
 
     def residual_of(self, v: FloatArray) -> FloatArray:
-        """The same (m,) for displacements v (p, 3) mm of the points."""
-        return self.along(v - self.data.moved)
+        """The same (m,) for displacements v (p, 3) mm of the rows' nodes."""
+        return self.along(v) - np.asarray(self.reader @ self.rows.value)
 
     def along(self, v: FloatArray) -> FloatArray:
-        """Modes (m,) of displacements v (p, 3) mm of the points."""
-        return np.asarray(self.reader @ self.data.along(v))
+        """Modes (m,) of displacements v (p, 3) mm of the rows' nodes."""
+        return np.asarray(self.reader @ self.rows.along(v))
 
     @property
-    def per_point(self) -> FloatArray:
-        """Derivative (m, p, 3) of the modes in the points' displacements."""
-        out = np.zeros((self.n, len(self.data.points), 3))
-        for d, (point, direction) in enumerate(zip(self.data.point, self.data.direction, strict=True)):
-            out[:, point] += self.reader[:, d, None] * direction
-        return out
+    def per_place(self) -> FloatArray:
+        """Derivative (m, w, 3) of the modes in the displacement about each of the rows' places, as if it were the same wherever
+        a row looks."""
+        d, w = len(self.rows.value), len(self.rows.places)
+        of_place = sp.csr_matrix((np.ones(d), (self.rows.place, np.arange(d))), shape=(w, d))
+        each = [of_place @ (self.reader * self.rows.as_a_whole[:, a]).T for a in range(3)]
+        return np.stack([e.T for e in each], axis=2)
+
+    @cached_property
+    def per_node(self) -> FloatArray:
+        """Derivative (m, n, 3) of the modes in nodal displacements."""
+        onto = self.rows.response @ sp.kron(self.operator, sp.eye(3), format="csr")
+        return np.asarray((onto.T @ self.reader.T).T.reshape(self.n, self.operator.shape[1], 3))
 
     def jacobian(self, sensitivities: FloatArray) -> FloatArray:
         """Derivative (m, t) of the residual, per unit of theta, for sensitivities du/dtheta (t, n, 3)."""
@@ -82,5 +90,16 @@ class MotionObservation:
 
 
 def _in_mesh(space: Space, points: FloatArray) -> BoolArray:
-    _, xi = locate(space.mesh, points)
+    each = [locate(space.mesh, part)[1] for part in _parts(points)]
+    xi = np.vstack(each) if each else np.zeros((0, 3))
     return np.asarray(np.minimum(xi.min(axis=1), 1.0 - xi.sum(axis=1)) > -_OUTSIDE)
+
+
+def _interpolation(space: Space, points: FloatArray) -> sp.csr_matrix:
+    if not len(points):
+        return sp.csr_matrix((0, space.n_nodes))
+    return sp.vstack([space.interpolation(part) for part in _parts(points)]).tocsr()
+
+
+def _parts(points: FloatArray) -> list[FloatArray]:
+    return np.array_split(points, 1 + len(points) // _AT_ONCE)

@@ -63,16 +63,16 @@ class SurfaceObservation:
 
     @cached_property
     def all_points(self) -> sp.csr_matrix:
-        """Operator (q + k + m, n) that takes nodal displacements to surface points, landmarks and matched points."""
+        """Operator (q + k + p, n) that takes nodal displacements to surface points, landmarks and nodes of matched motion."""
         return sp.vstack([self.operator, self.landmark_operator, self.motion.operator]).tocsr()
 
     @property
     def every_place(self) -> FloatArray:
-        """Positions (q + k + m, 3) mm at rest of the points of `all_points`."""
-        return np.vstack([self.points, self.landmarks[:, :3], self.motion.data.points])
+        """Positions (q + k + w, 3) mm at rest of surface points, landmarks and places of matched motion."""
+        return np.vstack([self.points, self.landmarks[:, :3], self.motion.rows.places])
 
     def parts_of(self, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rows of v (q + k + m, 3) that belong to the surface, to the landmarks and to matched points."""
+        """Rows of v (q + k + p, 3) that belong to the surface, to the landmarks and to nodes of matched motion."""
         q, k = len(self.points), len(self.landmarks)
         return v[:q], v[q : q + k], v[q + k :]
 

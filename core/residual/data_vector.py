@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.sparse as sp
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
@@ -129,18 +130,24 @@ class DataVector:
         Read as nodal forces these are the loads of the adjoint problems: the body's response to row i is the change of
         datum i per unit force at every node, for the tangent is symmetric (Maxwell and Betti).
         """
-        every, rows = scene.observation.all_points, self.per_point(scene, u)
-        return np.stack([(every.T @ rows[:, :, i].T).T for i in range(3)], axis=2)
+        observation = scene.observation
+        rows = self.per_place(scene, u)
+        contours = sp.vstack([observation.operator, observation.landmark_operator]).tocsr()
+        seen = contours.shape[0]
+        out = np.stack([(contours.T @ rows[:, :seen, i].T).T for i in range(3)], axis=2)
+        out[self.motion] = observation.motion.per_node
+        return out
 
-    def per_point(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
-        """Derivative (n, p, 3) of the residual in the displacements of `observation.all_points`, at u (nodes, 3) mm."""
+    def per_place(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
+        """Derivative (n, q + k + w, 3) of the residual in displacements about `observation.every_place`, at u (nodes, 3) mm;
+        that of matched motion is `MotionObservation.per_place`."""
         observation = scene.observation
         _, normal = observation.residual_and_normal(scene.seen(u))
-        q, rows = len(observation.points), np.zeros((self.n, observation.all_points.shape[0], 3))
+        q, rows = len(observation.points), np.zeros((self.n, len(observation.every_place), 3))
         rows[: self.n_modes, :q] = self.modes.T[:, :, None] * normal
         for k in range(3 * self.n_marks):
             rows[self.marks.start + k, q + k // 3, k % 3] = 1.0
-        rows[self.motion, q + self.n_marks :] = observation.motion.per_point
+        rows[self.motion, q + self.n_marks :] = observation.motion.per_place
         return rows
 
 

@@ -118,7 +118,7 @@ def _local(at: Linearisation, data: DataVector, length: float) -> FloatArray:
         return np.zeros((data.n, data.n))
     points = at.scene.observation.every_place
     near = np.exp(-0.5 * (cdist(points, points) / length) ** 2)
-    rows = data.per_point(at.scene, at.equilibrium.u)
+    rows = data.per_place(at.scene, at.equilibrium.u)
     return sum((rows[:, :, a] @ near @ rows[:, :, a].T for a in range(3)), np.zeros((data.n, data.n)))
 
 

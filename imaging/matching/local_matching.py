@@ -11,20 +11,17 @@ are compared under. The data are the steps from there that smaller windows ask f
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.core.arrays import BoolArray, FloatArray
-from palpate.imaging.matching.scan_pair import ScanPair
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
+from palpate.imaging.matching.scan_pair import Motion, ScanPair
+from palpate.imaging.matching.scores import Compared
 from palpate.imaging.matching.window_errors import less_sure, one_step, texture_and_precision, variance_left
 from palpate.imaging.matching.window_fits import NormalEquations, equations_under, shifts, smooth_field
 from palpate.imaging.matching.window_sums import Windows
 from palpate.imaging.volume import Volume
-
-# Displacements (n, 3) mm at points (n, 3) mm.
-Motion = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ class MatchOptions:
     3, 1.5 with 2). spacing_mm : about the distance of these control points. full : the least share of a window that must be
     usable."""
 
-    levels: tuple[Level, ...] = (Level(2.0, 8.0, 3), Level(0.9, 5.0))
+    levels: tuple[Level, ...] = (Level(2.0, 8.0, 3), Level(0.9, 5.0, rounds=2))
     window_mm: float = 3.0
     spacing_mm: float = 7.0
     full: float = 0.3
@@ -58,8 +55,9 @@ class LocalMatches:
 
     precision : (n, 3, 3) 1/mm2 of each displacement; a direction without texture has none. shift : (n, 3) mm from the
     predicted to the matched motion. left_hu : (n,) standard deviation of the difference that is left in the window.
-    correlation_mm : distance over which errors of neighbouring points go along, as exp(-(d / correlation_mm)^2). field :
-    displacement (mi, mj, mk, 3) mm of every window.
+    correlation_mm : distance over which errors of neighbouring points go along, as exp(-(d / correlation_mm)^2). beyond :
+    smooth motion (mi, mj, mk, 3) mm beyond the predicted one, from which the points' own shifts are counted. windows :
+    (n, 3), their indices in the lattice of `compared`, the scans under that motion.
     """
 
     points: FloatArray
@@ -68,7 +66,9 @@ class LocalMatches:
     shift: FloatArray
     left_hu: FloatArray
     correlation_mm: float
-    field: Volume
+    beyond: Volume
+    windows: IntArray
+    compared: Compared
 
 
 def match(
@@ -86,42 +86,40 @@ def match(
     (n, 3) mm, from which matching starts. bright : (b, 3) mm, spots whose windows are control points in any case.
     """
     options = options or MatchOptions()
-    motion = predicted
+    pair, beyond, uneven = _smooth_motion(first, second, usable, predicted, options)
+    small = replace(pair, windows=Windows.of(pair.grid, options.window_mm))
+    nodes = small.windows.nodes
+    at = equations_under(small, *small.moved(beyond.at(nodes.reshape(-1, 3)).reshape(nodes.shape)))
+    keep = _control_points(small, at, options, bright)
+    variance = variance_left(small, at)
+    texture, precision = texture_and_precision(small, at, variance)
+    centre = _centre_of_texture(small, at, keep)
+    shift = beyond.at(centre) + one_step(texture[keep], at.right[keep], precision[keep])
+    precision = less_sure(precision[keep], uneven.at(centre))
+    compared = Compared(small, at, lambda points: predicted(points) + beyond.at(points))
+    return LocalMatches(
+        centre, predicted(centre) + shift, precision, shift, np.sqrt(variance[keep]), 2.0 * options.window_mm, beyond,
+        np.argwhere(keep), compared,
+    )  # fmt: skip
+
+
+def _smooth_motion(
+    first: Volume, second: Volume, usable: tuple[BoolArray, BoolArray], predicted: Motion, options: MatchOptions
+) -> tuple[ScanPair, Volume, Volume]:
+    """The finest level's pair, the smooth motion (mi, mj, mk, 3) mm beyond the predicted one, and how far its windows' last
+    shifts (mi, mj, mk, 3) mm are from their neighbours'."""
+    beyond: Volume | None = None
     for level in options.levels:
-        pair = ScanPair.of(first, second, usable, level.smoothing_mm, level.window_mm)
+        pair = ScanPair.of(first, second, usable, predicted, level.smoothing_mm, level.window_mm)
         nodes = pair.windows.nodes
-        field = motion(nodes.reshape(-1, 3)).reshape(nodes.shape)
+        field = np.zeros_like(nodes) if beyond is None else beyond.at(nodes.reshape(-1, 3)).reshape(nodes.shape)
         for _ in range(level.rounds):
             shift, at = shifts(pair, field, level.iterations)
-            field = field + smooth_field(pair, shift, at.A)
-        motion = pair.windows.lattice.with_array(field).at
-    shift, at = shifts(pair, field, level.iterations)
-    field = field + smooth_field(pair, shift, at.A)
-    uneven = pair.windows.lattice.with_array(shift - smooth_field(pair, shift, at.A))
-    small = replace(pair, windows=Windows.of(pair.grid, options.window_mm))
-    at = equations_under(small, *pair.moved(field))
-    keep = _control_points(small, at, options, bright)
-    return _at_points(small, pair.windows.lattice.with_array(field), uneven, at, keep, predicted)
-
-
-def _at_points(
-    pair: ScanPair, motion: Volume, uneven: Volume, at: NormalEquations, keep: BoolArray, predicted: Motion
-) -> LocalMatches:
-    variance = variance_left(pair, at)
-    texture, precision = texture_and_precision(pair, at, variance)
-    centre = _centre_of_texture(pair, at, keep)
-    step = one_step(texture[keep], at.right[keep], precision[keep])
-    found = motion.at(centre) + step
-    precision = less_sure(precision[keep], uneven.at(centre))
-    return LocalMatches(
-        centre,
-        found,
-        precision,
-        found - predicted(centre),
-        np.sqrt(variance[keep]),
-        2.0 * pair.windows.sigma_mm,
-        motion,
-    )
+            smooth = smooth_field(pair, shift, at.A)
+            field = field + smooth
+        beyond = pair.windows.lattice.with_array(field)
+    assert beyond is not None
+    return pair, beyond, pair.windows.lattice.with_array(shift - smooth)
 
 
 def _centre_of_texture(pair: ScanPair, at: NormalEquations, keep: BoolArray) -> FloatArray:

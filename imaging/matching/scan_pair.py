@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,9 @@ from scipy import ndimage
 from palpate.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from palpate.imaging.matching.window_sums import Windows
 from palpate.imaging.volume import Volume
+
+# Displacements (n, 3) mm at points (n, 3) mm.
+Motion = Callable[[FloatArray], FloatArray]
 
 # Share of usable voxels about a place of the second scan from which on it counts as usable.
 _USABLE = 0.95
@@ -20,7 +24,8 @@ class ScanPair:
     """Both scans at one resolution.
 
     first : (ni, nj, nk) HU. usable : voxels of it that have a counterpart. active (a, 3) : indices of those voxels and
-    their neighbours; places (a, 3) mm. second : coefficients of its cubic spline. other_usable : share of usable voxels.
+    their neighbours; places (a, 3) mm, where the second scan shows them by the prediction. second : coefficients of its
+    cubic spline. other_usable : share of usable voxels.
     """
 
     grid: Volume
@@ -34,7 +39,13 @@ class ScanPair:
 
     @classmethod
     def of(
-        cls, first: Volume, second: Volume, usable: tuple[BoolArray, BoolArray], smoothing_mm: float, window_mm: float
+        cls,
+        first: Volume,
+        second: Volume,
+        usable: tuple[BoolArray, BoolArray],
+        predicted: Motion,
+        smoothing_mm: float,
+        window_mm: float,
     ) -> ScanPair:
         """A pair at the resolution of a Gaussian filter of `smoothing_mm`, or the coarser scan's voxels where they are larger."""
         ours, theirs = _filters(first.spacing, second.spacing, smoothing_mm)
@@ -44,17 +55,18 @@ class ScanPair:
         smooth = np.ascontiguousarray(smooth[stride])
         other = ndimage.gaussian_filter(second.array.astype(np.float32), theirs / second.spacing)
         active = np.argwhere(ndimage.binary_dilation(counts, iterations=1))
+        places = grid.to_lps(active.astype(float))
         return cls(
-            grid, Windows.of(grid, window_mm), smooth, counts, active, grid.to_lps(active.astype(float)),
+            grid, Windows.of(grid, window_mm), smooth, counts, active, places + predicted(places),
             second.with_array(ndimage.spline_filter(other, order=3, output=np.float32)),
             second.with_array(usable[1].astype(np.float32)),
         )  # fmt: skip
 
-    def moved(self, motion: FloatArray) -> tuple[Float32Array, Float32Array]:
-        """The second scan as it lies under a motion (mi, mj, mk, 3) mm of the windows' nodes, and the weight of every
-        voxel: 1 where both scans are usable."""
+    def moved(self, beyond: FloatArray) -> tuple[Float32Array, Float32Array]:
+        """The second scan as it lies under the prediction and a motion beyond it (mi, mj, mk, 3) mm of the windows' nodes, and
+        the weight of every voxel: 1 where both scans are usable."""
         index = tuple(self.active.T)
-        along = np.stack([self.windows.spread(motion[..., a])[index] for a in range(3)], axis=-1)
+        along = np.stack([self.windows.spread(beyond[..., a])[index] for a in range(3)], axis=-1)
         at = self.second.to_index(self.places + along).T
         values, weight = self.first.copy(), np.zeros_like(self.first)
         values[index] = ndimage.map_coordinates(self.second.array, at, order=3, mode="nearest", prefilter=False)

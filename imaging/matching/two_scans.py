@@ -11,9 +11,11 @@ from palpate.core.errors import InputError
 from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.grid import in_lps_order, labels_on
 from palpate.imaging.labels import ORGAN_LABELS
-from palpate.imaging.matching.local_matching import LocalMatches, MatchOptions, Motion, match
+from palpate.imaging.matching.local_matching import LocalMatches, MatchOptions, match
 from palpate.imaging.matching.masks import bright_spots, distance_to_organ, usable_voxels
 from palpate.imaging.matching.outliers import reasons
+from palpate.imaging.matching.scan_pair import Motion
+from palpate.imaging.matching.scores import window_scores
 from palpate.imaging.matching.window_errors import less_sure
 from palpate.imaging.matching.window_sums import TRUNCATE
 from palpate.imaging.volume import Volume
@@ -56,7 +58,8 @@ def matched_motion(
     found = match(ours, theirs, usable, predicted, options, bright_spots(first.ct, first.labels))
     found = _chosen(found, first.ct.with_array(distance).at(found.points) <= REACH_MM)
     back = match(theirs, ours, (usable[1], usable[0]), lambda points: inverse_of(predicted, points), options)
-    return _judged(found, found.displacement + back.field.at(found.points + found.displacement))
+    there = found.points + found.displacement
+    return _judged(found, found.displacement + inverse_of(predicted, there) + back.beyond.at(there))
 
 
 def inverse_of(motion: Motion, points: FloatArray) -> FloatArray:
@@ -73,13 +76,14 @@ def _judged(found: LocalMatches, back: FloatArray) -> MatchedMotion:
     told = np.linalg.eigvalsh(precision)[:, -1] > _TOLD
     good, bad = told & (why == 0), told & (why > 0)
     rejected = np.hstack([found.points[bad], found.displacement[bad]])
+    scores = window_scores(found.compared, found.windows[why == 0]) if (why == 0).any() else None
     return MatchedMotion(
-        found.points[good], found.displacement[good], precision[good], found.correlation_mm, rejected, why[bad]
+        found.points[good], found.displacement[good], precision[good], found.correlation_mm, rejected, why[bad], scores
     )
 
 
 def _chosen(found: LocalMatches, keep: BoolArray) -> LocalMatches:
-    names = ("points", "displacement", "precision", "shift", "left_hu")
+    names = ("points", "displacement", "precision", "shift", "left_hu", "windows")
     return replace(found, **{name: getattr(found, name)[keep] for name in names})
 
 

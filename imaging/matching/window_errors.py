@@ -57,11 +57,17 @@ def less_sure(precision: FloatArray, bias: FloatArray) -> FloatArray:
     return np.asarray(precision - along[..., :, None] * along[..., None, :] / share[..., None, None])
 
 
+def noise_of_gradient(noise: CorrelatedNoise, spacing: FloatArray) -> FloatArray:
+    """Variance (3,) 1/mm2 of the noise's slope along each axis, over that of the difference of both scans: a quarter of the
+    difference's own, as the mean of both scans has."""
+    two = np.array([k[len(k) // 2 + 2] if len(k) > 4 else 0.0 for k in noise.kernels])
+    return np.asarray(0.25 * (1.0 - two) / (2.0 * spacing**2))
+
+
 def _without_noise(
     pair: ScanPair, at: NormalEquations, variance: FloatArray, noise: CorrelatedNoise, chance: float
 ) -> FloatArray:
-    """A less what the noise's own gradient adds to it: a quarter of the difference's, as the mean of both scans has; no
-    direction has less than nothing.
+    """A less what the noise's own gradient adds to it; no direction has less than nothing.
 
     That part scatters from window to window. `chance` standard deviations of its scatter are taken off as well, so that
     noise alone does not pass for texture.
@@ -69,10 +75,8 @@ def _without_noise(
     scatter = np.sqrt(2.0 * noise.together / pair.windows.independent_voxels)
     share = (1.0 + chance * scatter) * pair.windows.sum(at.weight)
     A = at.A.copy()
-    for axis in range(3):
-        kernel = noise.kernels[axis]
-        two = kernel[len(kernel) // 2 + 2] if len(kernel) > 4 else 0.0
-        A[..., axis, axis] -= share * 0.25 * variance * (1.0 - two) / (2.0 * pair.windows.spacing[axis] ** 2)
+    for axis, of_noise in enumerate(noise_of_gradient(noise, pair.windows.spacing)):
+        A[..., axis, axis] -= share * variance * of_noise
     value, vector = np.linalg.eigh(A)
     return np.asarray(np.einsum("...ij,...j,...kj->...ik", vector, np.maximum(value, 0.0), vector))
 

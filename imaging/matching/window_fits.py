@@ -19,13 +19,16 @@ STEP, DAMPING = 0.3, 1.4
 class NormalEquations:
     """Of every window (...): A (..., 3, 3) HU2/mm2, right-hand side (..., 3), and the fields that they are sums of.
 
-    gradient : three of (ni, nj, nk) HU/mm, of the mean of both scans, which has half the noise of one. difference, weight :
-    (ni, nj, nk).
+    mixed : (..., 2, 3) 1/mm, share of brightness and of contrast in each gradient, which is taken out of A and the
+    right-hand side. gradient : three of (ni, nj, nk) HU/mm, of the mean of both scans, which has half the noise of one.
+    nuisance : brightness and contrast, two of (ni, nj, nk). difference, weight : (ni, nj, nk).
     """
 
     A: FloatArray
     right: FloatArray
+    mixed: FloatArray
     gradient: list[Float32Array]
+    nuisance: list[Float32Array]
     difference: Float32Array
     weight: Float32Array
 
@@ -75,7 +78,7 @@ def equations_under(
     mixed = np.linalg.solve(nuisance, np.swapaxes(full[..., :3, 3:], -1, -2))
     A = full[..., :3, :3] - full[..., :3, 3:] @ mixed
     score = right[..., :3] - (full[..., :3, 3:] @ np.linalg.solve(nuisance, right[..., 3:, None]))[..., 0]
-    return NormalEquations(A, np.asarray(score, dtype=np.float64), g, difference, weight)
+    return NormalEquations(A, np.asarray(score, dtype=np.float64), mixed, g, fields[3:], difference, weight)
 
 
 def smooth_field(pair: ScanPair, shift: FloatArray, A: FloatArray) -> FloatArray:

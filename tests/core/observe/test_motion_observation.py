@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from synthetic_case import problem
 
 from palpate.core.fem.space import Space
@@ -13,14 +14,16 @@ from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.matched_motion import MatchedMotion
-from palpate.core.observe.motion_data import MotionData, mode_reader
+from palpate.core.observe.motion_data import MotionData
 from palpate.core.observe.motion_observation import MotionObservation
+from palpate.core.observe.motion_rows import MotionRows, mode_reader
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes, response_to_held
 from palpate.core.residual.linearised_model import PLAIN, Linearisation, StateModel
 from palpate.core.residual.noise_covariance import NoiseParts
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.window_scores import WindowScores
 
 THETA = np.log([30.0, 70.0])
 # In the ball, in the tissue beside it, and beyond the block, where there is no mesh.
@@ -60,18 +63,18 @@ def solved(model: StateModel) -> Linearisation:
 def test_a_direction_without_information_is_no_datum_and_a_point_outside_the_mesh_is_none(
     posed: IdentificationProblem,
 ) -> None:
-    seen = MotionObservation.of(matched(), Space.of(posed.mesh, "p1p1")).data
-    assert seen.point.tolist() == [0, 0, 0, 1]
-    np.testing.assert_allclose(np.abs(seen.direction[3]), [0.6, 0.8, 0.0], atol=1e-12)
-    np.testing.assert_allclose(seen.sd, [0.2, 0.2, 0.2, 0.1])
+    rows = MotionObservation.of(matched(), Space.of(posed.mesh, "p1p1")).rows
+    assert rows.place.tolist() == [0, 0, 0, 1]
+    np.testing.assert_allclose(np.abs(rows.as_a_whole[3]), [0.6, 0.8, 0.0], atol=1e-12)
+    np.testing.assert_allclose(np.sqrt(np.diag(rows.covariance)), [0.2, 0.2, 0.2, 0.1])
 
 
 def test_neighbouring_windows_err_together(posed: IdentificationProblem) -> None:
     places = np.array([[0.0, 0, 0], [5.0, 0, 0], [0, -9.0, 0]])
     near = replace(matched(), points=places, precision=np.tile(np.eye(3), (3, 1, 1)))
-    seen = MotionObservation.of(near, Space.of(posed.mesh, "p1p1")).data
-    C = seen.covariance()
-    x = np.flatnonzero(np.abs(seen.direction[:, 0]) > 0.5)
+    rows = MotionObservation.of(near, Space.of(posed.mesh, "p1p1")).rows
+    C = rows.covariance
+    x = np.flatnonzero(np.abs(rows.as_a_whole[:, 0]) > 0.5)
     assert C[x[0], x[1]] == pytest.approx(np.exp(-0.25), abs=0.01)
     assert abs(C[x[0], x[2]]) == pytest.approx(np.exp(-0.81), abs=0.01)
     assert np.linalg.eigvalsh(C).min() > 0.0
@@ -84,7 +87,7 @@ def test_modes_have_independent_errors_of_unit_size_and_lose_no_smooth_motion(po
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     many = MatchedMotion(points, 0.0 * points, np.array([edge(n, 0.2) for n in normals]), 10.0)
     data = MotionData.of(many)
-    reader = mode_reader(data)
+    reader = mode_reader(MotionRows.of_points(data))
     np.testing.assert_allclose(reader @ data.covariance() @ reader.T, np.eye(len(reader)), atol=1e-9)
     assert len(reader) < len(data.sd)
     smooth = data.along(np.sin(points[:, [1, 2, 0]] / 12.0))
@@ -97,7 +100,7 @@ def test_the_residual_is_predicted_minus_matched_along_what_is_told(
 ) -> None:
     motion = model.geometry.observation.motion
     u = motion.operator @ solved.equilibrium.u
-    expected = motion.reader @ np.array([motion.data.direction[k] @ (u[p] - 0.5) for k, p in enumerate([0, 0, 0, 1])])
+    expected = motion.reader @ np.array([motion.rows.as_a_whole[k] @ (u[p] - 0.5) for k, p in enumerate([0, 0, 0, 1])])
     np.testing.assert_allclose(solved.residual[model.data.motion], expected)
     assert np.abs(expected).max() > 0.1
     assert model.data.n == model.data.n_modes + 4
@@ -154,12 +157,47 @@ def test_what_the_model_cannot_predict_reaches_contours_and_images_alike(
     local = errors.covariance(ImageErrorSizes(0.0, 1.0, 10.0)) - errors.alignment
     rows = model.data.motion
     # A point known to 0.2 mm along each axis: 1 mm of error is 5 of its standard deviations, in all its modes together.
-    data = model.geometry.observation.motion.data
+    data = model.geometry.observation.motion.rows
     reader = model.geometry.observation.motion.reader
-    near = np.exp(-0.5 * (np.linalg.norm(data.points[0] - data.points[1]) / 10.0) ** 2)
-    share = np.where(data.point[:, None] == data.point, 1.0, near) * (data.direction @ data.direction.T)
+    near = np.exp(-0.5 * (np.linalg.norm(data.places[0] - data.places[1]) / 10.0) ** 2)
+    share = np.where(data.place[:, None] == data.place, 1.0, near) * (data.as_a_whole @ data.as_a_whole.T)
     np.testing.assert_allclose(local[rows, rows], reader @ share @ reader.T, rtol=1e-9, atol=1e-9)
     assert np.abs(local[: model.data.n_modes, rows]).max() > 0.1
     assert np.linalg.eigvalsh(local).min() > -1e-9
     without = replace(model, data=replace(model.data, motion_covariance=np.zeros((0, 0))))
     assert not ImageErrors.of([solved], [without.data], options).any
+
+
+def scores() -> WindowScores:
+    """Two windows that see the mean of two places each, the second with a place beyond the block."""
+    nodes = np.array([[0.0, 0, 0], [4.0, 0, 0], [-6.0, 2, 0], [4.0, 60.0, 0]])
+    half = sp.csr_matrix(np.kron([[0.5, 0.5, 0, 0], [0, 0, 0.5, 0.5], [0.5, 0, 0.5, 0]], 5.0 * np.eye(3)))
+    pairs = np.array([[0, 0], [1, 1], [2, 2], [0, 2]])
+    blocks = np.array([1.0, 1.0, 1.0, 0.4])[:, None, None] * np.eye(3)
+    middles = np.array([[2.0, 0, 0], [0, 30.0, 0], [-3.0, 1, 0]])
+    return WindowScores(middles, nodes, half, np.arange(9.0), pairs, blocks)
+
+
+def test_a_window_reads_the_motion_of_all_places_that_it_sees(posed: IdentificationProblem) -> None:
+    space = Space.of(posed.mesh, "p2p1")
+    motion = MotionObservation.of(replace(matched(), scores=scores()), space)
+    assert motion.rows.place.tolist() == [0, 0, 0, 1, 1, 1]  # the window that looks out of the mesh is no datum
+    np.testing.assert_array_equal(motion.rows.value, [0, 1, 2, 6, 7, 8])
+    assert motion.rows.covariance[0, 3] == pytest.approx(0.4)
+    u = np.sin(space.nodes[:, [1, 2, 0]] / 9.0)
+    v = space.interpolation(scores().nodes) @ u
+    seen = 2.5 * np.concatenate([v[0] + v[1], v[0] + v[2]])
+    np.testing.assert_allclose(motion.residual(u), motion.reader @ (seen - motion.rows.value))
+    np.testing.assert_allclose(np.einsum("mni,ni->m", motion.per_node, u), motion.reader @ seen)
+    np.testing.assert_allclose(
+        motion.per_place.sum(axis=1), motion.reader @ np.tile(5.0 * np.eye(3), (2, 1)), atol=1e-12
+    )
+
+
+def test_a_problem_keeps_the_windows_scores(posed: IdentificationProblem) -> None:
+    kept = IdentificationProblem.from_arrays(
+        replace(posed, matched=replace(matched(), scores=scores())).arrays()
+    ).matched
+    assert kept is not None and kept.scores is not None
+    np.testing.assert_array_equal(kept.scores.response.toarray(), scores().response.toarray())
+    np.testing.assert_array_equal(kept.scores.covariance, scores().covariance)

@@ -1,0 +1,65 @@
+"""Scores of windows against motions that are known: they hold for motion that is uneven within a window."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import cholesky, solve_triangular
+from test_local_matching import ALL, inner, motion, pair
+
+from palpate.core.window_scores import WindowScores
+from palpate.imaging.matching.local_matching import match
+from palpate.imaging.matching.scores import window_scores
+
+
+@pytest.fixture(scope="module")
+def scores() -> WindowScores:
+    first, second = pair()
+    found = match(first, second, (ALL, ALL), lambda points: motion(points) + np.array([0.4, -0.3, 0.5]))
+    return window_scores(found.compared, found.windows[inner(found)])
+
+
+def whitened(scores: WindowScores, values: np.ndarray) -> np.ndarray:
+    covariance = scores.covariance + 0.01 * np.eye(len(values))
+    return np.asarray(solve_triangular(cholesky(covariance, lower=True), values, lower=True))
+
+
+def test_errors_are_together_as_large_as_stated(scores: WindowScores) -> None:
+    error = scores.value - scores.response @ motion(scores.nodes).ravel()
+    np.testing.assert_allclose(np.diag(scores.covariance), 1.0)
+    assert 0.85 < np.sqrt((whitened(scores, error) ** 2).mean()) < 1.2
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_motion_of_all_tissue_is_told_as_surely_as_stated(scores: WindowScores, axis: int) -> None:
+    """Averages over many windows do not err alike: 0.1 mm of one motion shows."""
+    error = scores.value - scores.response @ motion(scores.nodes).ravel()
+    shown = whitened(scores, np.asarray(scores.response[:, axis::3].sum(axis=1)).ravel())
+    sd = 1.0 / np.linalg.norm(shown)
+    assert sd < 0.03
+    assert abs(shown @ whitened(scores, error)) * sd**2 < 3.5 * sd
+
+
+def test_another_motion_within_the_windows_is_told_apart(scores: WindowScores) -> None:
+    """Tissue that strains on one side of a plane only, by as little as no shift of a window shows."""
+    middle = scores.middles.mean(axis=0)
+    kink = 0.15 * np.maximum(scores.nodes - middle, 0.0)[:, :1] * np.array([1.0, 0.0, 0.0])
+    error = scores.value - scores.response @ motion(scores.nodes).ravel()
+    shown = whitened(scores, scores.response @ kink.ravel())
+    sd = 1.0 / np.linalg.norm(shown)
+    assert sd < 0.05
+    assert abs(shown @ whitened(scores, error)) * sd**2 < 3.5 * sd
+
+
+def test_scores_keep_their_numbers_in_arrays_and_in_a_part(scores: WindowScores) -> None:
+    again = WindowScores.from_arrays(scores.arrays())
+    np.testing.assert_allclose(again.response.toarray(), scores.response.toarray(), atol=1e-6)
+    np.testing.assert_array_equal(again.covariance, scores.covariance)
+    half = np.arange(len(scores.middles)) % 2 == 0
+    rows = np.repeat(half, 3)
+    part = scores.of(half)
+    np.testing.assert_array_equal(part.covariance, scores.covariance[np.ix_(rows, rows)])
+    np.testing.assert_array_equal(part.value, scores.value[rows])
+    everywhere = np.ones(len(scores.nodes), dtype=bool)
+    np.testing.assert_allclose(scores.share_at(everywhere), 1.0)
+    np.testing.assert_allclose(scores.share_at(~everywhere), 0.0)
