@@ -2,9 +2,9 @@
 
 About a reference motion r the difference of the scans is, to first order, the gradient g times what the true motion u is
 beyond it. A window's score, the mean of g (first - second moved by r), is therefore the mean of g g' (u - r), whatever u
-does within the window (integrated digital volume correlation; Hild & Roux 2006). Brightness and contrast are taken out of g as in the fit of a shift. The noise has a gradient of
-its own that moves with nothing: its share in g g' is taken off. Errors of two windows go along as far as both see the
-same voxels.
+does within the window (integrated digital volume correlation; Hild & Roux 2006). Brightness and contrast are taken out of
+g as in the fit of a shift. The noise has a gradient of its own that moves with nothing: its share in g g' is taken off.
+Errors of two windows go along as far as both see the same voxels.
 """
 
 from __future__ import annotations
