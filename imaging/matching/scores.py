@@ -107,10 +107,11 @@ def _covariances(
     The product of two Gaussian windows is one of half the variance about the point between, times exp(-d^2 / 4 sigma^2): the
     covariance is a sum of squared weights there.
     """
-    weighted = [at.weight * f for f in (*at.gradient, *at.nuisance)]
+    weighted: list[Float32Array] = [at.weight * f for f in (*at.gradient, *at.nuisance)]
     spread = [noise.applied(f) for f in weighted]
+    half = np.float32(0.5)
     sums = {
-        (i, j): 0.5 * pair.windows.sum_of_squared_weights(weighted[i] * spread[j] + weighted[j] * spread[i])
+        (i, j): half * pair.windows.sum_of_squared_weights(weighted[i] * spread[j] + weighted[j] * spread[i])
         for i, j in pairs(5)
     }
     full = symmetric(sums, 5)

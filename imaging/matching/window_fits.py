@@ -78,7 +78,9 @@ def equations_under(
     mixed = np.linalg.solve(nuisance, np.swapaxes(full[..., :3, 3:], -1, -2))
     A = full[..., :3, :3] - full[..., :3, 3:] @ mixed
     score = right[..., :3] - (full[..., :3, 3:] @ np.linalg.solve(nuisance, right[..., 3:, None]))[..., 0]
-    return NormalEquations(A, np.asarray(score, dtype=np.float64), mixed, g, fields[3:], difference, weight)
+    return NormalEquations(
+        A, np.asarray(score, dtype=np.float64), np.asarray(mixed, dtype=np.float64), g, fields[3:], difference, weight
+    )
 
 
 def smooth_field(pair: ScanPair, shift: FloatArray, A: FloatArray) -> FloatArray:
