@@ -11,17 +11,18 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
+from palpate.core.worker.cluster import study_executor
 
 RESULTS = "results.csv"
 DONE, FAILED = "done", "failed"
 _NEEDED, _OPTIONAL = ("name", "rest", "deformed"), ("rest_labels", "deformed_labels")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_PROGRAM = (sys.executable, "-P", "-m", "palpate.ui.cli")
 _REGIONS = ("prostate_left", "prostate_right")
 
 
@@ -33,6 +34,11 @@ class Patient:
     rest: Path
     deformed: Path
     labels: tuple[Path | None, Path | None] = (None, None)
+
+    def absolute(self) -> Patient:
+        """The same wherever it is done."""
+        first, second = (None if path is None else path.absolute() for path in self.labels)
+        return replace(self, rest=self.rest.absolute(), deformed=self.deformed.absolute(), labels=(first, second))
 
     def arguments(self, case: Path) -> list[str]:
         """Of `palpate analyze`."""
@@ -99,28 +105,42 @@ def run_all(
     options: Sequence[str],
     at_once: int,
     told: Callable[[int, Outcome], None],
-    program: Sequence[str] = _PROGRAM,
+    program: Sequence[str] = (),
+    cluster: str | None = None,
 ) -> list[Outcome]:
     """Analyses every patient into FOLDER/NAME; RESULTS in the folder is written anew after each. Patients that are done in it, with
-    the same scans and options, are passed over. told : hears how many are done, and the last one."""
+    the same scans and options, are passed over. told : hears how many are done, and the last one. program : another than this one.
+    cluster : address of a Dask scheduler whose workers see the same folders; they do the work, as many at once as there are."""
     folder.mkdir(parents=True, exist_ok=True)
     before = _earlier(folder / RESULTS)
     outcomes = {p.name: before[p.name] for p in patients if _is_same(before.get(p.name), p, folder, options)}
     todo = [p for p in patients if p.name not in outcomes]
     for count, outcome in enumerate(list(outcomes.values()), start=1):
         told(count, outcome)
-    with ThreadPoolExecutor(at_once) as pool:
-        for outcome in pool.map(lambda p: run_one(p, folder / p.name, options, program), todo):
+    one = partial(_one, folder=folder.absolute(), options=tuple(options), program=tuple(program))
+    with ThreadPoolExecutor(at_once) if cluster is None else study_executor(at_once, cluster) as pool:
+        for outcome in pool.map(one, [p.absolute() for p in todo]):
             outcomes[outcome.name] = outcome
             _write(folder / RESULTS, (outcomes[p.name] for p in patients if p.name in outcomes))
             told(len(outcomes), outcome)
     return [outcomes[p.name] for p in patients]
 
 
-def run_one(patient: Patient, case: Path, options: Sequence[str], program: Sequence[str] = _PROGRAM) -> Outcome:
-    """One patient, the whole way."""
+def _one(patient: Patient, folder: Path, options: Sequence[str], program: Sequence[str]) -> Outcome:
+    return run_one(patient, folder / patient.name, options, program)
+
+
+def run_one(patient: Patient, case: Path, options: Sequence[str], program: Sequence[str] = ()) -> Outcome:
+    """One patient, the whole way, with the program of the machine that does it unless another is given."""
     began = time.monotonic()
-    command = [*program, "analyze", *patient.arguments(case), "--json", "--quiet", *options]
+    command = [
+        *(program or (sys.executable, "-P", "-m", "palpate.ui.cli")),
+        "analyze",
+        *patient.arguments(case),
+        "--json",
+        "--quiet",
+        *options,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     seconds = f"{time.monotonic() - began:.0f}"
     values = {
@@ -186,7 +206,8 @@ def _earlier(path: Path) -> dict[str, Outcome]:
 
 
 def _is_same(before: Outcome | None, patient: Patient, folder: Path, options: Sequence[str]) -> bool:
-    asked = (str(patient.rest), str(patient.deformed), " ".join(options))
+    there = patient.absolute()
+    asked = (str(there.rest), str(there.deformed), " ".join(options))
     return (
         before is not None
         and before.status == DONE

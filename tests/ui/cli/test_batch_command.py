@@ -5,7 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from concurrent.futures import Executor, ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -88,9 +91,43 @@ def test_the_command_ends_with_3_and_tells_who_failed(
     (tmp_path / "a").mkdir()
     path = table(tmp_path, "name,rest,deformed\nA,a,x\nB,b,x\n")
     monkeypatch.setattr(batch.run_one, "__defaults__", (program,))
-    monkeypatch.setattr(batch.run_all, "__defaults__", (program,))
+    monkeypatch.setattr(batch.run_all, "__defaults__", (program, None))
     assert cli.main(["batch", str(path), "-o", str(tmp_path / "out"), "--json", "--quiet"]) == 3
     answer = json.loads(capfd.readouterr().out)
     assert answer["error"].startswith("1 of 2 patients failed") and "B:" in answer["error"]
     assert [row["status"] for row in answer["patients"]] == ["done", "failed"]
     assert cli.main(["batch", str(tmp_path / "none.csv"), "-o", str(tmp_path / "out"), "--quiet"]) == 3
+
+
+class Client:
+    """Stands for distributed.Client: what goes to a worker is pickled, and comes back pickled."""
+
+    def __init__(self, address: str, timeout: float) -> None:
+        assert address == "tcp://here:8786"
+
+    def get_executor(self, pure: bool) -> Executor:
+        assert not pure
+        return ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+
+
+def test_workers_of_a_dask_cluster_do_the_patients(
+    tmp_path: Path, program: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = ModuleType("distributed")
+    module.Client = Client  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "distributed", module)
+    monkeypatch.chdir(tmp_path)
+    Path("a").mkdir()
+    patients = batch.read_table(table(Path(), "name,rest,deformed\nA,a,x\nB,b,x\n"))
+    found = batch.run_all(patients, Path("out"), [], 1, lambda n, one: None, program, "tcp://here:8786")
+    assert [one.status for one in found] == ["done", "failed"] and found[0].values["rest"] == str(tmp_path / "a")
+    assert (tmp_path / "out" / "A" / "result.json").is_file()
+    again = batch.run_all(patients, Path("out"), [], 1, lambda n, one: None, program, "tcp://here:8786")
+    assert [one.status for one in again] == ["done", "failed"] and len(asked(tmp_path)) == 3, "A is passed over"
+
+
+def test_a_cluster_without_dask_is_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    path = table(tmp_path, "name,rest,deformed\nA,a,x\n")
+    with pytest.raises(InputError, match="--cluster needs Dask, which is not installed"):
+        batch.run_all(batch.read_table(path), tmp_path / "out", [], 1, lambda n, one: None, cluster="tcp://here:8786")

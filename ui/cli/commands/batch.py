@@ -28,6 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--parallel", type=whole_number(1, 64), default=1, metavar="N", help="patients at once (default 1)"
     )
+    parser.add_argument("--cluster", metavar="ADDRESS",
+                        help="Dask scheduler whose workers do the patients; all must see the same folders")  # fmt: skip
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
@@ -43,7 +45,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         def told(count: int, outcome: batch.Outcome) -> None:
             progress(count / len(patients), f"{outcome.name}: {outcome.error or outcome.status}")
 
-        outcomes = batch.run_all(patients, args.output, options, args.parallel, told)
+        outcomes = batch.run_all(patients, args.output, options, args.parallel, told, cluster=args.cluster)
     failed = [one for one in outcomes if one.status == batch.FAILED]
     results = args.output / batch.RESULTS
     rows = [{"name": one.name, "status": one.status, "error": one.error, **one.values} for one in outcomes]
