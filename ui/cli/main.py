@@ -20,7 +20,8 @@ from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_le
 
 # Each is a module beside this one with NAME, HELP, add_arguments(parser) and run(args, console) -> (data, text).
 COMMANDS = {
-    "analyze": "analyze", "batch": "batch", "import": "import_scans", "segment": "segment", "mesh": "mesh", "identify": "identify",
+    "demo": "demo", "analyze": "analyze", "batch": "batch", "import": "import_scans", "segment": "segment",
+    "mesh": "mesh", "identify": "identify",
     "diagnose": "diagnose", "report": "report", "simulate": "simulate", "export": "export", "plan": "plan", "bench": "bench",
     "validate": "validate", "drop": "drop", "sketch": "sketch",
     "open": "open_window", "touch": "touch", "doctor": "doctor",

@@ -27,6 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     segment.add_options(parser)
     mesh.add_options(parser)
     identify.add_options(parser)
+    add_own_options(parser)
+
+
+def add_own_options(parser: argparse.ArgumentParser) -> None:
+    """What no step alone has."""
     parser.add_argument(
         "--no-diagnosis", action="store_true", help="do not ask what the model leaves out (saves about a minute)"
     )
