@@ -24,6 +24,7 @@ from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import ConvergenceError
 from palpate.core.files.json_types import typed
 from palpate.core.residual.case_data import arrays
+from palpate.core.residual.fit_file import FILE
 from palpate.core.residual.fit_options import INFERENCE
 from palpate.core.residual.remeshing import Remeshed
 from palpate.core.worker.inline import DoJob
@@ -58,10 +59,11 @@ def run(
 ) -> DiagnosisRecord:
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
-    The job fits the plain model with the noise model of the diagnosis; result.json is neither read nor written. A case
-    with labels and no mesh is meshed first. A body on a bench (`bench_body`) has a job of its own. The step passes over
-    a case whose inputs and options are those of the last run. do_job : runs the job; a caller in a worker process gives
-    `run_inline`. Raises InputError when labels are missing, ConvergenceError when nothing could be solved, Cancelled.
+    The job starts from the plain fit that `identify` keeps in the case, or fits the same anew where there is none of
+    these inputs; result.json is neither read nor written. A case with labels and no mesh is meshed first. A body on a
+    bench (`bench_body`) has a job of its own. The step passes over a case whose inputs and options are those of the last
+    run. do_job : runs the job; a caller in a worker process gives `run_inline`. Raises InputError when labels are
+    missing, ConvergenceError when nothing could be solved, Cancelled.
     """
     options = options or DiagnoseOptions()
     body = is_body(case)
@@ -138,7 +140,12 @@ def _job(case: CaseFolder, options: DiagnoseOptions, kind: str) -> Job:
         kind,
         str(folder),
         {"data": str(folder / "data.npz")},
-        {"case": case.facts.name, "effects": effects, "numbers": options.numbers.to_json()},
+        {
+            "case": case.facts.name,
+            "fit": str(case.file("identify") / FILE),
+            "effects": effects,
+            "numbers": options.numbers.to_json(),
+        },
         options.seed,
         1,
     )

@@ -24,6 +24,9 @@ from palpate.core.residual.plain_fit import PlainFit, fit_plain
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.progress import Progress, part, silent
 
+# Share of the work after which the plain model is fitted.
+FITTED = 0.45
+
 
 def diagnose(
     data: CaseData,
@@ -31,15 +34,19 @@ def diagnose(
     progress: Progress = silent,
     seed: int = 1,
     options: DiagnosisOptions | None = None,
+    fit: PlainFit | None = None,
 ) -> Diagnosis:
     """Diagnose a case, with the program's own numbers where no options are given.
+
+    fit : the case's plain fit with these numbers, where it is known.
 
     Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
     """
     options = options or DiagnosisOptions()
     rules = options.decision_rules
-    fit_progress = part(progress, 0.0, 0.45)
-    fit = fit_plain(data.pairs, data.remeshed, fit_progress, options.noise_model, options.wall_motion)
+    if fit is None:
+        fit_progress = part(progress, 0.0, FITTED)
+        fit = fit_plain(data.pairs, data.remeshed, fit_progress, options.noise_model, options.wall_motion)
     forces = UnknownDiscrepancy.around(fit.linearisation, fit.model.data_vectors, fit.options)
     r, J, R = fit.linearisation.residual, fit.linearisation.in_theta, forces.free
     progress(0.46, "score test of every effect")

@@ -42,9 +42,13 @@ class DiagnosisOptions:
 
 
 class DiagnosisJob(msgspec.Struct, frozen=True):
-    """Options of a diagnosis as a job. case : its name. effects : folder of a user's own effects."""
+    """Options of a diagnosis as a job. case : its name. fit : file of the plain fit that `identify` keeps.
+
+    effects : folder of a user's own effects.
+    """
 
     case: str
+    fit: str | None = None
     effects: str | None = None
     numbers: DiagnosisOptions = msgspec.field(default_factory=DiagnosisOptions)
 

@@ -12,6 +12,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import PointSet
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.cut_interface import CutProblem, cut_problem
+from palpate.core.forward.known_geometry import KnownGeometry
 from palpate.core.forward.scene_parts import DistanceFields, distance_fields, driving_walls, moved_observation
 from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.observe.surface_observation import SurfaceObservation, sample_surface
@@ -52,10 +53,12 @@ class SharedGeometry:
         like: SharedGeometry | None = None,
         walls: WallMotionOptions | None = None,
         split_mu: bool = False,
+        known: KnownGeometry | None = None,
     ) -> SharedGeometry:
         """Geometry of a problem with an element; distance fields and walls' motions are those of `like` where given.
 
-        walls : priors of the walls' motion; the program's own where None. walls, split_mu : not read with `like`.
+        walls : priors of the walls' motion; the program's own where None. known : of this problem, found before. walls,
+        split_mu, known : not read with `like`.
         """
         space = Space.of(problem.mesh, element)
         if like is not None:
@@ -64,8 +67,10 @@ class SharedGeometry:
         walls = walls or WallMotionOptions()
         if problem.states_errors:
             walls = replace(walls, noise_length_mm=problem.facts.noise_correlation_mm)
-        fields = {name: distance_fields(pair) for name, pair in driving_walls(problem).items()}
-        geometry = cls(problem, element, SurfaceObservation.of(problem, space), fields, walls, split_mu=split_mu)
+        driving, target = driving_walls(problem), None if known is None else known.target
+        fields = {name: distance_fields(driving[name]) if known is None else known.fields[name] for name in driving}
+        observation = SurfaceObservation.of(problem, space, target=target)
+        geometry = cls(problem, element, observation, fields, walls, split_mu=split_mu)
         for name in fields:
             visible, at_rest = (
                 _seen(problem, name, fields[name], walls.seen_within_mm),
@@ -73,8 +78,14 @@ class SharedGeometry:
             )
             # How the wall moved is not known yet: the nearest place of the deformed wall stands for its own.
             errors = ContourErrors.of(problem.walls[name], visible.rest, visible.rest, problem.facts.noise_sd_mm)
-            geometry.motions[name] = WallMotion.of(visible, at_rest, errors, walls)
+            motion = WallMotion.of(visible, at_rest, errors, walls)
+            geometry.motions[name] = motion if known is None else replace(motion, slip=known.slips[name])
         return geometry
+
+    @property
+    def known(self) -> KnownGeometry:
+        """What `of` need not find again."""
+        return KnownGeometry(self.observation.target, self.fields, {n: m.slip for n, m in self.motions.items()})
 
     @cached_property
     def space(self) -> Space:

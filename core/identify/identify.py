@@ -19,10 +19,11 @@ from palpate.core.identify.swarm_stage import search_with_swarm
 from palpate.core.identify.uneven_regions import UNEVEN_SD, uneven_responses
 from palpate.core.inference.posterior import Posterior
 from palpate.core.residual.case_data import load_state
+from palpate.core.residual.fit_file import FILE, FitQuestion, save_fit
 from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
 from palpate.core.residual.likely_slip import slid
-from palpate.core.residual.plain_fit import PlainFit, fit_plain
+from palpate.core.residual.plain_fit import FoundFit, fit_plain
 from palpate.core.worker.messages import Reporter
 from palpate.core.worker.progress import part
 
@@ -50,7 +51,7 @@ class Identification:
     time.
     """
 
-    fit: PlainFit
+    fit: FoundFit
     solutions: tuple[Solution, ...]
     swarm: SwarmOutcome | None
     reduced_evaluations: int
@@ -111,6 +112,7 @@ def identify(
     )
     further = _uneven if options.uneven else None
     fit = fit_plain(pairs, progress=part(reporter.progress, 0.0, 0.4), how=how, further=further)
+    save_fit(folder / FILE, fit, FitQuestion(pairs=pairs, how=how, further="uneven" if options.uneven else "").key())
     swarm, reduced = None, 0
     if options.method == "swarm":
         swarm, reduced = search_with_swarm(folder, files, fit, options, fingerprint, reporter)
@@ -122,7 +124,7 @@ def identify(
     return Identification(fit, solutions, swarm, reduced, time.perf_counter() - began)
 
 
-def _solution(fit: PlainFit, state: int, element: str) -> Solution:
+def _solution(fit: FoundFit, state: int, element: str) -> Solution:
     """State solved to the end at the fit, with its stability check, walls where the data have them."""
     fine, quick = fit.fine[state], fit.linearisation.each[state]
     starts = [] if fine is None else [(fine.scene, fine.state, element)]

@@ -15,6 +15,7 @@ from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.state import State
 from palpate.core.forward.make_scene import make_scene
 from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.kept_fit import known_geometry
 from palpate.core.residual.state_models import quick_geometry
 
 _QUICK = NewtonOptions(rtol=1e-6, max_factorisations=60, stability=False)
@@ -38,8 +39,12 @@ class Solved:
 class ParticleSolver:
     """Scene of the quick element with its walls linearised at a reference equilibrium."""
 
-    def __init__(self, problem_file: Path, reference_file: Path, boundary: str, split_mu: bool) -> None:
-        geometry = quick_geometry(IdentificationProblem.load(problem_file), split_mu=split_mu)
+    def __init__(
+        self, problem_file: Path, reference_file: Path, fit_file: Path, state: int, boundary: str, split_mu: bool
+    ) -> None:
+        """fit_file : holds the geometry of deformed state `state`, see `known_geometry`."""
+        known = known_geometry(fit_file, state)
+        geometry = quick_geometry(IdentificationProblem.load(problem_file), split_mu=split_mu, known=known)
         self.scene = make_scene(geometry, boundary)
         with np.load(reference_file, allow_pickle=False) as data:
             self.start = State(data["u"], data["p"])
@@ -60,10 +65,12 @@ class ParticleSolver:
 _SOLVER: ParticleSolver | None = None
 
 
-def initialise(problem_file: str, reference_file: str, boundary: str, split_mu: bool) -> None:
+def initialise(
+    problem_file: str, reference_file: str, fit_file: str, state: int, boundary: str, split_mu: bool
+) -> None:
     """Set-up of a worker process, called once in each."""
     global _SOLVER
-    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), boundary, split_mu)
+    _SOLVER = ParticleSolver(Path(problem_file), Path(reference_file), Path(fit_file), state, boundary, split_mu)
 
 
 def solve(theta: FloatArray) -> Solved:

@@ -14,6 +14,7 @@ from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.reidentify import keep_for_again
 from palpate.core.identify.swarm_misfit import StateEvaluator, values
 from palpate.core.identify.swarm_run import SwarmOutcome, run_swarm
+from palpate.core.residual.fit_file import FILE
 from palpate.core.residual.linearised_model import Linearisation, SolveCount
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
@@ -26,9 +27,9 @@ def search_with_swarm(
 ) -> tuple[SwarmOutcome, int]:
     """Swarm search for the least misfit, and how often a reduced model was evaluated.
 
-    files : problem file of each state. Writes reference.npz, reduced.npz (both numbered from the second state on) and
-    swarm.npz into `folder`; again.npz too where there is one state only. Raises ConvergenceError when every particle
-    failed.
+    files : problem file of each state. Reads the fit's own file in `folder` (`save_fit`). Writes reference.npz,
+    reduced.npz (both numbered from the second state on) and swarm.npz into `folder`; again.npz too where there is one
+    state only. Raises ConvergenceError when every particle failed.
     """
     parameters = fit.linearisation.first.scene.parameters
     misfit, states = Misfit.of(fit), []
@@ -37,7 +38,7 @@ def search_with_swarm(
             number = "" if k == 0 else f"_{k + 1}"
             reference = folder / f"reference{number}.npz"
             _write_reference(reference, linearisation, fingerprint)
-            arguments = (str(file), str(reference), options.boundary, options.split_mu)
+            arguments = (str(file), str(reference), str(folder / FILE), k, options.boundary, options.split_mu)
             state = StateEvaluator(
                 pools.enter_context(make_executor(options.workers, particle_solves.initialise, arguments))
             )

@@ -45,8 +45,14 @@ class SurfaceObservation:
     motion: MotionObservation
 
     @classmethod
-    def of(cls, problem: IdentificationProblem, space: Space, spacing_mm: float = 2.0) -> SurfaceObservation:
-        """Sample the organ's rest surface about every `spacing_mm`."""
+    def of(
+        cls,
+        problem: IdentificationProblem,
+        space: Space,
+        spacing_mm: float = 2.0,
+        target: SignedDistanceField | None = None,
+    ) -> SurfaceObservation:
+        """Sample the organ's rest surface about every `spacing_mm`. target : where it is known already."""
         points, normals, region, area = sample_surface(problem.organ.rest, spacing_mm)
         deformed = problem.organ.deformed
         return cls(
@@ -55,7 +61,7 @@ class SurfaceObservation:
             region,
             area,
             space.interpolation(points, problem.regions),
-            SignedDistanceField.from_surface(deformed.points, deformed.faces),
+            target or SignedDistanceField.from_surface(deformed.points, deformed.faces),
             problem.landmarks,
             space.interpolation(problem.landmarks[:, :3], problem.regions),
             MotionObservation.of(problem.matched, space),

@@ -50,7 +50,7 @@ class ElementErrors:
 
     @property
     def on_own_mesh(self) -> FloatArray | None:
-        """What it changes (n,) on the case's own mesh."""
+        """What it changes (n,) on the case's own mesh; None where it has no equilibrium."""
         return None if self.own is None else self.own.residual - self.quick
 
     def mean(self) -> FloatArray:

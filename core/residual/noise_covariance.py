@@ -160,7 +160,7 @@ def _contours(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], len
     out = np.zeros((rows[-1].stop, rows[-1].stop))
     for s, ours in enumerate(read):
         for t, theirs in enumerate(read[: s + 1]):
-            for name in ours.keys() & theirs.keys():
+            for name in (name for name in ours if name in theirs):  # a set would change the order of sums
                 a, b = ours[name], theirs[name]
                 out[rows[s], rows[t]] += a.response @ a.errors.covariance(b.errors, length, s == t) @ b.response.T
             out[rows[t], rows[s]] = out[rows[s], rows[t]].T

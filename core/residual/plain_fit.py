@@ -47,21 +47,20 @@ class PlainFit:
 
     model : of all deformed states. linearisation : at the best fit of the quick element, residuals corrected. mesh (n,)
     : mm that the better element changes, the mean over all `meshes` on which it was solved (the fewest of any state), 0
-    for none. errors : of the quick element, by state. scatter_mm : rms along the surface of one mesh about that mean in
-    the first state, NaN for one mesh. noise : all sizes that it may have. sizes : estimated ones. weighting : of the
-    data vector. optimum : of the search with the quick element. posterior : of theta.
+    for none. on_own_mesh (n,) : mm that it changes on the case's own mesh, None where it has no equilibrium. scatter_mm :
+    rms along the surface of one mesh about that mean in the first state, NaN for one mesh. noise : all sizes that it may
+    have. sizes : estimated ones. weighting : of the data vector. posterior : of theta.
     """
 
     model: JointModel
     linearisation: JointLinearisation
     mesh: FloatArray
-    errors: tuple[ElementErrors, ...]
+    on_own_mesh: FloatArray | None
     meshes: int
     scatter_mm: float
     noise: NoiseGrid
     sizes: NoiseSizes
     weighting: Weighting
-    optimum: Optimum
     posterior: Posterior
 
     @property
@@ -73,17 +72,6 @@ class PlainFit:
     def count(self) -> SolveCount:
         """Work done so far with the model, by whoever solved it."""
         return self.model.first.count
-
-    @property
-    def fine(self) -> list[FineSolution | None]:
-        """The better element's solution of every state, None where it has no equilibrium."""
-        return [e.own for e in self.errors]
-
-    @cached_property
-    def on_own_mesh(self) -> FloatArray | None:
-        """What the better element changes (n,) mm on the case's own mesh; None where it has no equilibrium."""
-        own = [c for e in self.errors if (c := e.on_own_mesh) is not None]
-        return np.concatenate(own) if len(own) == len(self.errors) else None
 
     @cached_property
     def residual(self) -> FloatArray:
@@ -113,6 +101,17 @@ class PlainFit:
         return self.noise.log_evidence(self.linearisation.residual, J, prior_precision(self.bounds))
 
 
+@dataclass(frozen=True, eq=False)
+class FoundFit(PlainFit):
+    """A fit with the way to it. fine : the better element's solution of every state, None where it has no equilibrium.
+
+    optimum : of the search with the quick element.
+    """
+
+    fine: tuple[FineSolution | None, ...]
+    optimum: Optimum
+
+
 def fit_plain(
     pairs: Sequence[StateData],
     remeshed: Sequence[Remeshed] = (),
@@ -122,7 +121,7 @@ def fit_plain(
     how: FitOptions | None = None,
     further: FurtherErrors | None = None,
     start: FloatArray | None = None,
-) -> PlainFit:
+) -> FoundFit:
     """Raises InputError for a problem that cannot be posed, ConvergenceError when nothing can be solved.
 
     pairs : for each deformed state the problem and the bones. remeshed : other meshes of the same labels; the better
@@ -160,20 +159,26 @@ def fit_plain(
         at = here.theta
     here = solved(model, here.theta, here)  # lets the walls settle further
     posterior = posterior_of(model, weighting, here, model.bounds, part(progress, 0.9, 1.0))
-    mesh, differences = np.concatenate([e.mean() for e in errors]), [e.every for e in errors]
-    return PlainFit(
-        model,
-        here,
-        mesh,
-        tuple(errors),
-        min(map(len, differences)),
-        scatter_mm(differences[0], model.first.data),
-        grid,
-        sizes,
-        weighting,
-        optimum,
-        posterior,
+    differences = [e.every for e in errors]
+    return FoundFit(
+        model=model,
+        linearisation=here,
+        mesh=np.concatenate([e.mean() for e in errors]),
+        on_own_mesh=_on_own_mesh(errors),
+        meshes=min(map(len, differences)),
+        scatter_mm=scatter_mm(differences[0], model.first.data),
+        noise=grid,
+        sizes=sizes,
+        weighting=weighting,
+        posterior=posterior,
+        fine=tuple(e.own for e in errors),
+        optimum=optimum,
     )
+
+
+def _on_own_mesh(errors: Sequence[ElementErrors]) -> FloatArray | None:
+    own = [c for e in errors if (c := e.on_own_mesh) is not None]
+    return np.concatenate(own) if len(own) == len(errors) else None
 
 
 def solved_somewhere(model: JointModel, starts: FloatArray) -> JointLinearisation:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 
 import numpy as np
 
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.contact_force_scene import ContactForceScene
+from palpate.core.forward.known_geometry import KnownGeometry
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.forward.slipping_walls import let_slip
 from palpate.core.observe.bone_registration import BoneRegistration
@@ -16,43 +18,47 @@ from palpate.core.problem import IdentificationProblem, StateData, SurfacePair
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.fit_options import QUICK, FitOptions
 from palpate.core.residual.joint_states import JointModel
+from palpate.core.residual.known_state import KnownState
 from palpate.core.residual.linearised_model import SolveCount, StateModel
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 
 def joint_model(
-    pairs: Sequence[StateData], options: NoiseModelOptions, walls: WallMotionOptions, how: FitOptions
-) -> JointModel:
-    """Raises InputError for a problem that cannot be posed. pairs : of each deformed state the problem and the bones."""
-    count = SolveCount()
-    return JointModel(
-        tuple(_state_model(problem, bones, k, options, walls, how, count) for k, (problem, bones) in enumerate(pairs))
-    )
-
-
-def _state_model(
-    problem: IdentificationProblem,
-    bones: SurfacePair | None,
-    state: int,
+    pairs: Sequence[StateData],
     options: NoiseModelOptions,
     walls: WallMotionOptions,
     how: FitOptions,
-    count: SolveCount,
-) -> StateModel:
-    geometry = quick_geometry(problem, walls, how.split_mu)
-    only = ContactForceScene(geometry) if how.boundary == "contact-force" else None
-    observation = geometry.observation if only is None else only.observation
-    data = DataVector.of(observation, _registration(problem, bones, options), options)
-    plain = Composition(problem, state=state)
-    return StateModel(geometry, data, plain, np.zeros(data.n), only, count)
+    known: Sequence[KnownState] = (),
+) -> JointModel:
+    """Raises InputError for a problem that cannot be posed. pairs : of each deformed state the problem and the bones.
+
+    known : of each state, where it was found before.
+    """
+    count, each = SolveCount(), []
+    for k, ((problem, bones), found) in enumerate(zip_longest(pairs, known)):
+        geometry = quick_geometry(problem, walls, how.split_mu, None if found is None else found.geometry)
+        only = ContactForceScene(geometry) if how.boundary == "contact-force" else None
+        observation = geometry.observation if only is None else only.observation
+        if found is None:
+            data = DataVector.of(observation, _registration(problem, bones, options), options)
+        else:
+            data = found.data(observation)
+        each.append(StateModel(geometry, data, Composition(problem, state=k), np.zeros(data.n), only, count))
+    return JointModel(tuple(each))
 
 
 def quick_geometry(
-    problem: IdentificationProblem, walls: WallMotionOptions | None = None, split_mu: bool = False
+    problem: IdentificationProblem,
+    walls: WallMotionOptions | None = None,
+    split_mu: bool = False,
+    known: KnownGeometry | None = None,
 ) -> SharedGeometry:
-    """Geometry for the quick element, walls with their slip. split_mu : see `StiffnessParameters`."""
-    geometry = SharedGeometry.of(problem, QUICK, walls=walls, split_mu=split_mu)
-    let_slip(geometry)
+    """Geometry for the quick element, walls with their slip. split_mu : see `StiffnessParameters`. known : of this
+    problem, found before.
+    """
+    geometry = SharedGeometry.of(problem, QUICK, walls=walls, split_mu=split_mu, known=known)
+    if known is None:
+        let_slip(geometry)
     return geometry
 
 

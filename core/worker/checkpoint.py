@@ -14,7 +14,8 @@ from palpate.core.files.damaged_archive import DAMAGED_ARCHIVE
 
 Arrays = dict[str, NDArray[np.generic]]
 
-_FINGERPRINT = "job_fingerprint"
+# Name of the array that holds the fingerprint.
+FINGERPRINT = "job_fingerprint"
 
 
 def save_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], fingerprint: str) -> None:
@@ -24,7 +25,7 @@ def save_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], finge
     """
     if any(np.asarray(a).dtype.hasobject for a in arrays.values()):
         raise TypeError(f"a checkpoint holds numbers and text, no objects: {sorted(arrays)}")
-    content: dict[str, Any] = {_FINGERPRINT: np.array(fingerprint), **arrays}
+    content: dict[str, Any] = {FINGERPRINT: np.array(fingerprint), **arrays}
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         np.savez(stream, **content)
 
@@ -36,4 +37,4 @@ def load_checkpoint(path: Path, fingerprint: str) -> Arrays | None:
             arrays: Arrays = {k: data[k] for k in data.files}
     except DAMAGED_ARCHIVE:
         return None
-    return arrays if str(arrays.pop(_FINGERPRINT, "")) == fingerprint else None
+    return arrays if str(arrays.pop(FINGERPRINT, "")) == fingerprint else None

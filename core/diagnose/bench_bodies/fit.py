@@ -95,14 +95,8 @@ def fit_body(
     """
     options, how, kept = options or DiagnosisOptions(), how or FitOptions(), kept or KeptWork()
     model = bench_model(problem, how.element, options.noise_model.markers_common)
-    found: list[Optimum] = []
-
-    def search() -> JointLinearisation:
-        found.append(_searched(problem, model, options, how, progress))
-        return found[0].linearisation
-
     try:
-        place = kept.place("plain", search)
+        place = kept.place("plain", lambda: _searched(problem, model, options, how, progress).linearisation)
         here = solved(model, place.theta, place.on(model))
     except ConvergenceError as error:
         raise ConvergenceError(_NO_EQUILIBRIUM) from error
@@ -112,13 +106,12 @@ def fit_body(
         model,
         here,
         np.zeros(model.n),
-        (),
+        None,
         1,
         float("nan"),
         NoiseGrid.known(covariance, noise),
         NoiseSizes.of(noise),
         Weighting(covariance),
-        replace(found[0], linearisation=here) if found else Optimum(here, here.theta[None]),
         _normal(model, here, Weighting(covariance)),
     )
     return BodyFit(problem, plain, options)
