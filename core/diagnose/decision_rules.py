@@ -32,7 +32,7 @@ class DecisionRules(EvidenceRules):
         float,
         sourced(
             "odds",
-            "The same for twins, and for two effects together against one.",
+            "The same for twins, for two effects together against one, and for a cause without a name against all with one.",
             "Kass & Raftery (1995): strong evidence. Twins' odds hang on the small errors of model and noise.",
         ),
     ] = 20.0

@@ -29,7 +29,8 @@ class NoiseSizes:
 
     along : factor on the uncertainty of the walls' motion along themselves (`WallMotion`). own : of every surface mode
     (extraction, voxels), mm. landmark : per axis, mm. contour : factor on the contour noise that the case states.
-    length : correlation length of contour noise, mm. mesh : share of the difference between two elements that the
+    length : correlation length of contour noise, mm. long : share of its variance with the length `long_mm`.
+    mesh : share of the difference between two elements that the
     better one may still err by. offset : of the whole contour of one scan against the other's, beyond what its noise
     adds up to, mm. model : of a smooth error of the model itself, over a discrepancy of typical size (`ForceFields`).
     image : of what the model errs by where images show the motion.
@@ -40,6 +41,7 @@ class NoiseSizes:
     landmark: float
     contour: float
     length: float
+    long: float
     mesh: float
     offset: float
     model: float
@@ -54,6 +56,7 @@ class NoiseSizes:
             landmark=options.landmark_mm,
             contour=options.contour,
             length=options.length_mm,
+            long=0.0,
             mesh=options.mesh,
             offset=options.offset_mm,
             model=options.model,
@@ -65,13 +68,15 @@ class NoiseSizes:
 class NoiseParts:
     """Parts of the covariance (n, n) mm2 of the data of all deformed states.
 
-    contour : of contours as wide as the case states, one for each of `options.lengths_mm`. along : of the walls' motion
+    contour : of contours as wide as the case states, one for each of `options.lengths_mm`.
+    long : the same with `options.long_mm`. along : of the walls' motion
     along themselves. own, marks : of unit variances. floor : of bone registration, and of the motion that the images
     tell. offset : of 1 mm of the whole contour. image : see `ImageErrors`. The scan at rest was read once: half of the
     variance of two readings is common to all states.
     """
 
     contour: tuple[FloatArray, ...]
+    long: FloatArray
     along: FloatArray
     own: FloatArray
     marks: FloatArray
@@ -91,6 +96,7 @@ class NoiseParts:
         contours = [_contours_of(p.scene, data, A, p.equilibrium) for (p, data), A in zip(each, per_force, strict=True)]
         return cls(
             tuple(_contours(contours, rows, length) for length in options.lengths_mm),
+            _contours(contours, rows, options.long_mm),
             apart([_along(p.scene, data, A) for (p, data), A in zip(each, per_force, strict=True)]),
             _read_twice([np.eye(s.n)[:, : s.n_modes] for s in data_vectors]),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
@@ -108,6 +114,7 @@ class NoiseParts:
         (`remeshing`).
         """
         contour = self.contour[int(np.argmin(np.abs(np.array(self.options.lengths_mm) - sizes.length)))]
+        contour = (1.0 - sizes.long) * contour + sizes.long * self.long
         out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
         out = out + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
         return out + self.floor + self.image.covariance(sizes.image) + discretisation @ discretisation.T

@@ -37,14 +37,15 @@ class NoiseGrid:
 
     @classmethod
     def of(cls, parts: NoiseParts, start: NoiseSizes, discretisation: FloatArray) -> NoiseGrid:
-        """Grid over correlation lengths, contour factors and own sizes.
+        """Grid over correlation lengths, shares of the long one, contour factors and own sizes.
 
         discretisation (n, m) mm : see `NoiseParts.covariance`.
         """
         options = parts.options
         sizes = [
-            replace(start, length=length, contour=factor, own=own)
+            replace(start, length=length, long=long, contour=factor, own=own)
             for length in options.lengths_mm
+            for long in options.long_shares
             for factor in options.contour_factors
             for own in options.own_sizes_mm
         ]
@@ -107,8 +108,8 @@ def fit_noise(
     likely = weight > _NEGLIGIBLE * weight.max()
     covariance = np.tensordot(weight[likely], grid.covariances[likely], 1) / weight[likely].sum()
     contour, own = (float(np.sqrt(weight @ np.square([getattr(s, k) for s in grid.sizes]))) for k in ("contour", "own"))
-    length = float(weight @ np.array([s.length for s in grid.sizes]))
-    return FittedNoise(replace(grid.sizes[0], contour=contour, own=own, length=length), covariance)
+    length, long = (float(weight @ np.array([getattr(s, k) for s in grid.sizes])) for k in ("length", "long"))
+    return FittedNoise(replace(grid.sizes[0], contour=contour, own=own, length=length, long=long), covariance)
 
 
 def fit_image_errors(

@@ -54,7 +54,9 @@ def bone_split(fit: PlainFit, state: int, rules: DecisionRules) -> Split | None:
     reader = np.zeros((len(chosen), fit.model.n))
     reader[:, at] = bone.design[chosen]
     sd, length = fit.sizes.contour * fit.linearisation.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
-    noise = 2.0 * smooth_covariance(points, sd, length) + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
+    smooth = (1.0 - fit.sizes.long) * smooth_covariance(points, sd, length)
+    smooth += fit.sizes.long * smooth_covariance(points, sd, fit.options.long_mm)
+    noise = 2.0 * smooth + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
     noise[np.diag_indices_from(noise)] += fit.options.bone_extraction_mm**2
     kept = ~organ.reader[:, at].any(axis=1)
     m = len(chosen) + int(kept.sum())

@@ -95,8 +95,8 @@ class Findings:
 
     @property
     def unnamed_wins(self) -> bool:
-        """Whether something unnamed is clearly more probable than every effect."""
-        return not self.tied or self.p_unknown > self.rules.tied * self.top
+        """Whether something unnamed is so much more probable than every effect that none need be named (strong evidence)."""
+        return not self.tied or self.p_unknown > self.rules.tied_twins * self.top
 
     @property
     def unnamed_ties(self) -> bool:
@@ -164,7 +164,7 @@ RULES: tuple[Rule[Findings], ...] = (
         "not_predicted",
         lambda f: not f.best.predicts(f.rules),
         AMBIGUOUS,
-        "the effect fits best, but does not predict what was left out clearly better",
+        "the effect fits best, but does not predict what was left out better than other effects of its size would",
         lambda f: f.names,
     ),
     Rule(

@@ -81,10 +81,11 @@ def contours_mm2(diagnosis: Diagnosis, best: Refit) -> tuple[FloatArray, FloatAr
     reader = diagnosis.split.reader[:n, : data.n_modes]
     of_length = {
         length: np.einsum("ij,jk,ik->", reader, organ_contours(data, errors, length), reader) / n
-        for length in fit.options.lengths_mm
+        for length in (*fit.options.lengths_mm, fit.options.long_mm)
     }
     own = float((reader**2).sum()) / n
-    floors = np.array([s.contour**2 * of_length[s.length] + s.own**2 * own for s in fit.noise.sizes])
+    contour = [(1.0 - s.long) * of_length[s.length] + s.long * of_length[fit.options.long_mm] for s in fit.noise.sizes]
+    floors = np.array([s.contour**2 * c + s.own**2 * own for s, c in zip(fit.noise.sizes, contour, strict=True)])
     J = np.hstack([best.linearisation.in_theta, best.in_phi])
     none = np.zeros((fit.model.n, fit.model.n))
     return floors, softmax(fit.noise.log_likelihood(best.linearisation.residual, J, none) + fit.noise.log_prior)

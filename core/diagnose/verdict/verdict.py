@@ -38,8 +38,8 @@ class Judged:
         return rules.tied_twins if self.cosine > rules.twins else rules.tied
 
     def predicts(self, rules: DecisionRules) -> bool:
-        """Whether it predicts what it has not seen, better than placebo effects of its size."""
-        return rules.accepts(self.gain) and self.placebo_p <= rules.placebo_level
+        """Whether it predicts what it has not seen, and better than placebo effects of its size: one level decides."""
+        return self.gain.mean_mm2 > 0.0 and self.placebo_p <= rules.placebo_level
 
     def something_left(self, rules: DecisionRules) -> bool:
         """Whether something like it may be the cause instead: it leaves more than noise, and a free field predicts
