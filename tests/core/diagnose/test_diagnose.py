@@ -357,7 +357,7 @@ def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Di
     """One size of voxels' noise and of contours', walls that may slide four times as far: fewer sizes, another covariance."""
     noise = NoiseModelOptions(own_sizes_mm=(0.45,), contour_factors=(1.0,))
     fit = fit_plain([(posed, None)], options=noise, walls=WallMotionOptions(slide_share=0.8))
-    assert len(fit.noise.sizes) == len(noise.lengths_mm) < len(none.fit.noise.sizes)
+    assert len(fit.noise.sizes) == len(noise.lengths_mm) * len(noise.long_shares) < len(none.fit.noise.sizes)
     assert fit.sizes.own == pytest.approx(0.45)
     k = none.fit.model.first.data.n_modes
     wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))

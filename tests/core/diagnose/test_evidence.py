@@ -236,7 +236,7 @@ def test_refusals() -> None:
     assert decide(True, [judged("prestress", 20.0)], 30.0).verdict == "unknown"
     little = judged("prestress", 20.0, share_of_ceiling=0.3, remainder_p=1e-5)
     assert decide(True, [little], 5.0).verdict == "unknown"
-    unconfirmed = judged("prestress", 20.0, gain=Gain(1.0, 0.98, 0.04, 0.05, 0.04))
+    unconfirmed = judged("prestress", 20.0, gain=Gain(1.0, 1.02, -0.04, 0.05, -0.04))
     assert decide(True, [unconfirmed], 5.0).verdict == "ambiguous"
     no_better_than_chance = judged("prestress", 20.0, placebo_p=0.2)
     assert decide(True, [no_better_than_chance], 5.0).verdict == "ambiguous"
