@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from phantoms import CENTRE, MARKER, affine, labels, marked_ct
+from PySide6.QtCore import QPointF
+from PySide6.QtGui import QPainterPath, QPolygonF
 
 from palpate.core.identify.map.patches import Patches
 from palpate.core.identify.map.smoothness_prior import SmoothPrior
@@ -14,7 +16,7 @@ from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel, apply_window
 from palpate.ui.desktop.slices import overlay
 from palpate.ui.desktop.slices.map_layer import map_layer
-from palpate.ui.desktop.slices.slice_sampling import SampledSlice, cut, is_aligned, positions
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice, cut, is_aligned, positions, scan_outline
 from palpate.ui.desktop.solid.solid_shapes import map_colours
 from palpate.ui.pictures.colours import StiffnessScale
 from palpate.ui.pictures.planes import AXIAL, PLANES, SAGITTAL, Plane
@@ -150,3 +152,26 @@ def test_the_map_is_painted_where_the_scans_tell_it_and_left_is_left() -> None:
     np.testing.assert_allclose(rgb[0], 255.0 * np.array(scale.rgb(20.0)), atol=12)
     assert rgb[1].tolist() == [9, 9, 9]
     assert map_colours(arrays, centres, {**how, "low_kpa": 50.0})[0].tolist() == [9, 9, 9]
+
+
+@pytest.mark.parametrize("plane", PLANES, ids=lambda plane: plane.name)
+@pytest.mark.parametrize("rotation, flips, order", GRIDS)
+def test_the_outline_of_a_scan_is_where_its_voxels_end(
+    plane: Plane, rotation: float, flips: tuple[int, int, int], order: str
+) -> None:
+    """Against the voxels themselves: a fine grid of the slice, each point in the scan or not."""
+    ct = in_lps_order(marked_ct(affine(rotation, flips, order), order))
+    middle = ct.to_lps((np.array([ct.array.shape]) - 1) / 2.0)[0]
+    outline = scan_outline(ct, plane, float(middle[plane.normal]))
+    path = QPainterPath()
+    path.addPolygon(QPolygonF([QPointF(*at) for at in outline]))
+    low, high = outline.min(axis=0) - 4.0, outline.max(axis=0) + 4.0
+    across, down = np.meshgrid(np.linspace(low[0], high[0], 41), np.linspace(low[1], high[1], 41))
+    points = np.tile(middle, (across.size, 1))
+    points[:, plane.across], points[:, plane.down] = across.ravel(), down.ravel()
+    index = ct.to_index(points)
+    margin = np.minimum(index + 0.5, np.array(ct.array.shape) - 0.5 - index).min(axis=1)
+    clear = np.abs(margin) > 1e-3
+    inside = np.array([path.contains(QPointF(*at)) for at in points[:, [plane.across, plane.down]]])
+    assert (inside == (margin > 0.0))[clear].all() and inside.any() and not inside.all()
+    assert not len(scan_outline(ct, plane, float(middle[plane.normal]) + 1e4))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QPoint, QRect, QRectF, Qt
-from PySide6.QtGui import QColor, QFont, QPainter, QPen
+from PySide6.QtCore import QPoint, QPointF, QRect, QRectF, Qt
+from PySide6.QtGui import QColor, QFont, QPainter, QPainterPath, QPen, QPolygonF
 
 from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices import overlay, slice_marks
 from palpate.ui.desktop.slices.map_layer import map_layer
 from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sampled_slice
-from palpate.ui.desktop.slices.slice_sampling import SampledSlice, numbered
+from palpate.ui.desktop.slices.slice_sampling import SampledSlice, numbered, scan_outline
 from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.pictures.colours import OUTLINES
 from palpate.ui.pictures.planes import Plane
@@ -36,12 +36,12 @@ class SlicePicture:
         for state, scan in shown.items():
             painter.save()
             if scan is not None:  # what labels carry on beyond the scan, nobody has seen
-                painter.setClipRect(scan)
+                painter.setClipPath(scan)
             self._overlay(painter, screen, position, state)
             painter.restore()
         self._marks(painter, screen, position, any(scan is not None for scan in shown.values()))
 
-    def _scan(self, painter: QPainter, screen: Screen, position: float, state: str) -> QRectF | None:
+    def _scan(self, painter: QPainter, screen: Screen, position: float, state: str) -> QPainterPath | None:
         """Draws the scan; where it lies on the screen."""
         volume = self._controller.ct(state)
         if volume is None:
@@ -55,7 +55,9 @@ class SlicePicture:
         place = screen.rect(sampled.extent)
         painter.drawImage(place, grey_image(self._kept, state, sampled, self._controller.display.window))
         painter.setOpacity(1.0)
-        return place
+        outline = QPainterPath()
+        outline.addPolygon(QPolygonF([QPointF(*at) for at in scan_outline(volume, self._plane, position)]))
+        return screen.transform().map(outline)
 
     def _overlay(self, painter: QPainter, screen: Screen, position: float, state: str) -> None:
         labels, display = self._controller.labels(state), self._controller.display

@@ -17,6 +17,8 @@ from palpate.ui.pictures.planes import Plane
 _ALIGNED_VOXELS = 0.25
 # Larger oblique slices take the nearest voxel: they are looked at from afar, and scrolling must not lag.
 _MOST_INTERPOLATED = 60_000
+# Of a box whose corners are numbered as `_corners` gives them: those that differ in one index.
+_EDGES = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,21 @@ def numbered(volume: Volume, plane: Plane, position: float) -> tuple[int, int] |
     first, last, step = positions(volume, plane)
     count, number = round((last - first) / step) + 1, int(np.floor((position - first) / step + 0.5)) + 1
     return (number, count) if 1 <= number <= count else None
+
+
+def scan_outline(volume: Volume, plane: Plane, position: float) -> FloatArray:
+    """Where a slice cuts the volume's voxels: a convex polygon (n, 2) of (across, down) mm in order, empty where it does not."""
+    corners, n = _corners(volume), plane.normal
+    found = []
+    for a, b in _EDGES:
+        p, q = corners[a], corners[b]
+        if (p[n] - position) * (q[n] - position) <= 0.0 and p[n] != q[n]:
+            found.append(p + (position - p[n]) / (q[n] - p[n]) * (q - p))
+    if len(found) < 3:
+        return np.zeros((0, 2))
+    points = np.array(found)[:, [plane.across, plane.down]]
+    from_middle = points - points.mean(axis=0)
+    return np.asarray(points[np.argsort(np.arctan2(from_middle[:, 1], from_middle[:, 0]))])
 
 
 def _own_voxels(volume: Volume, plane: Plane, position: float) -> SampledSlice | None:

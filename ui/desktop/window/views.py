@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QWidget
 
 from palpate.imaging.labels import OUTSIDE
@@ -95,6 +96,12 @@ class Views(QWidget):
         pixels = min(min(v.width(), v.height()) for v in self.visible_slices())
         self.viewport.fit(low, high, pixels)
         self._controller.notify("view")
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """A larger window shows the same, larger."""
+        before, now = event.oldSize(), event.size()
+        if before.isValid() and min(before.width(), before.height(), now.width(), now.height()) > 0:
+            self.viewport.zoom(min(now.width(), now.height()) / min(before.width(), before.height()))
 
     def _fit_new(self) -> None:
         """The first time there is something to see, and again when labels come."""
