@@ -52,3 +52,41 @@ def test_a_path_can_be_typed_and_the_window_is_as_it_was_left(tmp_path: Path) ->
     assert small[0] <= 1280 and small[1] <= 690 and large == [1500, 940]
     assert told["least"][0] <= small[0] and told["least"][1] <= small[1], "it must not be cut off by a laptop's screen"
     assert told["again"] == [780, 700]
+
+
+STILL = """
+import json, sys, time
+from palpate.ui.desktop.qt_application import events_for
+from palpate.ui.desktop.session.jobs import JobState
+from palpate.ui.desktop.window.application import new_window
+
+window, application = new_window(headless=True)
+process = events_for(application)
+window.show()
+window.stack.setCurrentIndex(1)
+state = JobState("Stiffness", time.monotonic(), step="identify", step_began=time.monotonic(), step_fraction=0.2, message="plain model")
+window.controller.jobs.state = state
+tops = []
+def look():
+    window.controller.notify("job")
+    process(0.05)
+    tops.append([window.results.y(), window.tabs.y()])
+look()
+state.message, state.step_fraction = "reduced model: 12 full solves, error at most 2.5 % of the largest displacement", 0.5
+look()
+state.swarm.hear({"iteration": 1, "best": 3.0, "particles": [[20.0, 60.0], [30.0, 50.0]]})
+look()
+window.controller.jobs.state = None
+window.shut()
+sys.stdout.write(json.dumps(tops))
+"""
+
+
+def test_panels_stay_where_they_are_whatever_a_step_tells(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", STILL],
+        env=os.environ | {"PALPATE_SETTINGS": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    first, *others = json.loads(done.stdout)
+    assert all(place == first for place in others), (first, others)

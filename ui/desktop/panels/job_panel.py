@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QVBoxLayout, QWidget
 
 from palpate.ui.desktop import style
@@ -27,6 +28,9 @@ class JobPanel(QWidget):
         box, form = group("Progress")
         self.title, self.message, self.left = QLabel("Idle"), QLabel(""), QLabel("")
         self.message.setWordWrap(True)
+        # Room for two lines from the start, so that nothing below jumps with what is told.
+        self.message.setMinimumHeight(2 * self.message.fontMetrics().lineSpacing())
+        self.message.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
         self.message.setStyleSheet(f"color: {style.FAINT}")
         self.left.setStyleSheet(f"color: {style.FAINT}")
         self.bar = QProgressBar()
@@ -75,7 +79,8 @@ class JobPanel(QWidget):
         self.message.setText(job.error or ("" if job.outcome else job.message))
         seconds = job.seconds_left(time.monotonic())
         self.left.setText(time_words(job.seconds_since(time.monotonic()), seconds, bool(job.outcome)))
-        self.chart.setVisible(bool(job.swarm.iterations))
+        # From the beginning of the step that has one, not from its first point.
+        self.chart.setVisible(bool(job.swarm.iterations) or job.step == "identify")
         if job.swarm.iterations:
             case = controller.case
             bounds = (5.0, 500.0) if case is None else case.folder.facts.organ_shear_modulus_bounds_kpa
