@@ -25,8 +25,10 @@ from palpate.imaging.matching.window_sums import Windows, pairs, symmetric
 
 # Distance of the nodes between which the motion beyond the reference is linear, mm: less than a window's half.
 NODES_MM = 4.0
+# Distance of the nodes about which the noise is summed, mm: less than a window's standard deviation.
+FINE_MM = 2.0
 # Windows have errors in common where the product of their weights is more than this, over what it is for one of them.
-_COMMON = 1e-3
+_COMMON = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,24 +106,40 @@ def _covariances(
 ) -> tuple[IntArray, FloatArray]:
     """Pairs (k, 2) of windows with common errors, and the covariance (k, 3, 3) of their scores.
 
-    The product of two Gaussian windows is one of half the variance about the point between, times exp(-d^2 / 4 sigma^2): the
-    covariance is a sum of squared weights there.
+    It is F F', with a column of F for each of five independent errors about every node of a fine lattice: of the noise's sums
+    with gradient, brightness and contrast there.
     """
-    weighted: list[Float32Array] = [at.weight * f for f in (*at.gradient, *at.nuisance)]
-    spread = [noise.applied(f) for f in weighted]
-    half = np.float32(0.5)
-    sums = {
-        (i, j): half * pair.windows.sum_of_squared_weights(weighted[i] * spread[j] + weighted[j] * spread[i])
-        for i, j in pairs(5)
-    }
-    full = symmetric(sums, 5)
-    between = pair.windows.lattice.with_array(full.reshape(*full.shape[:3], 25))
-    share = np.exp(-0.25 * (cdist(middles, middles) / pair.windows.sigma_mm) ** 2)
-    first, second = np.nonzero(np.triu(share > _COMMON))
-    there = between.at(0.5 * (middles[first] + middles[second])).reshape(-1, 5, 5)
+    fine = Windows.of(pair.grid, pair.windows.sigma_mm, step_mm=FINE_MM)
+    root = _roots(fine, at, noise)
+    at_nodes, shape = pair.windows.weights_at(fine.axes), fine.lattice.array.shape
     out = np.concatenate(
         [np.tile(np.eye(3), (len(windows), 1, 1)), -np.swapaxes(at.mixed[tuple(windows.T)], 1, 2)], axis=2
     )
-    size = np.sqrt(variance[first] * variance[second]) * share[first, second]
-    blocks = size[:, None, None] * np.einsum("kai,kij,kbj->kab", out[first], there, out[second])
-    return np.column_stack([first, second]), blocks
+    rows, columns, values = [], [], []
+    for n, window in enumerate(windows):
+        each = [w[q] for w, q in zip(at_nodes, window, strict=True)]
+        near = [np.flatnonzero(w) for w in each]
+        weight = np.einsum("x,y,z->xyz", *(w[i] for w, i in zip(each, near, strict=True))).ravel()
+        node = np.ravel_multi_index(np.meshgrid(*near, indexing="ij"), shape).ravel()
+        factor = weight[:, None, None] * (np.sqrt(variance[n]) * out[n] @ root[node])
+        k, a, b = np.meshgrid(node, np.arange(3), np.arange(5), indexing="ij")
+        rows.append((3 * n + a).ravel())
+        columns.append((5 * k + b).ravel())
+        values.append(factor.ravel())
+    size = (3 * len(windows), 5 * len(root))
+    F = sp.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=size)
+    full = (F @ F.T).toarray().reshape(len(windows), 3, len(windows), 3)
+    share = np.exp(-0.25 * (cdist(middles, middles) / pair.windows.sigma_mm) ** 2)
+    first, second = np.nonzero(np.triu(share > _COMMON))
+    return np.column_stack([first, second]), full[first, :, second, :]
+
+
+def _roots(fine: Windows, at: NormalEquations, noise: CorrelatedNoise) -> FloatArray:
+    """Symmetric roots (k, 5, 5) of the covariance of noise of unit variance with gradient, brightness and contrast, summed
+    about the nodes of a lattice."""
+    weighted: list[Float32Array] = [at.weight * f for f in (*at.gradient, *at.nuisance)]
+    spread = [noise.applied(f) for f in weighted]
+    half = np.float32(0.5)
+    sums = {(i, j): half * fine.gathered(weighted[i] * spread[j] + weighted[j] * spread[i]) for i, j in pairs(5)}
+    value, vector = np.linalg.eigh(symmetric(sums, 5).reshape(-1, 5, 5))
+    return np.asarray(np.einsum("kij,kj,klj->kil", vector, np.sqrt(np.maximum(value, 0.0)), vector))

@@ -20,13 +20,15 @@ class Windows:
     """Gaussian windows about the nodes (mi, mj, mk) of a lattice in a voxel grid (ni, nj, nk).
 
     sigma_mm : standard deviation. spacing : (3,) mm of the grid. weights : of each axis (m, n), a window's weights of the
-    voxels. hats : of each axis (n, m), linear interpolation from nodes to voxels. lattice : the nodes as an empty volume.
+    voxels. hats : of each axis (n, m), linear interpolation from nodes to voxels. axes : of each axis (m,) mm, the nodes from
+    the first voxel. lattice : the nodes as an empty volume.
     """
 
     sigma_mm: float
     spacing: FloatArray
     weights: tuple[Float32Array, ...]
     hats: tuple[Float32Array, ...]
+    axes: tuple[FloatArray, ...]
     lattice: Volume
 
     @classmethod
@@ -41,7 +43,7 @@ class Windows:
         affine[:3, 3] = grid.to_lps(np.array([[c[0] for c in nodes]]) / grid.spacing)[0]
         affine[:3, :3] = grid.affine[:3, :3] / grid.spacing * [c[1] - c[0] if len(c) > 1 else step for c in nodes]
         empty = np.zeros(tuple(len(c) for c in nodes), dtype=np.float32)
-        return cls(sigma_mm, grid.spacing, weights, hats, Volume(empty, affine))
+        return cls(sigma_mm, grid.spacing, weights, hats, tuple(nodes), Volume(empty, affine))
 
     @property
     def nodes(self) -> FloatArray:
@@ -66,6 +68,15 @@ class Windows:
     def spread(self, values: FloatArray) -> Float32Array:
         """Values (mi, mj, mk) of the nodes at every voxel (ni, nj, nk), linear between nodes."""
         return _contracted(values.astype(np.float32), self.hats)
+
+    def gathered(self, field: Float32Array) -> Float32Array:
+        """Sums (mi, mj, mk) of a field (ni, nj, nk), every voxel's value shared among the nodes about it."""
+        return _contracted(field, tuple(np.ascontiguousarray(h.T) for h in self.hats))
+
+    def weights_at(self, places: tuple[FloatArray, ...]) -> tuple[Float32Array, ...]:
+        """Of each axis (m, p), a window's weight at places (p,) mm from the first voxel, over what its voxels' add up to."""
+        each = zip(self.axes, places, self.spacing, strict=True)
+        return tuple(_gaussian(nodes, x, self.sigma_mm, s) for nodes, x, s in each)
 
     def mean_of_neighbours(self, values: FloatArray) -> FloatArray:
         """Values (mi, mj, mk) of the nodes averaged over a window (weights as those of the voxels in it)."""

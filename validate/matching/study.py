@@ -12,6 +12,7 @@ from scipy.linalg import cholesky, solve_triangular
 from palpate.core.arrays import FloatArray
 from palpate.core.matched_motion import MatchedMotion
 from palpate.core.observe.motion_data import MotionData
+from palpate.core.observe.motion_rows import MotionRows, mode_reader
 from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.labels import BLADDER, RECTUM
@@ -43,15 +44,17 @@ class MatchRow(TypedDict):
 
 
 class PairRow(TypedDict):
-    """One pair. whitened : rms of all errors over what they are said to be together, correlation of windows included.
-    in_hollow : points inside bladder or rectum. seconds : of processor time."""
+    """One pair. scores_z, modes_z : rms of the errors of the windows' scores over what is stated, their correlation included,
+    of all of them and in the modes of smooth motion that tell a stiffness. in_hollow : points inside bladder or rectum.
+    seconds : of processor time."""
 
     scan: str
     pair: int
     points: int
     rejected: int
     in_hollow: int
-    whitened: float
+    scores_z: float
+    modes_z: float
     seconds: float
 
 
@@ -81,7 +84,7 @@ def matching_study(scans: Sequence[ContouredScan], count: int, seed: int, progre
         data = MotionData.of(found)
         error = data.along(pair.motion.at(data.points) - data.moved)
         rows += _rows(scan.name, number, pair, data, error)
-        each.append(_pair_row(scan.name, number, pair, found, error, seconds))
+        each.append(_pair_row(scan.name, number, pair, found, seconds))
         told.append((error / data.sd, _is_normal(pair, data)))
     z, normal = (np.concatenate(part) for part in zip(*told, strict=True))
     normal = normal.astype(bool)
@@ -104,7 +107,7 @@ def matching_text(found: MatchTable) -> str:
     for p in found["pairs"]:
         lines.append(
             f"pair {p['pair']}: {p['points']} points, {p['rejected']} rejected, {p['in_hollow']} inside bladder or "
-            f"rectum, errors over stated together {p['whitened']:.2f}, {p['seconds']:.1f} s"
+            f"rectum, scores' errors over stated {p['scores_z']:.2f}, in smooth modes {p['modes_z']:.2f}, {p['seconds']:.1f} s"
         )
     lines.append(
         f"all pairs: error over stated {found['normal_z']:.2f} normal, {found['tangential_z']:.2f} tangential; "
@@ -144,16 +147,24 @@ def _rows(name: str, number: int, pair: KnownPair, data: MotionData, error: Floa
     return rows
 
 
-def _pair_row(
-    name: str, number: int, pair: KnownPair, found: MatchedMotion, error: FloatArray, seconds: float
-) -> PairRow:
+def _pair_row(name: str, number: int, pair: KnownPair, found: MatchedMotion, seconds: float) -> PairRow:
     hollow = pair.rest.labels.with_array(np.isin(pair.rest.labels.array, (BLADDER, RECTUM)).astype(np.float32))
-    factor = cholesky(MotionData.of(found).covariance(), lower=True)
+    scores_z, modes_z = _of_scores(pair, found)
     return {
         "scan": name, "pair": number, "points": len(found.points), "rejected": len(found.rejected),
-        "in_hollow": int((hollow.at(found.points) > 0.5).sum()),
-        "whitened": round(rms(solve_triangular(factor, error, lower=True)), 3), "seconds": round(seconds, 2),
+        "in_hollow": int((hollow.at(found.points) > 0.5).sum()), "scores_z": scores_z, "modes_z": modes_z,
+        "seconds": round(seconds, 2),
     }  # fmt: skip
+
+
+def _of_scores(pair: KnownPair, found: MatchedMotion) -> tuple[float, float]:
+    """Errors of the windows' scores over what is stated, of all and in the modes of smooth motion."""
+    if found.scores is None:
+        return 0.0, 0.0
+    rows = MotionRows.of_scores(found.scores, np.ones(len(found.scores.nodes), dtype=bool))
+    error = rows.value - rows.along(pair.motion.at(rows.nodes))
+    all_of_them = solve_triangular(cholesky(rows.covariance, lower=True), error, lower=True)
+    return round(rms(all_of_them), 3), round(rms(mode_reader(rows) @ error), 3)
 
 
 def _median(values: FloatArray) -> float:
