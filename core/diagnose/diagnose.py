@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.detection.gap_test import EffectDirections, gap_test
+from palpate.core.diagnose.detection.gap_test import EffectDirections, looked_at
 from palpate.core.diagnose.detection.location import discrepancy_maps
 from palpate.core.diagnose.detection.score_test import Screened, screen
 from palpate.core.diagnose.effects import Effect, Surroundings
@@ -56,11 +56,12 @@ def diagnose(
     )
     screened = sorted(screen(fit, effects, around), key=lambda s: -s.log_evidence)
     named = {s.effect.id: EffectDirections(s.directions, s.effect.scales, s.effect.bounds) for s in screened}
-    test = gap_test(fit.noise, r, J, R, named, seed, rules=rules)
+    looks = looked_at(fit.noise, r, J, R, named, seed, rules=rules)
+    test = looks.test()
     refits = [] if test.p_value > rules.clear else _refits(fit, screened, rules, part(progress, 0.6, 0.8))
     if refits:
         refit_evidence = {f.hypothesis.effect.id: f.log_evidence for f in refits if f.hypothesis.effect}
-        test = gap_test(fit.noise, r, J, R, named, seed, refit_evidence, rules=rules)
+        test = looks.test(refit_evidence)
     refits = with_own_element_errors(fit, screened, refits, rules, part(progress, 0.8, 0.92)) if test.detected else []
     progress(0.92, "prediction of what was left out")
     discrepancy = discrepancy_maps(fit, forces, rules)

@@ -44,6 +44,8 @@ class SharedGeometry:
     assemblers: dict[bool, Assembler] = field(default_factory=dict)
     split_mu: bool = False
     _cut: CutProblem | None = None
+    # Not copied by `replace`: a geometry with other motions has finer ones of its own.
+    _finer: dict[str, SharedGeometry] = field(default_factory=dict, init=False)
 
     @classmethod
     def of(
@@ -81,6 +83,12 @@ class SharedGeometry:
             motion = WallMotion.of(visible, at_rest, errors, walls)
             geometry.motions[name] = motion if known is None else replace(motion, slip=known.slips[name])
         return geometry
+
+    def with_element(self, element: str) -> SharedGeometry:
+        """The same problem and walls with another element; made once, so that its matrices are analysed once."""
+        if element not in self._finer:
+            self._finer[element] = SharedGeometry.of(self.problem, element, self)
+        return self._finer[element]
 
     @property
     def known(self) -> KnownGeometry:

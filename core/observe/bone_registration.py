@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -64,6 +65,11 @@ class BoneRegistration:
         """Residual (6,): minus the rigid motion (mm, degrees) that would still take the bones from where `motion` puts
         them to where they are."""
         return self.reader @ self.field.value_and_gradient(self.points + motion(self.points))[0]
+
+    @cached_property
+    def residual_at_rest(self) -> FloatArray:
+        """The residual (6,) where no bone moves, as in the plain model; found once."""
+        return self.residual(np.zeros_like)
 
     @property
     def floor(self) -> FloatArray:

@@ -93,7 +93,10 @@ class DataVector:
         parts = [self.modes.T @ distance, (observation.landmarks[:, :3] + marks - observation.landmarks[:, 3:]).ravel()]
         parts.append(observation.motion.residual_of(motion))
         if self.bone is not None:
-            parts.append(self.bone.residual(_still if composition is None else composition.bone_motion))
+            if composition is None or not composition.support:
+                parts.append(self.bone.residual_at_rest)
+            else:
+                parts.append(self.bone.residual(composition.bone_motion))
         return np.concatenate(parts)
 
     def surface_residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
@@ -149,7 +152,3 @@ class DataVector:
             rows[self.marks.start + k, q + k // 3, k % 3] = 1.0
         rows[self.motion, q + self.n_marks :] = observation.motion.per_place
         return rows
-
-
-def _still(X: FloatArray) -> FloatArray:
-    return np.zeros_like(X)

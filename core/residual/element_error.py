@@ -100,7 +100,7 @@ def element_errors(
 
 def fine_element_model(quick: StateModel, element: str = GOOD) -> StateModel:
     """The same model with the better element."""
-    geometry = SharedGeometry.of(quick.plain.problem, element, quick.geometry)
+    geometry = quick.geometry.with_element(element)
     only = None if quick.only is None else ContactForceScene(geometry)
     return StateModel(geometry, quick.data, quick.plain, quick.correction, only, quick.count)
 

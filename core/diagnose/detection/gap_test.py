@@ -85,6 +85,56 @@ def gap_test(
     noise makes as large as 1 / p in at most a share p of cases (Vovk & Wang 2021), so that 1 / E is a p-value too. The
     smaller of the two is taken.
     """
+    return looked_at(noise, r, J, fields, named, seed, rules=rules).test(refitted)
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """What the data, the first column, and all draws show; refits change no draw. rules : of the test.
+
+    Q : of the data. freedom : its degrees of freedom. whole (draws,) : p-values of Q. smooth (draws,), library : log
+    Bayes factors of the free field and of each effect by id.
+    """
+
+    rules: DecisionRules
+    Q: float
+    freedom: int
+    whole: FloatArray
+    smooth: FloatArray
+    library: Mapping[str, FloatArray]
+
+    def test(self, refitted: Mapping[str, float] | None = None) -> GapTest:
+        """The test's outcome, see `gap_test`."""
+        draws, rules = len(self.smooth), self.rules
+        some = _any_named(list(self.library.values()), draws)
+        factor = _of_a_gap(self.smooth, some, rules.prior_unknown)
+        p = float(_p_values(factor, self.whole, rules.whole_share)[0])
+        if refitted is not None:
+            known = [np.maximum(one[:1], refitted.get(name, -np.inf)) for name, one in self.library.items()]
+            after = _of_a_gap(self.smooth[:1], _any_named(known, 1), rules.prior_unknown)[0]
+            p = min(p, max(float(np.exp(-after)), 1.0 / draws))  # the least that draws can tell
+        return GapTest(
+            self.Q,
+            self.freedom,
+            p,
+            float(_shares(-self.whole)[0]),
+            float(_shares(self.smooth)[0]),
+            float(_shares(some)[0]) if self.library else 1.0,
+            p < rules.level,
+        )
+
+
+def looked_at(
+    noise: NoiseGrid,
+    r: FloatArray,
+    J: FloatArray,
+    fields: FloatArray,
+    named: Mapping[str, EffectDirections] | None = None,
+    seed: int = 1,
+    *,
+    rules: DecisionRules,
+) -> Looks:
+    """Statistics of the data and of draws under the plain model; arguments as those of `gap_test`."""
     freedom = len(r) - J.shape[1]
     noise = noise.probable(r, J, fields, rules.noise_sizes)
     draws = np.column_stack([r, _drawn(noise, r, J, np.random.default_rng(seed), rules.gap_draws)])
@@ -94,24 +144,7 @@ def gap_test(
     smooth, library = looks.together()
     weight = softmax(looks.plain, axis=0)
     whole = (weight * stats.chi2.sf(looks.Q, freedom)).sum(axis=0)
-    some = _any_named(list(library.values()), draws.shape[1])
-    factor = _of_a_gap(smooth, some, rules.prior_unknown)
-    p = _p_values(factor, whole, rules.whole_share)
-    if refitted is not None:
-        known = [
-            np.maximum(discrepancy_maps[:1], refitted.get(name, -np.inf)) for name, discrepancy_maps in library.items()
-        ]
-        after = _of_a_gap(smooth[:1], _any_named(known, 1), rules.prior_unknown)[0]
-        p[0] = min(p[0], max(float(np.exp(-after)), 1.0 / draws.shape[1]))  # the least that draws can tell
-    return GapTest(
-        float((weight * looks.Q).sum(axis=0)[0]),
-        freedom,
-        float(p[0]),
-        float(_shares(-whole)[0]),
-        float(_shares(smooth)[0]),
-        float(_shares(some)[0]) if library else 1.0,
-        float(p[0]) < rules.level,
-    )
+    return Looks(rules, float((weight * looks.Q).sum(axis=0)[0]), freedom, whole, smooth, library)
 
 
 def _p_values(factor: FloatArray, whole: FloatArray, whole_share: float) -> FloatArray:
