@@ -94,8 +94,9 @@ def test_the_page_of_commands_has_every_command_and_option() -> None:
     )
 
 
-def test_the_script_of_the_window_pictures_is_understood() -> None:
-    path = DOCS / "tutorial" / "window_pictures.txt"
+@pytest.mark.parametrize("name", ["window_pictures.txt", "window_swarm.txt"])
+def test_the_scripts_of_the_window_pictures_are_understood(name: str) -> None:
+    path = DOCS / "tutorial" / name
     commands = parse(path.read_text(encoding="utf-8"), str(path))
     assert {"open", "show", "screenshot", "quit"} <= {command.name for command in commands}
 
