@@ -73,7 +73,7 @@ def _newton_direction(
             continue
         if project or a.solver.n_negative() == a.space.n_pressures:
             nothing = State(np.zeros_like(state.u), np.zeros_like(state.p))
-            return moved(a, nothing, 1.0, a.solver.solve_roughly(rhs))
+            return moved(a, nothing, 1.0, a.solver.solve(rhs))
     return None
 
 

@@ -55,6 +55,6 @@ def test_a_report_with_a_map_has_one_scale_for_all_its_pictures(tmp_path: Path) 
 
 def test_the_search_is_drawn_as_what_it_is_beside_what_noise_leaves() -> None:
     (axes,) = convergence([900.0, 400.0, 56.0], 60.0).axes
-    assert "weighted sum of squares" in axes.get_ylabel()
+    assert axes.get_ylabel() == "weighted squares,\nleast so far"
     assert any(np.allclose(line.get_ydata(), 60.0) for line in axes.lines)
     assert not any(np.allclose(line.get_ydata(), 60.0) for line in convergence([900.0, 400.0, 56.0]).axes[0].lines)
