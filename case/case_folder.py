@@ -170,6 +170,13 @@ class CaseFolder(CaseFiles):
             raise InputError(f"{self.file('state.json')} holds no JSON object; remove it and run the steps again")
         return state
 
+    def check_writable(self) -> None:
+        """Raises InputError where the folder is read-only."""
+        if atomic.is_read_only(self.path):
+            raise InputError(
+                f"{self.path} cannot be written (the place is read-only); copy the case to a writable place"
+            )
+
 
 def check_new_case(folder: Path) -> None:
     """Raises InputError unless ``folder`` can become, or is, a case: no file, not full of other things, writable."""

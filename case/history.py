@@ -32,7 +32,12 @@ _KEPT = 100
 
 @contextmanager
 def recorded(case: CaseFolder, command: str, options: str) -> Iterator[None]:
-    """Context that adds this command to history.json when its block ends without an error."""
+    """Context that adds this command to history.json when its block ends without an error.
+
+    Raises InputError before the block starts where the case cannot be written: some steps write after minutes only.
+    """
+    if case.path.exists():
+        case.check_writable()
     began = time.monotonic()
     yield
     add_entry(case, command, options, time.monotonic() - began)

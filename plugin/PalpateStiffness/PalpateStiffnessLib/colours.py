@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from .mrml import MrmlNode, MrmlScene
 
 
 @dataclass(frozen=True)
 class StiffnessColours:
     """node : the colour table. low, high : the kPa of its first and last colour."""
 
-    node: Any
+    node: MrmlNode
     low: float
     high: float
 
 
-def load_stiffness_colours(scene: Any, path: Path, name: str) -> StiffnessColours | None:
+def load_stiffness_colours(scene: MrmlScene, path: Path, name: str) -> StiffnessColours | None:
     """The colour table of a file, and its range; None where the file cannot be read."""
     ends = _ends(path)
     node = scene.AddNewNodeByClass("vtkMRMLColorTableNode", name)

@@ -7,9 +7,9 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from .errors import InputError
+from .mrml import MrmlNode, MrmlScene
 from .nodes import STATES, ResultNodes, show
 from .pipeline import Pipeline, Step
 from .program import program_command
@@ -26,7 +26,7 @@ class StiffnessLogic:
     Slicer that is killed loses nothing: the same steps pass over what is done.
     """
 
-    def __init__(self, scene: Any, program: str = "") -> None:
+    def __init__(self, scene: MrmlScene, program: str = "") -> None:
         self.scene, self.program = scene, program
         self._exports: list[str] = []
 
@@ -49,7 +49,7 @@ class StiffnessLogic:
             options += [] if path is None else [f"--{state}-labels", str(path)]
         return Pipeline([self._step("import", str(rest), str(deformed), "-o", str(case), *options)])
 
-    def segment(self, case: Path, seeds: Any = None) -> Pipeline:
+    def segment(self, case: Path, seeds: MrmlNode = None) -> Pipeline:
         """Finds the organs in both scans. seeds : a point list node, its points named by organ, in the scan at rest."""
         points = [text for seed in seeds_of(seeds) for text in ("--seed", seed)]
         return Pipeline([self._step("segment", self._case(case), *points)])
@@ -86,7 +86,7 @@ class StiffnessLogic:
         pair = self.load_pair(case / "rest_ct", case / "deformed_ct", new, aligned, (labels[0], labels[1]))
         return Pipeline([*pair.steps, self._step("segment", str(new))]), new
 
-    def scan_folder(self, folder: Path, volume: Any) -> Path:
+    def scan_folder(self, folder: Path, volume: MrmlNode) -> Path:
         """The folder of a scan: as chosen, else of the files that a volume of the scene was loaded from. Raises InputError."""
         if folder != Path() or volume is None:
             return folder
@@ -94,7 +94,7 @@ class StiffnessLogic:
 
         return dicom_folder(volume, slicer.dicomDatabase, self._scratch() / "scan")
 
-    def contours(self, segmentation: Any) -> Path | None:
+    def contours(self, segmentation: MrmlNode) -> Path | None:
         """A segmentation of the scene as a file with contours; None where there is none. Raises InputError."""
         return (
             None
@@ -156,7 +156,7 @@ def free_folder(case: Path) -> Path:
     return path
 
 
-def seeds_of(points: Any) -> list[str]:
+def seeds_of(points: MrmlNode) -> list[str]:
     """Control points as the program takes them, NAME=X,Y,Z in LPS mm. Their labels must be organs; a count after is allowed.
 
     Raises InputError naming the point whose label is none.

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import slicer
 
 from .colours import StiffnessColours, load_stiffness_colours
+from .mrml import MrmlNode, MrmlScene
 
 STATES = ("rest", "deformed")
 STIFFNESS, COLOURS, MESH = "stiffness_kpa.nrrd", "stiffness_kpa.ctbl", "mesh.vtu"
@@ -24,20 +24,20 @@ class LoadError(Exception):
 class ResultNodes:
     """The nodes of one case; by state where there are two. None and empty where the case has not got that far."""
 
-    volumes: dict[str, Any] = field(default_factory=dict)
-    segmentations: dict[str, Any] = field(default_factory=dict)
-    stiffness: Any = None
-    mesh: Any = None
-    colours: Any = None
-    legend: Any = None
+    volumes: dict[str, MrmlNode] = field(default_factory=dict)
+    segmentations: dict[str, MrmlNode] = field(default_factory=dict)
+    stiffness: MrmlNode = None
+    mesh: MrmlNode = None
+    colours: MrmlNode = None
+    legend: MrmlNode = None
 
-    def all(self) -> list[Any]:
+    def all(self) -> list[MrmlNode]:
         """Every node there is."""
         single = [node for node in (self.legend, self.stiffness, self.mesh, self.colours) if node is not None]
         return [*self.volumes.values(), *self.segmentations.values(), *single]
 
 
-def show(scene: Any, folder: Path) -> ResultNodes:
+def show(scene: MrmlScene, folder: Path) -> ResultNodes:
     """Loads what an export folder holds into a scene. Raises LoadError naming the file."""
     nodes = ResultNodes()
     for state in STATES:
@@ -62,7 +62,7 @@ def show(scene: Any, folder: Path) -> ResultNodes:
     return nodes
 
 
-def _colours(scene: Any, path: Path) -> StiffnessColours:
+def _colours(scene: MrmlScene, path: Path) -> StiffnessColours:
     found = load_stiffness_colours(scene, path, "Stiffness G, kPa") if path.is_file() else None
     if found is None:
         raise LoadError(f"{path.name} cannot be read; run the step again")
@@ -70,8 +70,13 @@ def _colours(scene: Any, path: Path) -> StiffnessColours:
 
 
 def _loaded(
-    scene: Any, path: Path, node_class: str, storage_class: str, name: str, prepare: Callable[[Any], None] | None = None
-) -> Any:
+    scene: MrmlScene,
+    path: Path,
+    node_class: str,
+    storage_class: str,
+    name: str,
+    prepare: Callable[[MrmlNode], None] | None = None,
+) -> MrmlNode:
     node = scene.AddNewNodeByClass(node_class, name)
     storage = scene.AddNewNodeByClass(storage_class)
     storage.SetFileName(str(path))
@@ -85,7 +90,7 @@ def _loaded(
     return node
 
 
-def _volume(scene: Any, path: Path, name: str) -> Any:
+def _volume(scene: MrmlScene, path: Path, name: str) -> MrmlNode:
     node = _loaded(
         scene, path, "vtkMRMLScalarVolumeNode", "vtkMRMLVolumeArchetypeStorageNode", name,
         lambda storage: storage.SetSingleFile(True),
@@ -94,13 +99,13 @@ def _volume(scene: Any, path: Path, name: str) -> Any:
     return node
 
 
-def _show_as_ct(volume: Any) -> None:
+def _show_as_ct(volume: MrmlNode) -> None:
     display = volume.GetDisplayNode()
     display.AutoWindowLevelOff()
     display.SetWindowLevel(_CT_WINDOW, _CT_LEVEL)
 
 
-def _show_as_outlines(segmentation: Any, visible: bool) -> None:
+def _show_as_outlines(segmentation: MrmlNode, visible: bool) -> None:
     """Outlines on the slices, so that the scan is seen."""
     segmentation.CreateDefaultDisplayNodes()
     display = segmentation.GetDisplayNode()
@@ -109,7 +114,7 @@ def _show_as_outlines(segmentation: Any, visible: bool) -> None:
     display.SetVisibility2DOutline(True)
 
 
-def _show_as_stiffness(volume: Any, colours: StiffnessColours) -> None:
+def _show_as_stiffness(volume: MrmlNode, colours: StiffnessColours) -> None:
     """Colours as everywhere in the program; what has no stiffness (0) is not drawn."""
     display = volume.GetDisplayNode()
     display.SetAndObserveColorNodeID(colours.node.GetID())
@@ -124,7 +129,7 @@ def _show_as_stiffness(volume: Any, colours: StiffnessColours) -> None:
     volume.SetVoxelValueUnits(units)
 
 
-def _legend(volume: Any) -> Any:
+def _legend(volume: MrmlNode) -> MrmlNode:
     """The colour legend in the slice views: what a colour stands for, in kPa. None where Slicer is without its Colors module."""
     if not hasattr(slicer, "vtkSlicerColorLogic") or not volume.GetScene().IsNodeClassRegistered(
         "vtkMRMLColorLegendDisplayNode"
@@ -138,7 +143,7 @@ def _legend(volume: Any) -> Any:
     return legend
 
 
-def _show_mesh(model: Any, colours: Any) -> None:
+def _show_mesh(model: MrmlNode, colours: MrmlNode) -> None:
     model.CreateDefaultDisplayNodes()
     display = model.GetDisplayNode()
     display.SetVisibility(False)  # a box of tetrahedra hides what is in it; a person turns it on

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Any
 
 from .errors import InputError
+from .mrml import MrmlDatabase, MrmlNode, MrmlScene
 
 
-def dicom_folder(volume: Any, database: Any, folder: Path) -> Path:
+def dicom_folder(volume: MrmlNode, database: MrmlDatabase, folder: Path) -> Path:
     """The DICOM files that a volume node was loaded from, copied into a folder of their own.
 
     volume : a node that Slicer's DICOM module loaded, with the UIDs of its instances. database : of Slicer.
@@ -31,7 +31,7 @@ def dicom_folder(volume: Any, database: Any, folder: Path) -> Path:
     return folder
 
 
-def segmentation_file(scene: Any, segmentation: Any, path: Path) -> Path:
+def segmentation_file(scene: MrmlScene, segmentation: MrmlNode, path: Path) -> Path:
     """A segmentation node as a .seg.nrrd with names. Raises InputError where it is empty or cannot be written."""
     if segmentation.GetSegmentation().GetNumberOfSegments() == 0:
         raise InputError(f"{segmentation.GetName()} has no segment; draw one or choose another segmentation.")

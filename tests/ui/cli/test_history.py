@@ -8,7 +8,7 @@ import pytest
 from phantoms import write_case
 
 from palpate.case import history
-from palpate.core.errors import ConvergenceError
+from palpate.core.errors import ConvergenceError, InputError
 from palpate.ui.cli import main as cli
 from palpate.ui.cli.steps import record, recorded
 
@@ -32,3 +32,16 @@ def test_history_keeps_the_last_hundred_and_only_what_ended_well(tmp_path: Path)
         raise ConvergenceError("no")
     kept = case.read_json(history.FILE)["commands"]
     assert len(kept) == 100 and kept[-1]["seconds"] == 102.0
+
+
+def test_a_case_that_cannot_be_written_is_told_before_the_step_starts(tmp_path: Path) -> None:
+    case = write_case(tmp_path / "case")
+    case.path.chmod(0o555)
+    ran = []
+    with (
+        pytest.raises(InputError, match=r"case cannot be written \(the place is read-only\); copy the case"),
+        recorded(case, cli.arguments(["mesh", str(case.path)])),
+    ):
+        ran.append("mesh")
+    case.path.chmod(0o755)
+    assert ran == [] and not case.has(history.FILE)
