@@ -12,9 +12,10 @@ from msgspec import UNSET
 from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
+from palpate.case.matched import FILE as MATCHED
 from palpate.case.missing import at_bounds, missing_structures
 from palpate.case.problem import noise_source
-from palpate.case.steps import mesh
+from palpate.case.steps import match, mesh
 from palpate.case.steps.declarations import IDENTIFY
 from palpate.case.surface_errors import StatedErrors
 from palpate.core.files.json_types import typed
@@ -26,7 +27,7 @@ from palpate.core.worker.inline import DoJob
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Message
 from palpate.core.worker.process import run_job
-from palpate.core.worker.progress import Progress, silent
+from palpate.core.worker.progress import Progress, part, silent
 
 _PACKAGES = (
     "palpate",
@@ -48,19 +49,22 @@ def run(
     """Write result.json and identify/ of a case; return what result.json says.
 
     The step passes over a case whose inputs and options are those of the last run. A run that was killed goes on from
-    its checkpoint. A case with labels and no mesh is meshed first. do_job : runs the job; a caller in a worker process
-    gives `run_inline`. Raises InputError when labels are missing, ConvergenceError when nothing could be solved,
-    Cancelled.
+    its checkpoint. A case with labels and no mesh is meshed first; with `image` its CTs are matched. do_job : runs the
+    job; a caller in a worker process gives `run_inline`. Raises InputError when labels are missing, ConvergenceError
+    when nothing could be solved, Cancelled.
     """
     options = options or IdentifyOptions()
     if not case.has("mesh.json"):
-        mesh.run(case, progress=lambda f, m: progress(0.1 * f, m))
-    chosen = {k: v for k, v in asdict(options).items() if k != "workers"} | {"inference": INFERENCE}
+        mesh.run(case, progress=part(progress, 0.0, 0.1))
+    chosen = {k: v for k, v in asdict(options).items() if k not in ("workers", "image")} | {"inference": INFERENCE}
+    if options.image:
+        match.run(case, progress=part(progress, 0.0, 0.1))
+        chosen["image"] = case.inputs_sha256([MATCHED]) if case.has(MATCHED) else ""
     made_from = IDENTIFY.made_from(case, chosen)
     if IDENTIFY.is_done(case, made_from):
         return read_result(case)
     folder = case.file("identify")
-    paths = _write_problems(case, folder)
+    paths = _write_problems(case, folder, options.image)
     answer = do_job(_job(case, options, paths), lambda m: _tell(m, progress))
     result = _of_case(case, typed(answer, IdentificationRecord, "the worker's answer", ""))
     case.write_json("result.json", result)
@@ -94,12 +98,12 @@ def versions() -> dict[str, str]:
     return out
 
 
-def _write_problems(case: CaseFolder, folder: Path) -> dict[str, str]:
+def _write_problems(case: CaseFolder, folder: Path, image: bool) -> dict[str, str]:
     """Write problem.npz, and problem_2.npz, ... for further states; return paths by role. Files of removed states are
     deleted.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    states = {"problem" if k == 1 else f"problem_{k}": state for k, state in enumerate(data_of(case).pairs, 1)}
+    states = {"problem" if k == 1 else f"problem_{k}": state for k, state in enumerate(data_of(case, image).pairs, 1)}
     for old in folder.glob("problem_*.npz"):
         if old.stem not in states:
             case.remove(f"identify/{old.name}")

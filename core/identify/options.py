@@ -21,6 +21,7 @@ class IdentifyOptions:
     reduced model where its own error estimate allows. stiffness_map : also map the stiffness within the organ (boundary "coupled" only).
     uneven : do not take regions for uniform: what a focus within one does at the surface counts as an error.
     split_mu : look for mu1 and mu2 of every region apart, instead of mu1 = mu2.
+    image : use, beside the contours, the motion that the two CTs' images tell, where the case has both.
     Raises InputError for values out of range.
     """
 
@@ -36,6 +37,7 @@ class IdentifyOptions:
     stiffness_map: bool = True
     split_mu: bool = False
     uneven: bool = False
+    image: bool = False
 
     def __post_init__(self) -> None:
         for name, value, allowed in (

@@ -32,8 +32,8 @@ def motion_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[
     return {NAME: Picture(save(motion_planes(images, matched), folder / f"{NAME}.png"), caption, says)}
 
 
-def motion_section(matched: MatchedMotion, pictures: Mapping[str, Picture]) -> Section:
-    """What came from the images, and what did not."""
+def motion_section(matched: MatchedMotion, pictures: Mapping[str, Picture], used: bool) -> Section:
+    """What came from the images, and what did not. used : whether the stiffness stands on it."""
     data = MotionData.of(matched)
     counts = np.bincount(matched.rejected_for, minlength=len(REASONS))
     rows = [
@@ -43,7 +43,9 @@ def motion_section(matched: MatchedMotion, pictures: Mapping[str, Picture]) -> S
         *((f"rejected: {why}", str(n)) for why, n in zip(REASONS[1:], counts[1:], strict=True) if n),
     ]
     text = (
-        "The stiffness above comes from contours and landmarks alone. A diagnosis that was asked for with --image uses this "
+        "The stiffness above comes from contours, landmarks and this motion together."
+        if used
+        else "The stiffness above comes from contours and landmarks alone. A step that is asked for with --image uses this "
         "motion beside them."
     )
     blocks: list[Block] = [Paragraph(text), Table(("motion from the images", ""), rows)]

@@ -105,6 +105,12 @@ class CaseRecord:
         return float(np.sqrt(max(c[i, i] + c[j, j] - 2.0 * c[i, j], 0.0)))
 
     @property
+    def used_image(self) -> bool:
+        """Whether the stiffness stands on the motion that the images tell, beside contours."""
+        options = known(self.result.options)
+        return self.matched is not None and options is not None and options.image
+
+    @property
     def noise_sd_mm(self) -> float | None:
         """Error of one contour of the prostate, mm: what the case states, else what identification used."""
         stated = self.facts.boundary_noise_sd_mm

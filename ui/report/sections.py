@@ -27,7 +27,7 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
         Section("Summary", _summary(record, pictures)),
         stiffness_section(record, figures),
         _fit(record, pictures),
-        *([motion_section(record.matched, pictures)] if record.matched else []),
+        *([motion_section(record.matched, pictures, record.used_image)] if record.matched else []),
         *([gap_section(record, pictures)] if record.diagnosis else []),
         quality(record, figures.missing),
         _provenance(record, date, version),

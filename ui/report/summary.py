@@ -62,7 +62,12 @@ def what_lacks(record: CaseRecord) -> list[str]:
 
 
 def stands_on(record: CaseRecord) -> str:
-    """Which error of the contours the intervals stand on."""
+    """Which error of the contours the intervals stand on, and whether on the images' motion too."""
+    beside = " They also stand on the motion that both scans' images show." if record.used_image else ""
+    return _contours_stood_on(record) + beside
+
+
+def _contours_stood_on(record: CaseRecord) -> str:
     errors = known(record.result.contour_errors_mm)
     if not errors:
         sd = record.noise_sd_mm

@@ -10,7 +10,7 @@ from palpate.imaging.labels import PROSTATE_LEFT, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.motion_pictures import motion_planes
-from palpate.ui.report.document import Table
+from palpate.ui.report.document import Paragraph, Table
 from palpate.ui.report.motion_section import motion_section
 
 
@@ -40,8 +40,14 @@ def test_a_point_is_drawn_on_the_slices_near_it_with_its_true_length() -> None:
 
 
 def test_the_section_counts_what_was_matched_and_why_points_were_not_used() -> None:
-    section = motion_section(matched(), {})
+    section = motion_section(matched(), {}, used=False)
     table = next(block for block in section.blocks if isinstance(block, Table))
     rows = {row[0]: row[1] for row in table.rows}
     assert rows["points matched"] == "2" and rows["directions that they tell"] == "6"
     assert rows[f"rejected: {REASONS[1]}"] == "1"
+
+
+def test_the_section_says_whether_the_stiffness_stands_on_the_motion() -> None:
+    without, with_it = (next(iter(motion_section(matched(), {}, used=used).blocks)) for used in (False, True))
+    assert isinstance(without, Paragraph) and "alone" in without.text
+    assert isinstance(with_it, Paragraph) and "this motion together" in with_it.text

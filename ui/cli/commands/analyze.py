@@ -85,7 +85,8 @@ def _diagnosed(case: CaseFolder, args: argparse.Namespace, console: Console) -> 
         return {}, []
     try:
         with console.progress(diagnose.NAME) as progress:
-            found = diagnose_step.run(case, diagnose_step.DiagnoseOptions(seed=random_seed(args)), progress)
+            options = diagnose_step.DiagnoseOptions(seed=random_seed(args), image=args.image)
+            found = diagnose_step.run(case, options, progress)
     except (ConvergenceError, InputError) as error:
         return {}, [f"note    no diagnosis: {error}"]
     return {"diagnosis": plain(found)}, diagnose.text_of(case, found)

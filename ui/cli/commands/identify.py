@@ -53,6 +53,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--uneven", action="store_true",
                        help="do not take a region for uniform: what a focus within it does at the surface counts as an error, which "
                        "keeps it out of the other regions' values and widens the intervals")  # fmt: skip
+    group.add_argument("--image", action=argparse.BooleanOptionalAction, default=default.image,
+                       help="use, beside the contours, the motion that the two CTs' images tell")  # fmt: skip
     group.add_argument("--split-mu", action="store_true",
                        help="look for mu1 and mu2 of every region apart, and say whether this pair tells them")  # fmt: skip
 
@@ -72,6 +74,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
         stiffness_map=args.stiffness_map,
         split_mu=args.split_mu,
         uneven=args.uneven,
+        image=args.image,
     )
 
 

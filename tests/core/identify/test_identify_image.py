@@ -1,0 +1,58 @@
+"""Identification with the motion that images tell, beside contours that are less well known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_case
+
+from palpate.core.files.json_types import plain
+from palpate.core.identify.job import run
+from palpate.core.matched_motion import MatchedMotion
+from palpate.core.problem import IdentificationProblem
+from palpate.core.worker.job import Job
+from palpate.core.worker.messages import Reporter
+
+TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
+OPTIONS = {"element": "p1p1", "starts": 1, "particles": 12, "iterations": 20, "stiffness_map": False}
+SD_MM = 0.1
+
+
+def matched() -> MatchedMotion:
+    """Points in the tissue about the ball, each displacement off by an error of its own."""
+    axis = np.arange(-13.0, 13.5, 5.2)
+    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = points[np.linalg.norm(points, axis=1) > synthetic_case.RADIUS + 0.5]
+    seen = synthetic_case.moved(points) + SD_MM * np.random.default_rng(5).normal(size=points.shape)
+    return MatchedMotion(points, seen, np.tile(np.eye(3) / SD_MM**2, (len(points), 1, 1)), 1.0)
+
+
+@pytest.fixture(scope="module")
+def contours() -> IdentificationProblem:
+    exact = synthetic_case.problem()
+    return replace(exact, facts=replace(exact.facts, noise_sd_mm=0.3))
+
+
+def _run(problem: IdentificationProblem, folder: Path) -> dict[str, Any]:
+    folder.mkdir()
+    np.savez(folder / "problem.npz", **problem.arrays())
+    job = Job("palpate.core.identify.job:run", str(folder), {"problem": str(folder / "problem.npz")}, OPTIONS, seed=3)
+    return plain(run(job, Reporter(lambda message: None)))
+
+
+def test_motion_in_the_tissue_makes_both_values_surer_and_keeps_them_true(
+    contours: IdentificationProblem, tmp_path: Path
+) -> None:
+    alone = _run(contours, tmp_path / "contours")
+    beside = _run(replace(contours, matched=matched()), tmp_path / "image")
+    for name, true in TRUTH.items():
+        wide, narrow = (each["parameters"][name]["sd_ln_G"] for each in (alone, beside))
+        assert narrow < 0.6 * wide
+        low, high = beside["parameters"][name]["ci95_kpa"]
+        assert low < true < high
+    assert beside["agreement"]["harmless"]  # the swarm's reduced model carries the points in the tissue too
+    assert beside["misfit"]["weighted_from_noise"] > 20 + alone["misfit"]["weighted_from_noise"]
