@@ -25,6 +25,7 @@ from palpate.core.inference.posterior import Posterior
 from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import StateData
+from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.known_state import KnownState
@@ -76,7 +77,8 @@ def arrays_of(fit: PlainFit) -> dict[str, NDArray[np.generic]]:
         "theta": fit.linearisation.theta,
         "mesh": fit.mesh,
         "weights": fit.weighting.covariance,
-        "noise/covariances": fit.noise.covariances,
+        "noise/matrices": fit.noise.covariances.matrices,
+        "noise/coefficients": fit.noise.covariances.coefficients,
         "noise/log_prior": fit.noise.log_prior,
     }
     for k, (model, at) in enumerate(zip(fit.model.each, fit.linearisation.each, strict=True)):
@@ -119,7 +121,7 @@ def restored(
     model = model.corrected(mesh)
     parts = zip(model.each, states, scalars.outcomes, strict=True)
     here = JointLinearisation(tuple(_linearisation(one, state, theta, outcome) for one, state, outcome in parts))
-    noise = _floats(arrays, "noise/covariances"), _floats(arrays, "noise/log_prior")
+    covariances = CovarianceFamily(_floats(arrays, "noise/matrices"), _floats(arrays, "noise/coefficients"))
     return PlainFit(
         model=model,
         linearisation=here,
@@ -127,7 +129,7 @@ def restored(
         on_own_mesh=_floats(arrays, "on_own_mesh") if "on_own_mesh" in arrays else None,
         meshes=scalars.meshes,
         scatter_mm=float("nan") if scalars.scatter_mm is None else scalars.scatter_mm,
-        noise=NoiseGrid(scalars.noise, *noise, options),
+        noise=NoiseGrid(scalars.noise, covariances, _floats(arrays, "noise/log_prior"), options),
         sizes=scalars.sizes,
         weighting=Weighting(_floats(arrays, "weights")),
         posterior=_posterior(arrays, scalars.scale),

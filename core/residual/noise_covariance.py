@@ -6,7 +6,7 @@ The sizes are those of `NoiseModelOptions`, calibrated on cases without a hidden
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_errors import ContourErrors
+from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
 from palpate.core.residual.joint_states import apart, rows_of
@@ -113,11 +114,26 @@ class NoiseParts:
         discretisation : (n, m) mm, columns whose outer products sum to the covariance of the discretisation error
         (`remeshing`).
         """
-        contour = self.contour[int(np.argmin(np.abs(np.array(self.options.lengths_mm) - sizes.length)))]
+        contour = self.contour[self._nearest(sizes.length)]
         contour = (1.0 - sizes.long) * contour + sizes.long * self.long
         out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
         out = out + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
         return out + self.floor + self.image.covariance(sizes.image) + discretisation @ discretisation.T
+
+    def covariances(
+        self, start: NoiseSizes, sizes: Sequence[NoiseSizes], discretisation: FloatArray
+    ) -> CovarianceFamily:
+        """`covariance` of all sizes, which differ from `start` in what a case's own data choose: length, share of the long
+        length, contour factor and own size."""
+        fixed = self.covariance(replace(start, contour=0.0, own=0.0), discretisation)
+        coefficients = np.zeros((len(sizes), len(self.contour) + 3))
+        for row, one in zip(coefficients, sizes, strict=True):
+            row[self._nearest(one.length)] = (1.0 - one.long) * one.contour**2
+            row[-3:] = one.long * one.contour**2, one.own**2, 1.0
+        return CovarianceFamily(np.stack([*self.contour, self.long, self.own, fixed]), coefficients)
+
+    def _nearest(self, length: float) -> int:
+        return int(np.argmin(np.abs(np.array(self.options.lengths_mm) - length)))
 
 
 @dataclass(frozen=True, eq=False)

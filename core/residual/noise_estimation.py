@@ -17,6 +17,7 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import FloatArray
+from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.image_errors import ImageErrorSizes
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -28,10 +29,10 @@ _NEGLIGIBLE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class NoiseGrid:
-    """Grid of all sizes that the noise may have: covariances (g, n, n) mm2, log_prior (g,)."""
+    """Grid of all g sizes that the noise may have: covariances (n, n) mm2, log_prior (g,)."""
 
     sizes: Sequence[NoiseSizes]
-    covariances: FloatArray
+    covariances: CovarianceFamily
     log_prior: FloatArray
     options: NoiseModelOptions
 
@@ -50,14 +51,12 @@ class NoiseGrid:
             for own in options.own_sizes_mm
         ]
         prior = np.array([_prior(s.contour, options.contour_prior) for s in sizes])
-        return cls(
-            sizes, np.stack([parts.covariance(s, discretisation) for s in sizes]), prior - logsumexp(prior), options
-        )
+        return cls(sizes, parts.covariances(start, sizes, discretisation), prior - logsumexp(prior), options)
 
     @classmethod
     def known(cls, covariance: FloatArray, options: NoiseModelOptions) -> NoiseGrid:
         """The one point of a noise whose covariance (n, n) is known."""
-        return cls([NoiseSizes.of(options)], covariance[None], np.zeros(1), options)
+        return cls([NoiseSizes.of(options)], CovarianceFamily.one(covariance), np.zeros(1), options)
 
     def log_likelihood(self, r: FloatArray, J: FloatArray, more: FloatArray) -> FloatArray:
         """Restricted log likelihood (g,) of residuals r (n,), J (n, t) projected out; more (n, n) : a further
@@ -75,7 +74,8 @@ class NoiseGrid:
         weight = softmax(without + self.log_prior) + softmax(logsumexp(others, axis=0) + self.log_prior)
         kept = np.sort(np.argsort(-weight, kind="stable")[:most])
         prior = self.log_prior[kept]
-        return NoiseGrid([self.sizes[k] for k in kept], self.covariances[kept], prior - logsumexp(prior), self.options)
+        covariances = self.covariances.only(kept)
+        return NoiseGrid([self.sizes[k] for k in kept], covariances, prior - logsumexp(prior), self.options)
 
     def log_evidence(self, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
         """Laplace's log evidence of a model, averaged over all sizes of the noise.
@@ -106,7 +106,7 @@ def fit_noise(
     logs = np.stack([grid.log_likelihood(r, J, fixed + size**2 * gap @ gap.T) for size in grid.options.gap_sizes])
     weight = np.exp(logsumexp(logs, axis=0) + grid.log_prior - logsumexp(logs + grid.log_prior))
     likely = weight > _NEGLIGIBLE * weight.max()
-    covariance = np.tensordot(weight[likely], grid.covariances[likely], 1) / weight[likely].sum()
+    covariance = grid.covariances.mean(np.where(likely, weight, 0.0) / weight[likely].sum())
     contour, own = (float(np.sqrt(weight @ np.square([getattr(s, k) for s in grid.sizes]))) for k in ("contour", "own"))
     length, long = (float(weight @ np.array([getattr(s, k) for s in grid.sizes])) for k in ("length", "long"))
     return FittedNoise(replace(grid.sizes[0], contour=contour, own=own, length=length, long=long), covariance)

@@ -12,6 +12,7 @@ from palpate.core.inference.heldout import Linear, Split
 from palpate.core.inference.posterior import NoiseFacts, laplace
 from palpate.core.inference.swarm import sphere_centre
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN, MOONEY_RIVLIN_PRINTED, bulk_modulus, mooney_rivlin_parameters
+from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.validate.paper.contour_weights import contour_covariance, weighting_covariance
@@ -119,7 +120,7 @@ def test_score_test_and_evidence_of_an_effect() -> None:
 
 
 def test_restricted_likelihood_of_the_noise() -> None:
-    grid = NoiseGrid((), SIGMA[None], np.zeros(1), NoiseModelOptions())
+    grid = NoiseGrid((), CovarianceFamily.one(SIGMA), np.zeros(1), NoiseModelOptions())
     written = -0.5 * R @ M @ R - 0.5 * log_det(SIGMA) - 0.5 * log_det(J.T @ WEIGHT @ J)
     # The code adds 1e-3 to the stiffness' precision, so that a pair that tells nothing divides by nothing.
     assert grid.log_likelihood(R, J, np.zeros((N, N)))[0] == pytest.approx(written, abs=2e-3)

@@ -17,6 +17,7 @@ from palpate.core.diagnose.verdict import decide as decisions
 from palpate.core.diagnose.verdict.verdict import Judged, probabilities
 from palpate.core.inference.evidence import allowed, explained, mean_of_exponentials, projected, score
 from palpate.core.inference.heldout import Gain
+from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.noise_covariance import NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -32,7 +33,7 @@ NUMBERS = NoiseModelOptions()
 RULES = DecisionRules()
 gap_test, decide = partial(tests.gap_test, rules=RULES), partial(decisions.decide, rules=RULES)
 SIZES = NoiseSizes.of(NUMBERS)
-WHITE = NoiseGrid([SIZES], np.eye(N)[None], np.zeros(1), NUMBERS)
+WHITE = NoiseGrid([SIZES], CovarianceFamily.one(np.eye(N)), np.zeros(1), NUMBERS)
 LOOK = {"a": EffectDirections([S], SCALES, ANYWHERE)}
 
 
@@ -111,20 +112,22 @@ def test_gap_p_values_of_cases_without_an_effect_are_uniform() -> None:
 def test_p_values_are_uniform_though_nobody_knows_how_large_the_noise_is() -> None:
     """Every case has noise of another size; with the covariance of one size, half of the noisier ones would be alarms."""
     sizes = np.array([0.6, 1.0, 1.6])
-    grid = NoiseGrid([SIZES] * 3, sizes[:, None, None] ** 2 * np.eye(N), np.log(np.full(3, 1.0 / 3.0)), NUMBERS)
+    grid = NoiseGrid(
+        [SIZES] * 3, CovarianceFamily(np.eye(N)[None], sizes[:, None] ** 2), np.log(np.full(3, 1.0 / 3.0)), NUMBERS
+    )
     rng, p = np.random.default_rng(11), []
     for k in range(200):
         r = sizes[rng.integers(3)] * rng.standard_normal(N)
         p.append(gap_test(grid, r, J, FIELDS, LOOK, seed=k).p_value)
     assert stats.kstest(p, "uniform").pvalue > 0.05
-    one = NoiseGrid(grid.sizes[:1], grid.covariances[:1], np.zeros(1), NUMBERS)
+    one = NoiseGrid(grid.sizes[:1], grid.covariances.only(np.array([0])), np.zeros(1), NUMBERS)
     assert gap_test(one, 1.6 * rng.standard_normal(N), J, FIELDS, LOOK).detected
 
 
 def test_the_most_probable_sizes_of_noise_are_kept() -> None:
     grid = NoiseGrid(
         [replace(SIZES, contour=c) for c in (0.2, 1.0, 5.0)],
-        np.array([0.04, 1.0, 25.0])[:, None, None] * np.eye(N),
+        CovarianceFamily(np.eye(N)[None], np.array([[0.04], [1.0], [25.0]])),
         np.log([0.3, 0.3, 0.4]),
         NUMBERS,
     )

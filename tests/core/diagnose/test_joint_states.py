@@ -22,6 +22,7 @@ from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.residual.case_data import CaseData, arrays, load
 from palpate.core.residual.element_error import GOOD
 from palpate.core.residual.noise_covariance import NoiseParts
+from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.surfaces.surface import Surface
 
 EFFECTS = {k: v for k, v in library().items() if k in ("contour_bias", "compressible_organ")}
@@ -110,6 +111,11 @@ def test_the_scan_at_rest_was_read_once(two: Diagnosis) -> None:
     assert 0.3 < alike < 0.6  # the wall's part goes through two tangents
     assert parts.along[a, a].any() and not parts.along[a, b].any()
     np.linalg.cholesky(fit.weighting.covariance)
+    # Members of the grid, which are kept as coefficients of a few matrices, are what the parts add up to.
+    grid, left = fit.noise, np.zeros((fit.model.rows[-1].stop, 1))
+    again = NoiseGrid.of(parts, grid.sizes[0], left)
+    for size, member in list(zip(again.sizes, again.covariances, strict=True))[::37]:
+        np.testing.assert_allclose(member, parts.covariance(size, left), rtol=1e-10, atol=1e-14)
 
 
 def test_landmarks_share_what_was_read_at_rest(

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from palpate.core.observe.contour_noise import noise_modes, smooth_covariance
+from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.noise_covariance import NoiseSizes
 from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -29,7 +30,12 @@ def covariance(factor: float) -> np.ndarray:
 def grid() -> NoiseGrid:
     sizes = [replace(NoiseSizes.of(NUMBERS), contour=f) for f in FACTORS]
     even = np.full(len(FACTORS), -np.log(len(FACTORS)))
-    return NoiseGrid(sizes, np.stack([covariance(f) for f in FACTORS]), even, NUMBERS)
+    return NoiseGrid(
+        sizes,
+        CovarianceFamily(np.stack([smooth_covariance(X, 0.5, 6.0), OWN]), np.array([[f**2, 1.0] for f in FACTORS])),
+        even,
+        NUMBERS,
+    )
 
 
 def fitted(grid: NoiseGrid, gap: float, true: float = 1.0) -> float:
@@ -59,7 +65,7 @@ def test_evidence_is_the_marginal_likelihood_of_a_linear_model() -> None:
     """Laplace's is exact there: against the density of what remains once the effect's amplitude is integrated out."""
     rng = np.random.default_rng(3)
     C, S, scale = covariance(0.8), rng.standard_normal((len(X), 2)), np.array([0.7, 1.6])
-    one = NoiseGrid([NoiseSizes.of(NUMBERS)], C[None], np.zeros(1), NUMBERS)
+    one = NoiseGrid([NoiseSizes.of(NUMBERS)], CovarianceFamily.one(C), np.zeros(1), NUMBERS)
     r0 = np.linalg.cholesky(C) @ rng.standard_normal(len(X)) - S @ np.array([0.5, -1.0])
     W = np.linalg.inv(C)
     phi = np.linalg.solve(S.T @ W @ S + np.diag(1.0 / scale**2), -S.T @ W @ r0)
@@ -77,5 +83,5 @@ def test_each_model_may_have_the_noise_that_suits_it(grid: NoiseGrid) -> None:
     much = np.linalg.cholesky(covariance(1.2)) @ rng.standard_normal(len(X))
     none = np.zeros((len(X), 1))
     free = grid.log_evidence(little, none, np.ones(1)) - grid.log_evidence(much, none, np.ones(1))
-    wide = NoiseGrid(grid.sizes[-1:], grid.covariances[-1:], np.zeros(1), NUMBERS)
+    wide = NoiseGrid(grid.sizes[-1:], grid.covariances.only(np.array([len(grid.sizes) - 1])), np.zeros(1), NUMBERS)
     assert free > wide.log_evidence(little, none, np.ones(1)) - wide.log_evidence(much, none, np.ones(1)) + 3.0
