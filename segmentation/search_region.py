@@ -12,10 +12,12 @@ from palpate.imaging.volume import Volume
 from palpate.segmentation.body import body_mask, without_surroundings
 from palpate.segmentation.bone.bone import bone_mask
 from palpate.segmentation.bone.landmarks import Pelvis, find_pelvis
+from palpate.segmentation.hu_scale import rescaled, scale_of
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.working_grid import (
     COARSE_MM,
     FINE_MM,
+    HIGH_HU,
     LOW_HU,
     Mask,
     blurred,
@@ -50,8 +52,9 @@ class Found:
 class Scene:
     """The CT ready for segmentation; all arrays on ``grid``.
 
-    grid : even and upright. hu : HU cut to LOW_HU..HIGH_HU. filled : the same with gas as soft tissue. gas, body, bone :
-    masks. whole_bone, whole_hu : bone and HU of the whole scan on a 2 mm grid. fat, muscle : typical HU of this scan.
+    grid : even and upright. hu : HU by the scan's own fat (hu_scale.py), cut to LOW_HU..HIGH_HU. filled : the same with gas
+    as soft tissue. gas, body, bone : masks. whole_bone, whole_hu : bone and HU of the whole scan on a 2 mm grid. fat,
+    muscle : typical HU of this scan.
     """
 
     grid: Volume
@@ -113,14 +116,16 @@ def make_scene(ct: Volume, prompts: Prompts | None = None, step_mm: float = FINE
     coarse = shrunk(ct, COARSE_MM)
     body = coarse.with_array(body_mask(coarse))
     for_bone = shrunk(ct, BONE_MM)
-    for_bone = without_surroundings(for_bone, mask_on(body, for_bone))
+    within = mask_on(body, for_bone)
+    scale = scale_of(for_bone.array, within, BONE_MM)
+    for_bone = without_surroundings(for_bone.with_array(rescaled(for_bone.array, scale)), within)
     whole_bone = for_bone.with_array(bone_mask(for_bone))
     pelvis = find_pelvis(whole_bone)
     grid = upright(*_region(ct, pelvis, prompts or Prompts()), step_mm)
-    hu = resampled(ct, grid).array
+    hu = np.clip(rescaled(resampled(ct, grid).array, scale), LOW_HU, HIGH_HU)
     inside = mask_on(body, grid)
     filled, gas = gas_filled(np.where(inside, hu, np.float32(LOW_HU)), step_mm)
-    fat, muscle = _typical(for_bone.array, mask_on(body, for_bone))
+    fat, muscle = _typical(for_bone.array, within)
     bone = mask_on(whole_bone, grid)
     return Scene(grid, hu, filled, gas & inside, inside, bone, pelvis, whole_bone, for_bone, fat, muscle)
 

@@ -22,6 +22,8 @@ TRIED_HU = (8.0, 16.0, 24.0, 32.0)
 CORE_MM = 4.0
 # Wall that is added where nothing tells it from its neighbour, and the most that is looked for against fat.
 WALL_MM, THICKEST_MM = 0.0, 2.0
+# The same where medium, brighter than muscle, shows the wall's inner side: a filled bladder's wall is about 3 mm thick.
+MEDIUM_WALL_MM, MEDIUM_THICKEST_MM = 3.0, 5.0
 INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
 SMALLEST_CC, ENOUGH_CC, LEAST_CC = 6.0, 80.0, 1.0
 # Notches of this depth in the wall's outer surface are noise. Points and boxes are given this exactly.
@@ -113,7 +115,9 @@ def _core_at(scene: Scene, smooth: Float32Array, allowed: Mask, point: FloatArra
 
 def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:
     """The wall's outer surface, from the urine's, and the share of it that a contrast shows."""
-    offsets = np.arange(-INWARD_MM, THICKEST_MM + 1e-6, STEP_MM)
+    medium = urine > scene.muscle
+    wall, thickest = (MEDIUM_WALL_MM, MEDIUM_THICKEST_MM) if medium else (WALL_MM, THICKEST_MM)
+    offsets = np.arange(-INWARD_MM, thickest + 1e-6, STEP_MM)
     sharp = Volume(blurred(scene.hu, 0.8, scene.step), scene.grid.affine)
     values = profiles(sharp, shell.points, shell.normals, offsets)
     start = np.full(len(values), np.searchsorted(offsets, 0.0))
@@ -121,12 +125,12 @@ def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:
     against_fat = np.isfinite(fat)
     inside = np.clip((values - scene.fat_edge) / 40.0, -1.0, 1.0)
     # Against soft tissue the wall cannot be told from its neighbour: it ends a little beyond the urine.
-    inside[~against_fat] = np.where(offsets < WALL_MM, 0.5, -0.5)
+    inside[~against_fat] = np.where(offsets < wall, 0.5, -0.5)
     found = optimal_surface(region_cost(inside), shell.edges, 1, STIFFNESS)
     near = crossing(values, found, scene.fat_edge, 2)
     place = np.where(np.isfinite(near), near, found + 0.5)
     move = shell.smoothed(offsets[0] + STEP_MM * place, 4)
-    contrast = against_fat | (values[:, -1] > urine + ABOVE_HU)
+    contrast = against_fat | (values[:, -1] > urine + ABOVE_HU) | (medium & (values[:, -1] < urine - ABOVE_HU))
     return Shell(shell.points + move[:, None] * shell.normals, shell.faces), float(contrast.mean())
 
 

@@ -22,6 +22,8 @@ WINDOW_MM, ROUGHER, LIKE_SD, LIKE_HU, FINE_SIGMA_MM = 6.25, 2.0, 3.0, 10.0, 1.0
 ROUND_SHARE, ROUND_MM, BULGE_MM, SMOOTH_MM, CORRIDOR_MM = 0.5, (3.0, 9.0), 8.0, 4.0, 3.0
 # The wall lies about this far from what is even (half the window), and nowhere further than FAR_MM.
 REACH_MM, FAR_MM, ROOM_MM = 3.0, 10.0, 15.0
+# Urine that is so far above muscle holds medium: its edge is steeper than any other's.
+MEDIUM_HU = 60.0
 # A difference of neighbours that is an edge, in units of those in urine; and the prior's pull (see random_walk.py).
 EDGE_SD, PULL = 2.0, 0.05
 
@@ -75,10 +77,19 @@ def _deepest(mask: Mask, step: float) -> float:
 def urine_region(scene: Scene, urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask) -> Mask:
     """The urine about a core, grown to the edges around it by random walks; nothing where all is too thin.
 
-    smooth : HU, blurred by 2 mm. allowed : where the bladder may be.
+    smooth : HU, blurred by 2 mm. allowed : where the bladder may be. Medium ends at half its height above muscle instead.
     """
+    if urine.hu > scene.muscle + MEDIUM_HU:
+        return _half_height(scene, urine, core, allowed)
     calm = _calm(urine, smooth, core, allowed, scene.step)
     return _walked(scene, urine, calm, allowed) if calm.any() else calm
+
+
+def _half_height(scene: Scene, urine: Urine, core: Mask, allowed: Mask) -> Mask:
+    """Medium to where it is half as far above muscle as in the core: as far as the scan's blur leaves the edge in place."""
+    bright = (urine.fine > 0.5 * (urine.hu + scene.muscle)) & allowed
+    parts, _ = ndimage.label(opened(bright, CORRIDOR_MM, scene.step) | core)
+    return np.asarray(ndimage.binary_fill_holes(np.isin(parts, np.unique(parts[core]))))
 
 
 def _walked(scene: Scene, urine: Urine, calm: Mask, allowed: Mask) -> Mask:

@@ -1,4 +1,4 @@
-"""Bone: cortex by hysteresis, marrow by closing and filling."""
+"""Bone: cortex by hysteresis, marrow by closing and filling; medium in a bladder is none."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from scipy import ndimage
 from skimage.filters import apply_hysteresis_threshold
 
 from palpate.imaging.volume import Volume
+from palpate.segmentation.bone.medium import medium_mask
 from palpate.segmentation.working_grid import Mask
 
 # Cortex reaches the higher level somewhere in every bone; the lower one is half-way from muscle to cortex.
@@ -26,6 +27,7 @@ def bone_mask(ct: Volume) -> Mask:
     """Mask of bone with its marrow. ct : HU on an even grid, about 2 mm, everything but the body set to air."""
     step = float(ct.spacing[0])
     dense = apply_hysteresis_threshold(ct.array, EDGE_HU, SURE_HU)
+    dense &= ~medium_mask(ct.array, dense, step)
     dense = _large_pieces(dense, SMALLEST_CC * 1000.0 / step**3)
     if not dense.any():
         return dense

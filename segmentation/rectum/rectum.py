@@ -12,12 +12,15 @@ from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
 from palpate.segmentation.methods.surface_mesh import Shell
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.rectum import tracking as track
+from palpate.segmentation.rectum.guide import guide_of
 from palpate.segmentation.rectum.tracking import ANGLES, RADII, RADIUS_STEP, UNIT, Track
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.working_grid import Mask, blurred
 
 ALONG_STIFFNESS = 0.35
-PRIOR_WEIGHT = 0.02
+PRIOR_WEIGHT, GUIDE_WEIGHT = 0.02, 0.1
+# Gas lies at the front of a lumen: beside these directions (LPS, y backwards) nothing but wall is beyond it.
+FRONT = 0.5
 SNAP_MM = 2.0
 # The canal's radius at its lower end, and by how much it opens per mm above: the levator's funnel. Room about given points.
 CANAL_MM, OPENS, BOX_MM = 9.0, 0.4, 0.5
@@ -28,6 +31,9 @@ GIVEN_MM, RULED_MM = 4.0, 15.0
 def find_rectum(scene: Scene, prompts: Prompts, bladder: Mask | None) -> Found | None:
     """The rectum with its wall, from the anal canal to the sigmoid; None where nothing like it is there."""
     avoid = scene.bone if bladder is None else scene.bone | bladder
+    points = prompts.extremes.get("rectum")
+    if points is not None:
+        return _within_points(scene, prompts, avoid, points)
     point = prompts.point("rectum")
     start = track.start_of(scene, avoid) if point is None else np.asarray(point)
     if start is None:
@@ -44,6 +50,24 @@ def find_rectum(scene: Scene, prompts: Prompts, bladder: Mask | None) -> Found |
     return Found(mask, prompts.mode("rectum"), _confidence(path, inside, ends_given=box is not None))
 
 
+def _within_points(scene: Scene, prompts: Prompts, avoid: Mask, points: FloatArray) -> Found | None:
+    """The rectum about the line that its six outermost points (6, 3) mm give: no following, which may run into another loop."""
+    low, high = _ends(scene, prompts)
+    heights = np.arange(low + 0.5 * scene.step, high, 2.0 * scene.step)
+    if len(heights) < 4:
+        return None
+    guide = guide_of(points, heights)
+    section = _sections(scene, avoid, guide)
+    inside, gas_radius = track.evidence(*section, scene.fat_edge)
+    expected = guide.radii.ravel()
+    front = np.tile(UNIT[:, 1] < FRONT, len(heights))
+    expected = np.where((gas_radius > 0.0) & front, gas_radius, np.maximum(expected, gas_radius))
+    path, near = _surface(scene, guide, section[0], region_cost(inside) + track.prior_cost(expected, GUIDE_WEIGHT))
+    shell = _tube(_tapered(path, float(points[:, 2].min())))
+    mask = shell.voxels(scene.grid) & ~avoid & scene.box_mask(np.array([points.min(0), points.max(0)]), BOX_MM)
+    return Found(mask, "extremes", _confidence(path, near | (gas_radius > 0.0), ends_given=True))
+
+
 def _ends(scene: Scene, prompts: Prompts) -> tuple[float, float]:
     box, front = prompts.box("rectum"), scene.pelvis.symphysis
     low, high = (front[0, 2] - track.BELOW_MM, front[1, 2] + track.ABOVE_MM) if box is None else box[:, 2]
@@ -56,17 +80,32 @@ def _together(scene: Scene, avoid: Mask, path: Track) -> tuple[Track, Mask]:
     count = len(path.z)
     centres = ndimage.gaussian_filter1d(path.centres, 1.5, axis=0, mode="nearest")
     seen = np.array([_seen_from(path, k, centres[k]) for k in range(count)])
-    expected = ndimage.gaussian_filter(seen, (1.0, 1.0), mode=("nearest", "wrap")).ravel()
+    expected = ndimage.gaussian_filter(seen, (1.0, 1.0), mode=("nearest", "wrap"))
+    path = Track(path.z, centres, expected)
+    section = _sections(scene, avoid, path)
+    inside, gas_radius = track.evidence(*section, scene.fat_edge)
+    cost = region_cost(inside) + track.prior_cost(np.maximum(expected.ravel(), gas_radius), PRIOR_WEIGHT)
+    path, near = _surface(scene, path, section[0], cost)
+    return path, near | (gas_radius > 0.0)
+
+
+def _sections(scene: Scene, avoid: Mask, path: Track) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """HU with gas as soft tissue, HU, and what is blocked, each (n, m) along the rays of all outlines."""
     soft = blurred(scene.filled, 0.8, scene.step)
-    section = [track.sampled(scene, a, centres, path.z) for a in (soft, scene.hu, avoid.astype(np.float32))]
-    inside, gas_radius = track.evidence(section[0], section[1], section[2], scene.fat_edge)
-    cost = region_cost(inside) + track.prior_cost(np.maximum(expected, gas_radius), PRIOR_WEIGHT)
-    cost -= track.EDGE_WEIGHT * track.soft_edge(section[0], scene)
+    at = path.centres, path.z
+    blocked = avoid.astype(np.float32)
+    return track.sampled(scene, soft, *at), track.sampled(scene, scene.hu, *at), track.sampled(scene, blocked, *at)
+
+
+def _surface(scene: Scene, path: Track, soft: FloatArray, cost: FloatArray) -> tuple[Track, Mask]:
+    """The surface of least cost (n, m) about a track's centres, edges against fat gained by `soft` (n, m); and where it
+    ends at one (n,)."""
+    count = len(path.z)
+    cost = cost - track.EDGE_WEIGHT * track.soft_edge(soft, scene)
     index = optimal_surface(cost, _grid_edges(count), 2, ALONG_STIFFNESS)
-    near = crossing(section[0], index, scene.fat_edge, 2)
+    near = crossing(soft, index, scene.fat_edge, 2)
     radii = RADII[0] + RADIUS_STEP * np.where(np.isfinite(near), near, index + 0.5)
-    spoken = np.isfinite(near) | (gas_radius > 0.0)
-    return Track(path.z, centres, radii.reshape(count, ANGLES)), spoken
+    return Track(path.z, path.centres, radii.reshape(count, ANGLES)), np.isfinite(near)
 
 
 def _tapered(path: Track, lowest: float) -> Track:
