@@ -19,8 +19,10 @@ from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.map_planes import Arrays, map_planes
 from palpate.ui.pictures.offscreen import OffscreenError
+from palpate.ui.pictures.published_scale import published_scale
 from palpate.ui.report.case_scale import map_arrays, scale_of
 from palpate.ui.report.document import Interactive, Picture
+from palpate.ui.report.first_page import scale_caption, scale_rows
 from palpate.ui.report.gap_section import gap_pictures
 from palpate.ui.report.misfit_map import misfit_map
 from palpate.ui.report.motion_section import motion_pictures
@@ -69,6 +71,7 @@ def draw(
     mapped = map_arrays(case, record.result)
     images = _images(case, record, labels, mapped)
     figures = Figures()
+    _published(figures, record, folder)
     progress(0.1, "slices")
     _slices(figures, images, folder, not tells_apart(record))
     if mapped is not None:
@@ -85,6 +88,13 @@ def draw(
     if case.has("mesh.npz") and case.has("identify/fields.npz"):
         figures.interactive.append(moving_view(case, images))
     return figures
+
+
+def _published(figures: Figures, record: CaseRecord, folder: Path) -> None:
+    rows = scale_rows(record)
+    values = "; ".join(f"{row.words}: {three_figures(row.G)} kPa" for row in rows)
+    says = f"A scale of the shear modulus. {values}."
+    figures.add("published", folder, published_scale(rows), scale_caption(rows), says)
 
 
 def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], mapped: Arrays | None) -> CaseImages:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.case.case_folder import STATES
+from palpate.ui.pictures.published_scale import Row
 from palpate.ui.report.diagnosis_words import gap_is_seen
 from palpate.ui.report.document import Block, Bullets, Paragraph, Table
 from palpate.ui.report.record import CaseRecord
@@ -15,38 +17,68 @@ from palpate.ui.report.summary import MISFIT_TOLERANCE
 from palpate.ui.words.number_words import three_figures
 
 _DASH = "\N{EN DASH}"
+
+
+@dataclass(frozen=True)
+class Published:
+    """what : was measured. modulus : "E" or "G", as the authors give it; value and span of it, kPa. source : its number."""
+
+    what: str
+    modulus: str
+    value: float
+    span: tuple[float, float] | None
+    source: int
+
+    @property
+    def row(self) -> Row:
+        """On the scale of G, which is a third of E in a tissue that keeps its volume."""
+        share = 1.0 / 3.0 if self.modulus == "E" else 1.0
+        span = None if self.span is None else (share * self.span[0], share * self.span[1])
+        return Row(f"{self.what} [{self.source}]", share * self.value, span)
+
+
 # Words for how sure a value is, by the factor that its 95 % interval reaches on both sides. A convention of this report.
 SURE = ((1.25, "high"), (1.5, "moderate"))
 LOW, NONE = "low", "none"
 SURE_RULE = (
     "How sure: by the factor that the 95 % interval reaches to both sides. high: up to 1.25; moderate: up to 1.5; low: more; none: the "
-    "scans cannot determine it. One word lower where the model misses the deformed surface by more than the contours' own error. "
-    "Whole prostate: between which its average lies, whatever the arrangement of its halves."
+    "scans cannot determine it. One word lower where the model misses the surface by more than the contours' own error. Whole "
+    "prostate: between which its average lies."
 )
-# Young's moduli or shear moduli as their authors give them, what was measured, how, and where that is said.
+# Young's moduli E or shear moduli as their authors give them, kPa, with a range where they state one; which source.
 PUBLISHED = (
-    ("benign cores", "E 42.3 kPa", 42.3 / 3.0, "shear wave ultrasound, 504 cores", "doi:10.1177/03915603231167650"),
-    ("malignant cores", "E 71.1 kPa", 71.1 / 3.0, "shear wave ultrasound, 504 cores", "doi:10.1177/03915603231167650"),
-    ("cancer", "E 58.0 kPa (30 to 110)", 58.0 / 3.0, "shear wave ultrasound, 53 patients", "PMID 22357224"),
-    ("no cancer in a suspicious area", "E 30.8 kPa", 30.8 / 3.0, "3D shear wave ultrasound, 12 patients", "doi:10.3892/br.2018.1059"),
-    ("cancer in a suspicious area", "E 64.1 kPa", 64.1 / 3.0, "3D shear wave ultrasound, 12 patients", "doi:10.3892/br.2018.1059"),
-    ("whole gland, hyperplasia", "shear 4.40 kPa", 4.40, "MR elastography, 10 patients", "doi:10.1186/s43055-021-00679-8"),
-)  # fmt: skip
-PUBLISHED_NOTE = (
-    "Published stiffness of the prostate. E is Young's modulus, a third of which is G. Methods differ by more than tissues do: compare "
-    "within one method. Nothing here was measured as in this report, whose kPa are relative to an assumed tissue."
+    Published("benign cores", "E", 42.3, None, 1),
+    Published("malignant cores", "E", 71.1, None, 1),
+    Published("cancer", "E", 58.0, (30.0, 110.0), 2),
+    Published("suspicious area without cancer", "E", 30.8, None, 3),
+    Published("suspicious area with cancer", "E", 64.1, None, 3),
+    Published("whole gland, hyperplasia", "G", 4.40, None, 4),
+)
+# How it was measured, and where that is said.
+SOURCES = {
+    1: ("shear wave ultrasound, 504 cores", "doi:10.1177/03915603231167650"),
+    2: ("the same, 53 patients, with range", "PMID 22357224"),
+    3: ("the same in 3D, 12 patients", "doi:10.3892/br.2018.1059"),
+    4: ("MR elastography, 10 patients", "doi:10.1186/s43055-021-00679-8"),
+}
+_OF_THE_ORGAN = " of the prostate"
+_HERE = "Found here, with its 95 % interval (black), and published"
+_PUBLISHED_NOTE = (
+    "for the prostate (grey; a third of Young's modulus where that is given). Methods differ by more than tissues do; kPa here are "
+    "relative to an assumed tissue. "
 )
 
 
 def scanned(record: CaseRecord) -> Table | None:
-    """What was scanned: date, scanner, slices and voxels of both scans; None where the case came without a CT."""
+    """What was scanned: date, scanner, series, slices and voxels of both scans; None where the case came without a CT."""
     rows = []
     for state in STATES:
         scan = record.scans.get(state)
         if scan is not None:
             voxel = " \N{MULTIPLICATION SIGN} ".join(f"{edge:.3g}" for edge in scan.voxel_mm)
-            rows.append((state, scan.date or _DASH, scan.scanner or _DASH, str(scan.slices), f"{voxel} mm"))
-    return Table(("scan", "date", "scanner", "slices", "voxel"), rows, numbers=False) if rows else None
+            facts = (scan.date, scan.scanner, scan.series, str(scan.slices), f"{voxel} mm")
+            rows.append((state, *(fact or _DASH for fact in facts)))
+    return Table(("scan", "date", "scanner", "series", "slices", "voxel"), rows, numbers=False) if rows else None
 
 
 def found(record: CaseRecord) -> Table:
@@ -101,21 +133,29 @@ def missing(record: CaseRecord) -> list[str]:
     }
     if methods and "user" not in methods:
         lines.append("contours that a person has drawn or checked: these were found automatically")
-    return [*lines, "stiffness in absolute terms: it would need a force that is known"]
+    return lines
 
 
 def minute(record: CaseRecord) -> list[Block]:
     """The tables of the first page, after its sentences."""
     scans = scanned(record)
     told: list[Block] = [] if scans is None else [scans]
-    told += [found(record), Paragraph(SURE_RULE, "small"), Paragraph("What is missing:"), Bullets(missing(record))]
-    return told
+    told += [found(record), Paragraph(SURE_RULE, "small")]
+    lacks = missing(record)
+    return [*told, Paragraph("What is missing:"), Bullets(lacks)] if lacks else told
 
 
-def published() -> list[Block]:
-    """What others have measured, with where they say so."""
-    rows = [(what, said, f"{G:.3g}", how, source) for what, said, G, how, source in PUBLISHED]
-    return [Table(("tissue", "as given", "G, kPa", "how", "source"), rows, PUBLISHED_NOTE, numbers=False)]
+def scale_rows(record: CaseRecord) -> list[Row]:
+    """What this pair tells, then what others have measured."""
+    names = [(f"here: {region.words.removesuffix(_OF_THE_ORGAN)}", region) for region in record.regions if region.told]
+    ours = [Row(words, region.G, region.ci, found=True) for words, region in names]
+    return ours + [one.row for one in PUBLISHED]
+
+
+def scale_caption(rows: Sequence[Row]) -> str:
+    """What the scale shows, and where its values are from."""
+    sources = "; ".join(f"[{number}] {how}, {where}" for number, (how, where) in SOURCES.items())
+    return f"{_HERE if rows[0].found else 'Published'} {_PUBLISHED_NOTE}{sources}."
 
 
 def _value(region: RegionStiffness) -> tuple[str, str]:

@@ -58,7 +58,7 @@ def write_pdf(document: doc.Document, path: Path) -> Path:
 def _story(document: doc.Document) -> list[Flowable]:
     story: list[Flowable] = [Paragraph(escape(document.title), _style(18, bold=True, after=1))]
     story.append(Paragraph(escape(document.subtitle), _style(9, colour=_QUIET, after=3)))
-    story += [_notice(doc.Notice(document.footer)), *(_notice(notice) for notice in document.notices)]
+    story.append(_notice(doc.Notice("\n".join((document.footer, *(notice.text for notice in document.notices))))))
     for section in document.sections:
         heading = Paragraph(escape(section.title), _style(13, bold=True, before=4, after=1.5))
         on_paper = [block for block in section.blocks if not isinstance(block, doc.Interactive)]
@@ -119,7 +119,8 @@ def _paragraph(block: doc.Paragraph) -> Flowable:
 
 
 def _notice(block: doc.Notice) -> Flowable:
-    table = Table([[Paragraph(escape(block.text), _style(10, bold=True))]], colWidths=[_WIDTH], spaceAfter=2 * mm)
+    lines = [Paragraph(escape(line), _style(10, bold=True)) for line in block.text.splitlines()]
+    table = Table([[lines]], colWidths=[_WIDTH], spaceAfter=2 * mm)
     box = [("BOX", (0, 0), (-1, -1), 1.2, colors.HexColor("#b35900")), ("BACKGROUND", (0, 0), (-1, -1), "#fff4e5")]
     table.setStyle(TableStyle(box))
     return table

@@ -56,11 +56,12 @@ class _History(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class ScanFacts:
-    """How a scan was made; nothing that names the patient. date : as YYYY-MM-DD, "" where it is blank. voxel_mm : along columns, rows
-    and slices."""
+    """How a scan was made; nothing that names the patient. date : as YYYY-MM-DD. series : its number, as its description is free text.
+    Both "" where they are blank. voxel_mm : along columns, rows and slices."""
 
     date: str
     scanner: str
+    series: str
     slices: int
     voxel_mm: tuple[float, float, float]
 
@@ -178,7 +179,9 @@ def _scan(case: CaseFolder, state: str) -> ScanFacts | None:
     day = str(first.get("AcquisitionDate") or first.get("StudyDate") or "")
     date = f"{day[:4]}-{day[4:6]}-{day[6:8]}" if len(day) == 8 and day.isdigit() else ""
     scanner = " ".join(str(first.get(key) or "").strip() for key in ("Manufacturer", "ManufacturerModelName")).strip()
-    return ScanFacts(date, scanner, len(files), (float(across[1]), float(across[0]), step))
+    number = first.get("SeriesNumber")
+    series = "" if number is None else f"number {number}"
+    return ScanFacts(date, scanner, series, len(files), (float(across[1]), float(across[0]), step))
 
 
 def simulated(case: CaseFolder, result: ResultRecord | None) -> str | None:

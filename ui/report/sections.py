@@ -9,13 +9,13 @@ from msgspec import UNSET
 from palpate.case.history import Entry
 from palpate.ui.report.document import Block, Document, Notice, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
-from palpate.ui.report.first_page import minute, published
+from palpate.ui.report.first_page import minute
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.motion_section import motion_section
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
-from palpate.ui.report.summary import summary
+from palpate.ui.report.summary import first_sentences, summary
 from palpate.ui.words.number_words import three_figures
 
 
@@ -30,15 +30,17 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
         *([motion_section(record.matched, pictures, record.used_image)] if record.matched else []),
         *([gap_section(record, pictures)] if record.diagnosis else []),
         quality(record, figures.missing),
-        _provenance(record, date, version),
+        _appendix(record, pictures, date, version),
     )
     subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"
     return Document("Stiffness from two CT scans", subtitle, sections, notices)
 
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
-    found = [Paragraph(text, "lead") for text in summary(record)]
-    return [*found, *minute(record), Paragraph(limits(record)), *published(), *_shown(pictures, "stiffness_planes")]
+    # What was found stands out; on what it rests follows in smaller letters, so that the first page holds all of it.
+    leads = len(first_sentences(record))
+    found = [Paragraph(text, "lead" if k < leads else "normal") for k, text in enumerate(summary(record))]
+    return [*found, *minute(record), Paragraph(limits(record)), *_shown(pictures, "published", "stiffness_planes")]
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
@@ -62,26 +64,30 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
         rows.append(("rms distance that this noise alone would leave", f"{expected:.2f} mm"))
     blocks: list[Block] = [
         Table(("distance of surfaces", ""), rows),
-        *_shown(pictures, "deformation_planes", "misfit", "convergence"),
+        *_shown(pictures, "deformation_planes", "misfit"),
     ]
     return Section("Fit", blocks)
 
 
-def _provenance(record: CaseRecord, date: str, version: str) -> Section:
+def _appendix(record: CaseRecord, pictures: Mapping[str, Picture], date: str, version: str) -> Section:
+    """How it was computed: method, singular values, search, and hashes of what went in."""
     result, facts = record.result, record.facts
     solver = result.solver
     low, high = facts.organ_shear_modulus_bounds_kpa
+    singular = ", ".join(f"{value:.3g}" for value in result.identifiability.singular_values)
     rows = [
         ("method", f"{result.method}, boundary {result.boundary}, seed {result.seed}"),
         ("work", f"{solver.forward_solves} equilibria ({solver.failed} failed), {solver.seconds:.0f} s"),
         ("assumed", f"tissue G {facts.tissue_shear_modulus_kpa:g} kPa, Poisson's ratio {facts.tissue_poisson_ratio:g}; "
                     f"organ G within {low:g} to {high:g} kPa"),
+        ("singular values", f"{singular}: of the sensitivities to ln G, weighed by the noise"),
         ("versions", ", ".join(f"{name} {v}" for name, v in result.versions.items())),
         ("report", f"{date}, Palpate {version}"),
     ]  # fmt: skip
     rows += [("command", _command(entry)) for entry in record.history]
     rows += [(f"sha256 of {name}", str(value)) for name, value in result.inputs_sha256.items()]
-    return Section("Appendix: provenance", [Table(("", ""), rows, numbers=False)])
+    table = Table(("", ""), rows, numbers=False)
+    return Section("Appendix: method, search, provenance", [table, *_shown(pictures, "convergence")])
 
 
 def _command(entry: Entry) -> str:

@@ -25,22 +25,19 @@ def limits(record: CaseRecord) -> str:
     many = len(record.regions) > 1
     places = f"{'each half' if many else 'the organ'} has one value, over which a focus within it is spread"
     return (
-        "What this does not tell: stiffness in absolute terms; what the stiff tissue is, a tumour or anything else; where within "
-        f"{'a half' if many else 'the organ'} it lies: {places}. Left and right are the patient's. G is the shear modulus: "
-        "Young's modulus, which elastography often gives, is three times that."
+        "What this does not tell: stiffness in absolute terms, which needs a known force; what the stiff tissue is, a tumour or anything "
+        f"else; where within {'a half' if many else 'the organ'} it lies: {places}. Left and right are the patient's. G is the shear "
+        "modulus: Young's modulus, which elastography often gives, is three times that."
     )
 
 
 def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
     """Values, intervals, what the pair tells, and their pictures."""
-    identifiability = record.result.identifiability
-    values = ", ".join(f"{v:.3g}" for v in identifiability.singular_values)
     blocks: list[Block] = [
         _values(record.regions),
         Paragraph(MU_NOTE, "small"),
         Paragraph("What this pair can tell:"),
-        Bullets(told(identifiability.verdict, record.result.parameters)),
-        Paragraph(f"Singular values of the sensitivities, weighed by the noise: {values}.", "small"),
+        Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
         *_shown(figures.pictures, "stiffness_series", "stiffness_map", "anatomy"),
         *figures.interactive,
     ]

@@ -80,8 +80,8 @@ def _contours_stood_on(record: CaseRecord) -> str:
         if each:
             said.append(f"{name} {' and '.join(f'{mm:.1f}' for mm in each)} mm")
     return (
-        f"The intervals stand on errors of the contours that were estimated from the images: {', '.join(said)} rms. Contours that a "
-        "person or a trained model drew are better."
+        f"The intervals stand on contour errors estimated from the images: {', '.join(said)} rms. Contours of a person or a "
+        "trained model are better."
     )
 
 

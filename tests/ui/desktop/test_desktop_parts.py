@@ -26,7 +26,9 @@ from palpate.ui.desktop.session.jobs import JobControl, JobState
 from palpate.ui.desktop.session.open_case import GapMap, OpenCase
 from palpate.ui.desktop.session.recent import recent_cases, remember
 from palpate.ui.desktop.session.step_requests import StepRequest, import_request, step_request
+from palpate.ui.desktop.window import menu
 from palpate.ui.desktop.window.notices import Notices
+from palpate.ui.export import names
 
 EVERYTHING = frozenset(step.command for step in steps.STEPS)
 
@@ -204,6 +206,10 @@ def test_contours_go_to_the_import(tmp_path: Path) -> None:
     request = StepRequest.from_dict(import_request(a, b, case, (None, tmp_path / "rs.dcm")).to_dict())
     assert request.options == ImportOptions(labels=(None, tmp_path / "rs.dcm")) and request.scans == (a, b)
     assert request.typed == "REST DEFORMED -o CASE --deformed-labels FILE"
+
+
+def test_the_menu_has_words_for_every_form_of_the_export() -> None:
+    assert set(menu.FORMS) == set(names())
 
 
 def test_the_pages_tell_every_command_and_every_field_of_the_display() -> None:

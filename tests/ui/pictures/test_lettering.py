@@ -18,6 +18,7 @@ from pypdf import PdfReader
 from palpate.ui.pictures import convergence, gap_pictures, map_planes, slices, solids
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import LEAST_POINTS, PAGE_INCHES, SMALLEST
+from palpate.ui.pictures.published_scale import Row, published_scale
 from palpate.ui.report import document as doc
 from palpate.ui.report import pdf
 from palpate.ui.report.html_page import html
@@ -44,6 +45,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "planes": lambda: slices.stiffness_planes(images()), "series": lambda: slices.stiffness_series(images()),
     "deformation": lambda: slices.deformation_planes(images()), "map": lambda: map_planes.map_planes(images(), map_arrays(True)),
     "search": lambda: convergence.convergence([5.0, 3.0, 2.5], 2.0), "3D": anatomy, "gap": residuals,
+    "published": lambda: published_scale([Row("here: left half", 20.0, (10.0, 40.0), found=True), Row("cancer [2]", 19.3)]),
 }  # fmt: skip
 
 

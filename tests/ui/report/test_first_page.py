@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "fixtures"))
 from dicom_cases import NAME, NUMBER, pair
 from phantoms import affine, result
 
+from palpate.ui.pictures.published_scale import published_scale
 from palpate.ui.report import first_page
 from palpate.ui.report.record import CaseRecord, read_record
 
@@ -49,7 +50,8 @@ def test_a_misfit_beyond_the_contours_own_error_takes_a_word_away(record: CaseRe
 def test_scans_volumes_and_values_stand_in_tables_that_name_nobody(record: CaseRecord) -> None:
     scans, found = first_page.scanned(record), first_page.found(record)
     assert scans is not None and [row[0] for row in scans.rows] == ["rest", "deformed"]
-    assert scans.rows[0][3] == "33" and scans.rows[0][4] == "2 \N{MULTIPLICATION SIGN} 1.5 \N{MULTIPLICATION SIGN} 3 mm"
+    assert scans.header == ("scan", "date", "scanner", "series", "slices", "voxel")
+    assert scans.rows[0][4] == "33" and scans.rows[0][5] == "2 \N{MULTIPLICATION SIGN} 1.5 \N{MULTIPLICATION SIGN} 3 mm"
     left, right, whole = found.rows
     assert left[2:] == ("120", "100 to 144", "high") and right[2] == "40.0"
     volumes = [float(row[1].removesuffix(" cc")) for row in (left, right, whole)]
@@ -61,10 +63,25 @@ def test_scans_volumes_and_values_stand_in_tables_that_name_nobody(record: CaseR
 
 
 def test_every_published_value_has_its_source_and_its_modulus() -> None:
-    for _, said, G, _, source in first_page.PUBLISHED:
-        value = float(said.split()[1])
-        assert pytest.approx(value / 3.0 if said.startswith("E") else value) == G
-        assert source.startswith(("doi:10.", "PMID "))
+    for one in first_page.PUBLISHED:
+        assert one.modulus in ("E", "G")
+        assert pytest.approx(one.value / 3.0 if one.modulus == "E" else one.value) == one.row.G
+        assert one.span is None or one.row.span == pytest.approx([end / 3.0 for end in one.span])
+        assert first_page.SOURCES[one.source][1].startswith(("doi:10.", "PMID "))
+
+
+def test_the_scale_shows_what_was_found_above_what_is_published(record: CaseRecord) -> None:
+    rows = first_page.scale_rows(record)
+    assert [row.words for row in rows[:2]] == ["here: left half", "here: right half"] and rows[0].G == 120.0
+    caption = first_page.scale_caption(rows)
+    assert caption.startswith("Found here") and all(where in caption for _, where in first_page.SOURCES.values())
+    assert first_page.scale_caption(rows[2:]).startswith("Published"), "of a pair that tells nothing"
+    axes = published_scale(rows).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [row.words for row in rows]
+    low, high = axes.get_xlim()
+    assert all(low < end < high for row in rows for end in (row.G, *(row.span or ())))
+    dots = [line for line in axes.lines if line.get_marker() in ("s", "o")]
+    assert [float(line.get_xdata()[0]) for line in dots] == [row.G for row in rows]
 
 
 def test_what_is_missing_is_told(record: CaseRecord) -> None:

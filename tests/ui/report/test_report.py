@@ -81,7 +81,7 @@ def test_pictures_are_listed_and_a_second_run_does_nothing(case: CaseFolder) -> 
     before = case.file("report/report.html").stat().st_mtime_ns
     written = report_step.run(case)
     assert {Path(p).stem for p in written["pictures"]} == {
-        "stiffness_planes", "stiffness_series", "deformation_planes", "convergence",
+        "published", "stiffness_planes", "stiffness_series", "deformation_planes", "convergence",
     }  # fmt: skip
     assert case.file("report/report.html").stat().st_mtime_ns == before
 
@@ -140,6 +140,7 @@ def test_a_case_without_a_result_says_what_to_run(tmp_path: Path) -> None:
 def test_the_first_page_says_what_it_does_not_tell(pages: list[str]) -> None:
     first = re.sub(r"\s+", " ", pages[0])
     assert "What this does not tell: stiffness in absolute terms" in first
+    assert "Figure 1. Found here" in first and "doi:10.1186/s43055-021-00679-8" in first, "published values beside"
     assert "Young's modulus" in first and "Left and right are the patient's" in first
 
 

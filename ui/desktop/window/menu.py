@@ -23,10 +23,11 @@ from palpate.ui.export import names
 
 _REPORTS = (("as a page", "report/report.html"), ("as PDF", "report/report.pdf"), ("its folder", "report"))
 
-# By the names of `palpate export`; one that is not here is listed by its name.
-_FORMS = {
+# By the names of `palpate export`; a form of a person's own, which is not here, is listed by its name.
+FORMS = {
     "dicom-pdf": "DICOM: report as PDF",
     "dicom-pm": "DICOM: stiffness as Parametric Map",
+    "dicom-reg": "DICOM: alignment as Spatial Registration",
     "dicom-seg": "DICOM: labels as SEG",
     "dicom-series": "DICOM: stiffness as Secondary Capture",
     "dicom-sr": "DICOM: measurements as SR",
@@ -98,7 +99,7 @@ class Menu:
     def _exports(self, file: QMenu) -> QMenu:
         out = file.addMenu("Export")
         for name in names():
-            self._entry(out, _FORMS.get(name, name), partial(self._export, name))
+            self._entry(out, FORMS.get(name, name), partial(self._export, name))
         return out
 
     def _reports(self, file: QMenu) -> QMenu:
