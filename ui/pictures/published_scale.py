@@ -63,4 +63,4 @@ def _draw(axes: Axes, height: int, row: Row) -> None:
         last = max(last, row.span[1])
     axes.plot([row.G], [height], marker="s" if row.found else "o", color=tone, markersize=6)
     figure = three_figures(row.G)
-    axes.annotate(figure, (last, height), (7, 0), None, "offset points", va="center", fontsize=TEXT, color=tone)
+    axes.annotate(figure, (last, height), (7, 0), textcoords="offset points", va="center", fontsize=TEXT, color=tone)
