@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,15 @@ def render(scene: Scene) -> list[LabelArray]:
         _child([str(given), str(made)])
         with np.load(made) as pictures:
             return [pictures[f"view{i}"] for i in range(len(scene.views))]
+
+
+def begin(scene: Scene) -> Future[list[LabelArray]]:
+    """`render` beside what the caller does meanwhile; its result raises what `render` raises."""
+    waiting = ThreadPoolExecutor(1)  # a thread that waits for the child
+    try:
+        return waiting.submit(render, scene)
+    finally:
+        waiting.shutdown(wait=False)
 
 
 def check() -> None:

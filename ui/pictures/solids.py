@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from textwrap import fill
 
@@ -19,13 +19,17 @@ from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures.colours import AROUND_OPACITY, DISTANCE_MAP, UNTOLD, StiffnessScale, label_rgb
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
-from palpate.ui.pictures.offscreen import render
+from palpate.ui.pictures.offscreen import begin
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
 from palpate.ui.pictures.slice_axes import LETTER_FONT, SCALE_BAR_MM, spread_out
 from palpate.ui.pictures.slices import stiffness_bar
 
 # Red, green, blue and opacity of what stands around the organ.
 AROUND = {LABELS[label]: (*label_rgb(label), opacity) for label, opacity in AROUND_OPACITY.items()}
+
+# A figure whose 3D pictures are being drawn beside what the caller does: the call waits for them, and raises OffscreenError where this
+# machine cannot draw them.
+Drawn = Callable[[], Figure]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +49,10 @@ class MisfitMap:
 
 def anatomy(
     surfaces: Mapping[str, Surface], stiffness: Mapping[int, float], scale: StiffnessScale, region: Volume
-) -> Figure:
+) -> Drawn:
     """The organ coloured by stiffness (grey where it is not told), bones, bladder and rectum translucent, from two sides.
 
     region : what the surfaces were made from: they are carried on beyond it, to have no cap there, but nothing is known of that.
-    Raises OffscreenError where this machine cannot draw 3D pictures.
     """
     organ = surfaces["organ"]
     colour = {label: scale.rgb(G) for label, G in stiffness.items()}
@@ -61,14 +64,19 @@ def anatomy(
             faces = inside(wall, region)
             bodies[name] = Body(wall.points, faces, np.tile([r, g, b], (len(faces), 1)), opacity)
     views = (ANTERIOR, OBLIQUE)
-    figure = Figure(figsize=(PAGE_INCHES, 3.7), layout="constrained")
-    axes = figure.subplots(1, 2)
     scene = Scene(bodies, views, (800, 800), "organ")
-    for ax, picture, view in zip(axes, render(scene), views, strict=True):
-        _show(ax, picture, view, scene.height_mm, 40)
-    if stiffness:
-        stiffness_bar(figure, list(axes), scale, 0.85)
-    return figure
+    pictures = begin(scene)
+
+    def finish() -> Figure:
+        figure = Figure(figsize=(PAGE_INCHES, 3.7), layout="constrained")
+        axes = figure.subplots(1, 2)
+        for ax, picture, view in zip(axes, pictures.result(), views, strict=True):
+            _show(ax, picture, view, scene.height_mm, 40)
+        if stiffness:
+            stiffness_bar(figure, list(axes), scale, 0.85)
+        return figure
+
+    return finish
 
 
 def inside(surface: Surface, region: Volume) -> IntArray:
@@ -78,8 +86,8 @@ def inside(surface: Surface, region: Volume) -> IntArray:
     return surface.faces[~np.any(outside[surface.faces], axis=1)]
 
 
-def misfit(found: MisfitMap) -> Figure:
-    """The misfit on the predicted organ from four sides. Raises OffscreenError where this machine cannot draw it."""
+def misfit(found: MisfitMap) -> Drawn:
+    """The misfit on the predicted organ from four sides."""
     limit = max(float(np.percentile(np.abs(found.distance), 98)), 0.5, found.noise_mm or 0.0)
     limit = float(np.ceil(limit / 0.5) * 0.5)
     norm, colours = Normalize(-limit, limit), colormaps[DISTANCE_MAP]
@@ -87,18 +95,23 @@ def misfit(found: MisfitMap) -> Figure:
     rgb = colours(norm(found.distance[found.faces].mean(axis=1)))[:, :3]
     views = (ANTERIOR, POSTERIOR, LEFT, RIGHT)
     scene = Scene({"organ": Body(found.points, found.faces, rgb)}, views, (500, 500))
-    figure = Figure(figsize=(PAGE_INCHES, 2.5), layout="constrained")
-    axes = figure.subplots(1, 4)
-    spread_out(figure)
-    for ax, picture, view in zip(axes, render(scene), views, strict=True):
-        _show(ax, picture, view, scene.height_mm, 15)
-    bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), shrink=0.95, aspect=18, extend=beyond)
-    bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=TEXT)
-    bar.ax.tick_params(labelsize=TEXT)
-    for sign in (-1.0, 1.0):
-        if found.noise_mm is not None and found.noise_mm < limit:
-            bar.ax.axhline(sign * found.noise_mm, color="black", linewidth=0.8)
-    return figure
+    pictures = begin(scene)
+
+    def finish() -> Figure:
+        figure = Figure(figsize=(PAGE_INCHES, 2.5), layout="constrained")
+        axes = figure.subplots(1, 4)
+        spread_out(figure)
+        for ax, picture, view in zip(axes, pictures.result(), views, strict=True):
+            _show(ax, picture, view, scene.height_mm, 15)
+        bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(axes), shrink=0.95, aspect=18, extend=beyond)
+        bar.set_label("predicted outside (+) or\ninside (\N{MINUS SIGN}) the scan's, mm", fontsize=TEXT)
+        bar.ax.tick_params(labelsize=TEXT)
+        for sign in (-1.0, 1.0):
+            if found.noise_mm is not None and found.noise_mm < limit:
+                bar.ax.axhline(sign * found.noise_mm, color="black", linewidth=0.8)
+        return figure
+
+    return finish
 
 
 def _show(axes: Axes, picture: LabelArray, view: View, height_mm: float, letters: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -46,6 +46,16 @@ _MAP_CAPTION = (
     "Below: the factor within which the true value lies in two cases of three."
 )
 
+_ANATOMY_CAPTION = (
+    "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (purple) translucent, cut off where the "
+    "region that is modelled ends."
+)
+_MISFIT_CAPTION = (
+    "Where the model's deformed organ lies outside (red) or inside (blue) the surface that the deformed scan shows. "
+    "The table above has its rms and its 95 % over the same points. Black lines in the colour bar: what the contours' own error "
+    "would leave (one standard deviation)."
+)
+
 
 @dataclass(frozen=True)
 class Figures:
@@ -71,6 +81,9 @@ def draw(
     mapped = map_arrays(case, record.result)
     images = _images(case, record, labels, mapped)
     figures = Figures()
+    progress(0.0, "scenes in three dimensions")
+    anatomy = _anatomy(case, images) if case.has("surfaces.npz") else None
+    misfit = _misfit(case, record) if case.has("surfaces.npz") and case.has("identify/fields.npz") else None
     _published(figures, record, folder)
     progress(0.1, "slices")
     _slices(figures, images, folder, not tells_apart(record))
@@ -79,12 +92,14 @@ def draw(
     figures.pictures.update(gap_pictures(case, images, folder))
     figures.pictures.update(motion_pictures(case, images, folder))
     _search(figures, record, folder)
-    if case.has("surfaces.npz"):
-        progress(0.4, "three dimensions")
-        _or_missing(figures, "the 3D view", lambda: _anatomy(figures, case, images, folder))
-    if case.has("surfaces.npz") and case.has("identify/fields.npz"):
-        progress(0.7, "misfit on the organ")
-        _or_missing(figures, "the misfit on the organ", lambda: _misfit(figures, case, record, folder))
+    if anatomy is not None:
+        progress(0.6, "three dimensions")
+        says = "Two three-dimensional views of the organ among its neighbours."
+        _add_or_missing(figures, "anatomy", folder, anatomy, _ANATOMY_CAPTION, says, "the 3D view")
+    if misfit is not None:
+        progress(0.8, "misfit on the organ")
+        says = "Four views of the organ coloured by signed distance in mm."
+        _add_or_missing(figures, "misfit", folder, misfit, _MISFIT_CAPTION, says, "the misfit on the organ")
     if case.has("mesh.npz") and case.has("identify/fields.npz"):
         figures.interactive.append(moving_view(case, images))
     return figures
@@ -161,27 +176,18 @@ def _search(figures: Figures, record: CaseRecord, folder: Path) -> None:
     figures.add("convergence", folder, convergence(best, noise), caption, says, 0.6)
 
 
-def _anatomy(figures: Figures, case: CaseFolder, images: CaseImages, folder: Path) -> None:
-    figure = solids.anatomy(load_surfaces(case, "rest"), images.told, images.scale, images.rest)
-    caption = (
-        "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (purple) translucent, cut off where the "
-        "region that is modelled ends."
-    )
-    figures.add("anatomy", folder, figure, caption, "Two three-dimensional views of the organ among its neighbours.")
+def _anatomy(case: CaseFolder, images: CaseImages) -> solids.Drawn:
+    return solids.anatomy(load_surfaces(case, "rest"), images.told, images.scale, images.rest)
 
 
-def _misfit(figures: Figures, case: CaseFolder, record: CaseRecord, folder: Path) -> None:
-    figure = solids.misfit(misfit_map(case, record.expected_misfit_mm))
-    caption = (
-        "Where the model's deformed organ lies outside (red) or inside (blue) the surface that the deformed scan shows. "
-        "The table above has its rms and its 95 % over the same points. Black lines in the colour bar: what the contours' own error "
-        "would leave (one standard deviation)."
-    )
-    figures.add("misfit", folder, figure, caption, "Four views of the organ coloured by signed distance in mm.")
+def _misfit(case: CaseFolder, record: CaseRecord) -> solids.Drawn:
+    return solids.misfit(misfit_map(case, record.expected_misfit_mm))
 
 
-def _or_missing(figures: Figures, what: str, draw_it: Callable[[], None]) -> None:
+def _add_or_missing(
+    figures: Figures, name: str, folder: Path, drawn: solids.Drawn, caption: str, says: str, what: str
+) -> None:
     try:
-        draw_it()
+        figures.add(name, folder, drawn(), caption, says)
     except OffscreenError as error:
         figures.missing.append(f"{what}, because {error}")
