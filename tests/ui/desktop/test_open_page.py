@@ -64,21 +64,30 @@ window, application = new_window(headless=True)
 process = events_for(application)
 window.show()
 window.stack.setCurrentIndex(1)
-state = JobState("Stiffness", time.monotonic(), step="identify", step_began=time.monotonic(), step_fraction=0.2, message="plain model")
-window.controller.jobs.state = state
-tops = []
+tops, fronts = [], []
 def look():
     window.controller.notify("job")
     process(0.05)
     tops.append([window.results.y(), window.tabs.y()])
+    fronts.append(window.tabs.tabText(window.tabs.currentIndex()))
+look()
+state = JobState("Stiffness", time.monotonic(), step="identify", step_began=time.monotonic(), step_fraction=0.2, message="plain model")
+window.controller.jobs.state = state
 look()
 state.message, state.step_fraction = "reduced model: 12 full solves, error at most 2.5 % of the largest displacement", 0.5
 look()
 state.swarm.hear({"iteration": 1, "best": 3.0, "particles": [[20.0, 60.0], [30.0, 50.0]]})
 look()
+state.outcome = "done"
+look()
+window.results.words.setText("<br>".join(["a line of a result"] * 12))
+look()
+window.controller.show(surest_factor=1.5)
+look()
 window.controller.jobs.state = None
+look()
 window.shut()
-sys.stdout.write(json.dumps(tops))
+sys.stdout.write(json.dumps([tops, fronts]))
 """
 
 
@@ -88,5 +97,8 @@ def test_panels_stay_where_they_are_whatever_a_step_tells(tmp_path: Path) -> Non
         env=os.environ | {"PALPATE_SETTINGS": str(tmp_path)}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
-    first, *others = json.loads(done.stdout)
+    (first, *others), fronts = json.loads(done.stdout)
     assert all(place == first for place in others), (first, others)
+    assert fronts == ["View", "Search", "Search", "Search", "View", "View", "View", "View"], (
+        "the tab of before comes back"
+    )

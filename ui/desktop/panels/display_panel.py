@@ -75,6 +75,7 @@ class DisplayPanel(QWidget):
                            "Stiffness known less well is hatched, not coloured")  # fmt: skip
         self.sure_words = QLabel()
         self.sure_words.setWordWrap(True)
+        self.sure_words.setMinimumHeight(2 * self.sure_words.fontMetrics().lineSpacing())  # with and without a factor
         form.addRow("Hatch", self.sure)
         form.addRow("", self.sure_words)
         self.outlines = QCheckBox("Outlines of organs")

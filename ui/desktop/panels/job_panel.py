@@ -1,4 +1,4 @@
-"""What runs now: step, progress, time left, the swarm, and the button that stops it."""
+"""What runs now: step, progress, time left, and the button that stops it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QVBoxLayout, QWidget
 
 from palpate.ui.desktop import style
-from palpate.ui.desktop.panels.charts import SwarmChart
 from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
-from palpate.ui.desktop.session.jobs import JobState, Swarm
+from palpate.ui.desktop.session.jobs import JobState
 from palpate.ui.words.number_words import duration
 
 _OUTCOMES = {"done": ("done", style.GOOD), "cancelled": ("cancelled", style.WARN), "failed": ("failed", style.BAD)}
@@ -48,10 +47,7 @@ class JobPanel(QWidget):
         form.addRow(row)
         form.addRow(self.message)
         form.addRow(self.left)
-        self.chart = SwarmChart()
-        form.addRow(self.chart)
         column.addWidget(box)
-        self.chart.hide()
 
     def told(self, what: str) -> None:
         """Something has changed."""
@@ -79,12 +75,6 @@ class JobPanel(QWidget):
         self.message.setText(job.error or ("" if job.outcome else job.message))
         seconds = job.seconds_left(time.monotonic())
         self.left.setText(time_words(job.seconds_since(time.monotonic()), seconds, bool(job.outcome)))
-        # From the beginning of the step that has one, not from its first point.
-        self.chart.setVisible(bool(job.swarm.iterations) or job.step == "identify")
-        if job.swarm.iterations:
-            case = controller.case
-            bounds = (5.0, 500.0) if case is None else case.folder.facts.organ_shear_modulus_bounds_kpa
-            self.chart.show_swarm(job.swarm, (float(bounds[0]), float(bounds[1])))
 
     def _clear(self) -> None:
         self.title.setText("Idle")
@@ -92,8 +82,6 @@ class JobPanel(QWidget):
         self.bar.setTextVisible(False)  # "0 %" would be of nothing
         self.message.clear()
         self.left.clear()
-        self.chart.setVisible(False)
-        self.chart.swarm = Swarm()
 
     def _title(self, job: JobState) -> str:
         name = job.name

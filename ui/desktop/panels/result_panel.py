@@ -16,6 +16,8 @@ from palpate.ui.report.summary import MISSING, NOTHING_TOLD
 from palpate.ui.words.number_words import three_figures
 
 _RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."
+# Of a result with two halves and a diagnosis without a gap.
+_LINES = 13
 _NOTHING = f"<span style='color:{style.FAINT}'>No stiffness yet. Run Stiffness.</span>"
 
 
@@ -32,6 +34,9 @@ class ResultPanel(QWidget):
         self.words.setWordWrap(True)
         self.words.setTextFormat(Qt.TextFormat.RichText)
         self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        # Room for a result from the start, so that what stands below stays where it is when one comes.
+        self.words.setMinimumHeight(_LINES * self.words.fontMetrics().lineSpacing())
+        self.words.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
         form.addRow(self.words)
         self.report = QPushButton("Show the report")
         self.report.clicked.connect(lambda: open_report())  # type: ignore[operator]

@@ -22,7 +22,7 @@ from palpate.ui.pictures.planes import Plane
 _LEFT, _RIGHT, _MIDDLE = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton, Qt.MouseButton.MiddleButton
 _DRAWS = ("brush", "eraser")
 # Right drag: pixels up that double the magnification. Window tool: HU a pixel.
-_DOUBLES_PIXELS, _HU_PIXEL = 120.0, 2.0
+DOUBLES_PIXELS, _HU_PIXEL = 120.0, 2.0
 # Voxels across and down the screen, and slices, that a key moves the crosshair by; five times that with shift.
 _KEYS = {
     Qt.Key.Key_Left: (-1, 0, 0), Qt.Key.Key_Right: (1, 0, 0), Qt.Key.Key_Up: (0, -1, 0), Qt.Key.Key_Down: (0, 1, 0),
@@ -138,7 +138,7 @@ class SliceView(QWidget):
             window = display.window.moved(_HU_PIXEL * moved.y(), _HU_PIXEL * moved.x())
             controller.show(centre=window.centre, width=window.width)
         elif act == "zoom":
-            self.viewport.zoom(2.0 ** (-moved.y() / _DOUBLES_PIXELS))
+            self.viewport.zoom(2.0 ** (-moved.y() / DOUBLES_PIXELS))
             controller.notify("view")
         elif act == "pan":
             self.viewport.centre[self.plane.across] -= moved.x() * self.viewport.mm_per_pixel

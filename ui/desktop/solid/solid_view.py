@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.slices import overlay
 from palpate.ui.desktop.slices.slice_marks import text
+from palpate.ui.desktop.slices.slice_view import DOUBLES_PIXELS
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.renderer_client import SolidClient
 from palpate.ui.desktop.solid.solid_marks import begun, directions, image_of
@@ -28,10 +30,14 @@ _UNTOLD, _DEFORMED = (*UNTOLD, 1.0), (0.35, 0.65, 1.0, 0.45)
 
 
 class SolidView(QWidget):
-    """azimuth, elevation : degrees; 0, 0 looks from the front."""
+    """azimuth, elevation : degrees; 0, 0 looks from the front. enlarge : what a double click does."""
 
-    def __init__(self, controller: Controller, folder: Path) -> None:
+    def __init__(
+        self, controller: Controller, folder: Path, enlarge: Callable[[QWidget], None] = lambda view: None
+    ) -> None:
         super().__init__()
+        self._enlarge = enlarge
+        self._zooms = False
         self.controller = controller
         self.client = SolidClient(folder)
         self.azimuth, self.elevation, self.zoom = 25.0, 15.0, 1.0
@@ -167,15 +173,23 @@ class SolidView(QWidget):
         return Camera(self.azimuth, self.elevation, self.zoom, np.zeros(3), 1.0)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        self._pressed = event.position()
+        self._pressed, self._zooms = event.position(), event.button() == Qt.MouseButton.RightButton
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        if event.button() == Qt.MouseButton.LeftButton:
+            self._pressed = None
+            self._enlarge(self)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         if self._pressed is None:
             return
         moved = event.position() - self._pressed
         self._pressed = event.position()
-        self.azimuth -= 0.5 * moved.x()
-        self.elevation = float(np.clip(self.elevation + 0.5 * moved.y(), -89.0, 89.0))
+        if self._zooms:
+            self._magnify(2.0 ** (-moved.y() / DOUBLES_PIXELS))
+        else:
+            self.azimuth -= 0.5 * moved.x()
+            self.elevation = float(np.clip(self.elevation + 0.5 * moved.y(), -89.0, 89.0))
         self._stale["view"] = True
         self.update()
 
@@ -184,8 +198,11 @@ class SolidView(QWidget):
         self._stale["view"] = True
 
     def wheelEvent(self, event: QWheelEvent) -> None:
-        self.zoom = float(np.clip(self.zoom * 1.15 ** (event.angleDelta().y() / 120.0), 0.3, 10.0))
+        self._magnify(1.15 ** (event.angleDelta().y() / 120.0))
         self._stale["view"] = True
+
+    def _magnify(self, factor: float) -> None:
+        self.zoom = float(np.clip(self.zoom * factor, 0.3, 10.0))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         self._stale["view"] = True

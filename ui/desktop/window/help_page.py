@@ -16,6 +16,7 @@ ROWS = (
     ("arrow keys; with Shift", "crosshair by one voxel; by five"),
     ("Ctrl + wheel", "magnify"),
     ("double click", "this view alone; again: all views"),
+    ("3D view", "left drag turns, right drag and wheel magnify, double click alone"),
     ("F", "fit the picture to the organ"),
     ("1, 2, 3, 4, 5, 6, 7", "look, point, brush, eraser, window and level, ruler, angle"),
     ("brush with Ctrl", "takes the label away"),
@@ -27,7 +28,8 @@ ROWS = (
 )
 _WORDS = (
     "The patient's left is on the right of axial and coronal slices. Coordinates are DICOM's: LPS, mm. "
-    "<b>Which number to quote:</b> the value of each half with its interval. The map is smoothed and less certain."
+    "<b>Which number to quote:</b> the value of each half with its interval. The map is smoothed and less certain. "
+    "<b>Layouts</b>: rest, deformed, both and blend, on the tab View and in the menu View."
 )
 
 

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, QUrl
-from PySide6.QtGui import QCloseEvent, QDesktopServices, QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
+from PySide6.QtGui import QCloseEvent, QDesktopServices, QDragEnterEvent, QDropEvent, QKeySequence, QPixmap, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -24,6 +24,7 @@ from palpate.ui.desktop.panels.display_panel import DisplayPanel
 from palpate.ui.desktop.panels.edit_panel import EditPanel
 from palpate.ui.desktop.panels.job_panel import JobPanel
 from palpate.ui.desktop.panels.result_panel import ResultPanel
+from palpate.ui.desktop.panels.search_panel import SearchPanel
 from palpate.ui.desktop.panels.step_bar import StepBar
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import words_at_crosshair
@@ -60,7 +61,7 @@ class MainWindow(QMainWindow):
         self._lay_out()
         self.organ = OrganPages(controller)
         self.notices = Notices(controller, lambda words: show_notice(self, words))
-        parts = MenuParts(controller, self.views, self.page, self.show_open_page, self.show_statistics)
+        parts = MenuParts(controller, self.views, self.page, self.show_open_page, self.show_statistics, self.picture)
         self.menu = Menu(self, parts)
         self.setAcceptDrops(True)
         geometry.fit(self)
@@ -77,6 +78,7 @@ class MainWindow(QMainWindow):
         self.tabs = QTabWidget()
         self.tabs.addTab(self.display, "View")
         self.tabs.addTab(self.edit, "Point and correct")
+        self.search = SearchPanel(self.controller, self.tabs)
         for part in (self.job, self.results, self.tabs):
             column.addWidget(part)
         column.addStretch(1)
@@ -87,7 +89,7 @@ class MainWindow(QMainWindow):
         # There is no bar to move it sideways: it must hold its widest row, whatever the font.
         needed = panel.minimumSizeHint().width() + scroll.verticalScrollBar().sizeHint().width()
         scroll.setFixedWidth(max(_PANEL_WIDTH, needed))
-        work = QWidget()
+        self._work = work = QWidget()
         row = QHBoxLayout(work)
         row.setContentsMargins(8, 4, 0, 0)
         row.setSpacing(4)
@@ -139,6 +141,7 @@ class MainWindow(QMainWindow):
             self.edit,
             self.results,
             self.job,
+            self.search,
             self.steps,
             self.organ,
             self.notices,
@@ -188,6 +191,13 @@ class MainWindow(QMainWindow):
     def show_statistics(self) -> None:
         """The table of what is in every label."""
         statistics_page(self, self.controller)
+
+    def picture(self) -> QPixmap:
+        """The views with the bar that says what their colours stand for."""
+        place = self.views.geometry()
+        if self.bar.isVisible():
+            place = place.united(self.bar.geometry())
+        return self._work.grab(place)
 
     def _brush(self, factor: float) -> None:
         """Another radius of the brush, as far as the panel's slider goes."""

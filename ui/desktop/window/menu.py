@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QUrl
-from PySide6.QtGui import QAction, QDesktopServices
+from PySide6.QtGui import QAction, QDesktopServices, QPixmap
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from palpate.core.errors import InputError
@@ -49,6 +49,7 @@ class MenuParts:
     page: OpenPage
     show_open_page: Callable[[], None]
     show_statistics: Callable[[], None]
+    picture: Callable[[], QPixmap]
 
 
 class Menu:
@@ -158,5 +159,5 @@ class Menu:
 
     def _save_picture(self) -> None:
         chosen, _ = QFileDialog.getSaveFileName(self._window, "Save the views as a picture", "views.png", "PNG (*.png)")
-        if chosen and not self._parts.views.grab().save(chosen):
+        if chosen and not self._parts.picture().save(chosen):
             self._parts.controller.say(f"{chosen} cannot be written; choose another place")

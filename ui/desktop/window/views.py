@@ -32,7 +32,7 @@ class Views(QWidget):
             for plane in _PLANES
             for state in ("rest", "deformed", BLEND)
         }
-        self.solid = SolidView(controller, folder)
+        self.solid = SolidView(controller, folder, self.enlarge)
         self._grid = QGridLayout(self)
         self._grid.setContentsMargins(0, 0, 0, 0)
         self._grid.setSpacing(2)
