@@ -51,7 +51,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     here = posixpath.dirname(page.file.src_uri)
     for source, name in BORROWED.items():
         markdown = re.sub(rf"\((\.\./)+{re.escape(source)}", f"({posixpath.relpath(name, here or '.')}", markdown)
-    return markdown
+    # A page of the repository's top names the others by their folder.
+    return markdown.replace("](docs/", "](") if page.file.src_uri in BORROWED.values() else markdown
 
 
 def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:

@@ -63,6 +63,11 @@ def test_known_issues_are_few() -> None:
     text = (TOP / "KNOWN_ISSUES.md").read_text(encoding="utf-8")
     numbers = [int(number) for number in re.findall(r"^(\d+)\. ", text, re.MULTILINE)]
     assert numbers == list(range(1, len(numbers) + 1)) and 10 < len(numbers) <= 25
+    for entry in re.split(r"^\d+\. ", text, flags=re.MULTILINE)[1:]:
+        issue, way = re.fullmatch(r"\*\*(.+?)\*\* \*Way round:\* (.+)", " ".join(entry.split())).groups()  # type: ignore[union-attr]
+        assert len(re.findall(r"[.!?](?=\s|$)", issue)) == 1 and way.endswith("."), "one sentence, and a way round"
+    detail = (DOCS / "limits.md").read_text(encoding="utf-8")
+    assert [int(number) for number in re.findall(r"^(\d+)\. ", detail, re.MULTILINE)] == numbers, "each has its details"
 
 
 def anchors(page: Path) -> set[str]:
