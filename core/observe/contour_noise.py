@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, lapack, solve_triangular
 from scipy.spatial.distance import cdist
 
 from palpate.core.arrays import FloatArray
@@ -11,6 +11,9 @@ from palpate.core.arrays import FloatArray
 # Error of voxels, surface extraction and mesh, mm rms of the residual, and how far along the surface it is correlated
 # (measured on cases without a hidden effect and without contour noise: 0.16 to 0.20 mm).
 EXTRACTION_MM, EXTRACTION_LENGTH_MM = 0.20, 3.0
+
+# Numerical: variance, over the largest, that the low-rank factor of a smooth covariance leaves out at any point.
+_LEFT_OUT = 1e-9
 
 
 def smooth_covariance(points: FloatArray, sd_mm: float, correlation_mm: float) -> FloatArray:
@@ -32,11 +35,25 @@ def matern_3_2(distance: FloatArray, length: float) -> FloatArray:
 def noise_modes(points: FloatArray, sd_mm: float, correlation_mm: float, share: float = 0.99) -> FloatArray:
     """Leading eigenvectors (q, m) mm of `smooth_covariance`, scaled by their standard deviations; they hold `share` of
     its trace."""
-    values, vectors = np.linalg.eigh(smooth_covariance(points, sd_mm, correlation_mm))
-    order = np.argsort(values)[::-1]
-    values, vectors = np.maximum(values[order], 0.0), vectors[:, order]
+    values, vectors = leading_eigenpairs(smooth_covariance(points, sd_mm, correlation_mm))
     kept = int(np.searchsorted(np.cumsum(values), share * values.sum())) + 1
     return vectors[:, :kept] * np.sqrt(values[:kept])
+
+
+def leading_eigenpairs(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues (m,), the largest first, and orthonormal eigenvectors (q, m) of a smooth covariance (q, q), m <= q.
+
+    They are those of its Cholesky factor with pivots (LAPACK's dpstrf), which ends where almost nothing is left (`_LEFT_OUT`):
+    a smooth covariance has far fewer columns than points. Values are right to `_LEFT_OUT` q; those near that are not to be
+    used.
+    """
+    tolerance = _LEFT_OUT * float(covariance.diagonal().max())
+    factor, pivots, rank, _ = lapack.dpstrf(covariance, tol=tolerance, lower=1)
+    columns = np.empty((len(covariance), rank))
+    columns[pivots - 1] = np.tril(factor)[:, :rank]
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
+    return values, (columns @ vectors) / np.sqrt(np.maximum(values, 1e-300))
 
 
 class Weighting:

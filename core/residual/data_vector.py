@@ -17,7 +17,7 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.bone_registration import BoneRegistration
-from palpate.core.observe.contour_noise import smooth_covariance
+from palpate.core.observe.contour_noise import leading_eigenpairs, smooth_covariance
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 
@@ -37,9 +37,8 @@ class DataVector:
         cls, observation: SurfaceObservation, bone: BoneRegistration | None, options: NoiseModelOptions
     ) -> DataVector:
         """The modes of an observation's points."""
-        values, vectors = np.linalg.eigh(smooth_covariance(observation.points, 1.0, options.mode_length_mm))
-        kept = values > options.mode_least * values[-1]
-        modes = np.ascontiguousarray(vectors[:, kept][:, ::-1])
+        values, vectors = leading_eigenpairs(smooth_covariance(observation.points, 1.0, options.mode_length_mm))
+        modes = np.ascontiguousarray(vectors[:, values > options.mode_least * values[0]])
         return cls(modes, len(observation.landmarks), bone, observation.motion.covariance)
 
     @property
