@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import threading
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -23,6 +24,8 @@ from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
 
 STATES = ("rest", "deformed")
+# Two steps may end at the same time: each reads what the other has noted.
+_STATE = threading.Lock()
 
 __all__ = ["STATES", "CaseFacts", "CaseFolder", "Landmarks", "file_sha256"]
 
@@ -162,7 +165,8 @@ class CaseFolder(CaseFiles):
         to note.
         """
         entry = {"inputs_sha256": inputs_sha256, "outputs": list(outputs), "done": True, **(more or {})}
-        self.write_json("state.json", {**self._state(), step: entry})
+        with _STATE:
+            self.write_json("state.json", {**self._state(), step: entry})
 
     def _state(self) -> Mapping[str, StepRecord]:
         state = self.read_json("state.json") if self.has("state.json") else {}

@@ -16,6 +16,7 @@ from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.core.worker.progress import Progress, silent
+from palpate.core.worker.threads import beside
 from palpate.imaging.contours.detached_parts import detached_notes
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
@@ -50,10 +51,11 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     offset = rigid_offset_in(case, deformed)
     if offset is not None:
         deformed = deformed.moved(offset.deformed_to_rest)
-    progress(0.02, "smooth surfaces")
-    arrays = surface_arrays("rest", rest) | surface_arrays("deformed", deformed)
-    progress(0.15, "tetrahedra")
-    meshed = _kept_mesh(case, rest, options) or mesh_labels(rest, options)
+    progress(0.02, "smooth surfaces and tetrahedra")
+    # The mesher is a process of its own: what is left of the surfaces is drawn while it works.
+    with beside(lambda one: surface_arrays(*one), [("rest", rest), ("deformed", deformed)]) as surfaces:
+        meshed = _kept_mesh(case, rest, options) or mesh_labels(rest, options)
+        arrays = {name: array for state in surfaces() for name, array in state.items()}
     progress(0.9, "writing the mesh")
     case.write_npz("mesh.npz", **mesh_arrays(meshed.mesh, meshed.boundary))
     case.write_npz("surfaces.npz", **arrays)

@@ -113,6 +113,7 @@ def identify(
     further = _uneven if options.uneven else None
     fit = fit_plain(pairs, progress=part(reporter.progress, 0.0, 0.4), how=how, further=further)
     save_fit(folder / FILE, fit, FitQuestion(pairs=pairs, how=how, further="uneven" if options.uneven else "").key())
+    reporter.checkpoint(folder / FILE, 0)  # a diagnosis may start from it
     swarm, reduced = None, 0
     if options.method == "swarm":
         swarm, reduced = search_with_swarm(folder, files, fit, options, fingerprint, reporter)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 from palpate.core.worker.executors import cores
@@ -25,3 +26,18 @@ def in_threads(part: Callable[[A], T], items: Iterable[A]) -> list[T]:
         return [part(item) for item in todo]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(part, todo))
+
+
+@contextmanager
+def beside(part: Callable[[A], T], items: Iterable[A]) -> Iterator[Callable[[], list[T]]]:
+    """`part` of every item, one after another, in a thread beside what is done in the block.
+
+    Yields a function that waits for all of them; it raises what a part raises. A block that raises starts no further
+    part.
+    """
+    pool = ThreadPoolExecutor(1)
+    try:
+        parts = [pool.submit(part, item) for item in items]
+        yield lambda: [one.result() for one in parts]
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

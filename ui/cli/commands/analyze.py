@@ -10,13 +10,15 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from palpate.ui.cli.arguments import random_seed
+from palpate.ui.cli.arguments import random_seed, workers
 from palpate.ui.cli.commands import diagnose, further_states, identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
 
 if TYPE_CHECKING:
     from palpate.case.case_folder import CaseFolder
+    from palpate.case.steps.diagnose import DiagnoseOptions
+    from palpate.ui.cli.search_and_diagnosis import Diagnosed
 
 NAME, HELP = "analyze", "the whole way from two DICOM folders to a report"
 
@@ -33,19 +35,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_own_options(parser: argparse.ArgumentParser) -> None:
     """What no step alone has."""
     parser.add_argument(
-        "--no-diagnosis", action="store_true", help="do not ask what the model leaves out (saves about a minute)"
+        "--no-diagnosis", action="store_true", help="do not ask what the model leaves out (saves some seconds)"
     )
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Runs every step."""
     from palpate.case.case_folder import CaseFolder  # here, as all that takes long to load: help comes at once
-    from palpate.case.steps import identify as identify_step
     from palpate.case.steps import mesh as mesh_step
     from palpate.case.steps.import_scans.pair import run_import
     from palpate.case.steps.segment import run_segment
     from palpate.case.steps.segment_options import SegmentOptions
     from palpate.core.files.json_types import plain
+    from palpate.ui.cli.search_and_diagnosis import search_and_diagnose
     from palpate.ui.report import report_step
 
     began = time.monotonic()
@@ -60,9 +62,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     states = further_states.add_states(case, more)
     with console.progress(mesh.NAME) as progress:
         meshed = mesh_step.run(case, mesh.options_of(args), progress)
-    with console.progress(identify.NAME) as progress:
-        found = identify_step.run(case, search, progress)
-    told, said = _diagnosed(case, args, console)
+    found, diagnosis = search_and_diagnose(case, search, _look(args), console, workers(args) > 1)
+    told, said = _told(case, diagnosis)
     record(case, args, time.monotonic() - began)
     with console.progress(report.NAME) as progress:
         written = report_step.run(case, None, progress)
@@ -72,21 +73,17 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return data | told | {"report": written}, "\n".join(text)
 
 
-def _diagnosed(case: CaseFolder, args: argparse.Namespace, console: Console) -> tuple[dict[str, object], list[str]]:
-    """Content of diagnosis.json under its name, and what a person reads of it.
+def _look(args: argparse.Namespace) -> DiagnoseOptions | None:
+    """Options of the diagnosis; None where none is asked for."""
+    from palpate.case.steps.diagnose import DiagnoseOptions
 
-    A case that cannot be diagnosed keeps its stiffness: the reason is a line, and there is no diagnosis.
-    """
-    from palpate.case.steps import diagnose as diagnose_step
-    from palpate.core.errors import ConvergenceError, InputError
+    return None if args.no_diagnosis else DiagnoseOptions(seed=random_seed(args), image=args.image)
+
+
+def _told(case: CaseFolder, found: Diagnosed | None) -> tuple[dict[str, object], list[str]]:
+    """Content of diagnosis.json under its name, and what a person reads of it."""
     from palpate.core.files.json_types import plain
 
-    if args.no_diagnosis:
-        return {}, []
-    try:
-        with console.progress(diagnose.NAME) as progress:
-            options = diagnose_step.DiagnoseOptions(seed=random_seed(args), image=args.image)
-            found = diagnose_step.run(case, options, progress)
-    except (ConvergenceError, InputError) as error:
-        return {}, [f"note    no diagnosis: {error}"]
+    if found is None or isinstance(found, str):
+        return {}, [] if found is None else [found]
     return {"diagnosis": plain(found)}, diagnose.text_of(case, found)
