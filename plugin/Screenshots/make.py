@@ -78,7 +78,7 @@ def middle(volume: Any, inside: np.ndarray) -> np.ndarray:
     return np.array(matrix.MultiplyPoint([*np.argwhere(inside).mean(axis=0), 1.0])[:3])
 
 
-def slice_view(scene: Any, nodes: ResultNodes, name: str, centre: np.ndarray) -> np.ndarray:
+def slice_view(scene: Any, nodes: ResultNodes, name: str, centre: np.ndarray, opacity: float = 0.6) -> np.ndarray:
     """One of Slicer's slice views: the CT, and the stiffness over it."""
     logic = slicer.vtkMRMLSliceLogic()
     logic.SetMRMLScene(scene)
@@ -91,7 +91,7 @@ def slice_view(scene: Any, nodes: ResultNodes, name: str, centre: np.ndarray) ->
     layers = logic.GetSliceCompositeNode()
     layers.SetBackgroundVolumeID(nodes.volumes["rest"].GetID())
     layers.SetForegroundVolumeID(nodes.stiffness.GetID())
-    layers.SetForegroundOpacity(0.6)
+    layers.SetForegroundOpacity(opacity)
     logic.UpdatePipeline()
     port = logic.GetImageDataConnection()
     port.GetProducer().Update()
