@@ -126,4 +126,6 @@ def test_the_code_of_the_python_tutorial_runs(demo_case: Path, capsys: pytest.Ca
         exec(compile(block, "docs/tutorial/python.md", "exec"), known)
     told = capsys.readouterr().out
     assert told.startswith("True largest displacement") and "prostate_left" in told
+    assert "region_1: G = " in told and "case demo_case: rest labels" in told
     assert (demo_case / "sphere.png").stat().st_size > 10_000 and (demo_case / "labels.png").exists()
+    assert (demo_case / "ball.png").exists() and (demo_case / "case.png").exists()

@@ -14,7 +14,7 @@ from palpate.ui.words.number_words import three_figures
 
 _ROW_INCHES, _AXIS_INCHES = 0.19, 0.46
 _FOUND, _PUBLISHED = "black", "#5a6672"
-_TICKS_KPA = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+_TICKS_KPA = tuple(first * 10.0**power for power in range(-3, 6) for first in (1.0, 2.0, 5.0))
 # Free to both sides of the outermost value, as a factor; more at the right, where the last value's figure stands.
 _FREE = (1.4, 1.7)
 
@@ -33,7 +33,6 @@ def published_scale(rows: Sequence[Row]) -> Figure:
     """One line a row, in their order from above: a dot at G, a bar over its span, the figure beside it."""
     figure = Figure(figsize=(PAGE_INCHES, _ROW_INCHES * len(rows) + _AXIS_INCHES), layout="constrained")
     axes = figure.subplots()
-    axes.set_xscale("log")
     for place, row in enumerate(rows):
         _draw(axes, -place, row)
     ends = [kpa for row in rows for kpa in (row.G, *(row.span or ()))]
@@ -42,10 +41,7 @@ def published_scale(rows: Sequence[Row]) -> Figure:
     axes.set_yticks([-place for place in range(len(rows))], [row.words for row in rows], fontsize=TEXT)
     for label, row in zip(axes.get_yticklabels(), rows, strict=True):
         label.set_fontweight("bold" if row.found else "normal")
-    axes.xaxis.set_major_locator(FixedLocator(_TICKS_KPA))
-    axes.xaxis.set_major_formatter(ScalarFormatter())
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    kpa_axis(axes)
     axes.tick_params(axis="x", labelsize=TEXT)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("shear modulus G, kPa", fontsize=TEXT)
@@ -53,6 +49,15 @@ def published_scale(rows: Sequence[Row]) -> Figure:
     for side in ("top", "left", "right"):
         axes.spines[side].set_visible(False)
     return figure
+
+
+def kpa_axis(axes: Axes) -> None:
+    """Makes the x axis logarithmic in kPa, with round figures written out."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(FixedLocator(_TICKS_KPA))
+    axes.xaxis.set_major_formatter(ScalarFormatter())
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _draw(axes: Axes, height: int, row: Row) -> None:

@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING
 
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.identify.result_record import IdentificationRecord, RegionRecord, ResultRecord
+from palpate.ui.words.number_words import three_figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+# Room beside the outermost ends of intervals, a factor: at least one round figure of 1, 2 and 5 lies on the axis then.
+_FREE = 1.6
 
 Row = dict[str, str | float | None]
 
@@ -50,14 +54,23 @@ class Stiffness:
         """A point and its 95 % interval for every region, logarithmic in kPa. axes : of matplotlib, new where None."""
         from matplotlib import pyplot  # here, because it costs a second
 
+        from palpate.ui.pictures.published_scale import kpa_axis
+
         shown = pyplot.subplots(figsize=(5.0, 1.0 + 0.5 * len(self.regions)))[1] if axes is None else axes
         for row, (name, region) in enumerate(self.regions.items()):
             low, high = region.ci95_kpa or (region.G_kpa, region.G_kpa)
             shown.plot([low, high], [row, row], color="#31688e", linewidth=2)
             shown.plot(region.G_kpa, row, "o", color="#31688e", label=name)
+            shown.annotate(
+                three_figures(region.G_kpa), (region.G_kpa, row), (0.0, 6.0), textcoords="offset points", ha="center"
+            )
         shown.set_yticks(range(len(self.regions)), [name.replace("_", " ") for name in self.regions])
-        shown.set_xscale("log")
-        shown.set_xlabel("shear modulus G, kPa")
+        shown.set_ylim(len(self.regions) - 0.4, -0.7)  # the first region above
+        kpa_axis(shown)
+        ends = [kpa for region in self.regions.values() for kpa in region.ci95_kpa or (region.G_kpa,)]
+        shown.set_xlim(min(ends) / _FREE, max(ends) * _FREE)
+        shown.set_xlabel("shear modulus G, kPa, with its 95 % interval")
+        shown.grid(axis="x", alpha=0.35)
         return shown
 
     def __repr__(self) -> str:
