@@ -69,7 +69,8 @@ class Stiffness:
         kpa_axis(shown)
         ends = [kpa for region in self.regions.values() for kpa in region.ci95_kpa or (region.G_kpa,)]
         shown.set_xlim(min(ends) / _FREE, max(ends) * _FREE)
-        shown.set_xlabel("shear modulus G, kPa, with its 95 % interval")
+        shown.set_xlabel("shear modulus G, kPa")
+        shown.set_title("value and 95 % interval", fontsize="medium")
         shown.grid(axis="x", alpha=0.35)
         return shown
 
