@@ -14,6 +14,7 @@ from palpate.segmentation.models.learned import learned_masks
 from palpate.segmentation.organs import find_organs
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene, make_scene
+from palpate.segmentation.whole_scan import WholeScan
 from palpate.segmentation.working_grid import Mask, mask_on
 
 # Below this a label wants a person's eye. It is a Dice: what people's own contours of a prostate on CT agree to is 0.8.
@@ -46,18 +47,19 @@ def segment_pelvis(
     drawn: Mapping[str, Volume] | None = None,
     progress: Progress = silent,
     model: str | None = None,
+    whole: WholeScan | None = None,
 ) -> Segmentation:
     """Prostate, bladder, rectum and bone of a CT (HU, any grid in patient coordinates).
 
     prompts : what a person pointed at. drawn : organ -> mask that a person has drawn, which is taken as it is. model : a
-    learned model (see learned.py) for organs that nobody has drawn or pointed at.
+    learned model (see learned.py) for organs that nobody has drawn or pointed at. whole : of this CT, where it is known.
 
     Raises InputError when the scan holds no body or no pubic bones, no prostate is found, or the model is not there.
     """
     prompts, drawn = prompts or Prompts(), drawn or {}
     learned = learned_masks(ct, model)
     progress(0.0, "body and bone")
-    scene = make_scene(ct, prompts)
+    scene = make_scene(ct, prompts, whole=whole)
     given = {name: Found(mask_on(mask, scene.grid), "user", 1.0) for name, mask in drawn.items()}
     organs = find_organs(scene, prompts, given, part(progress, 0.3, 0.6))
     if "prostate" not in organs and "prostate" not in learned:

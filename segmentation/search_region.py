@@ -5,31 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.core.arrays import Float32Array, FloatArray
 from palpate.imaging.volume import Volume
-from palpate.segmentation.body import body_mask, without_surroundings
-from palpate.segmentation.bone.bone import bone_mask
-from palpate.segmentation.bone.landmarks import Pelvis, find_pelvis
-from palpate.segmentation.hu_scale import rescaled, scale_of
+from palpate.segmentation.bone.landmarks import Pelvis
+from palpate.segmentation.hu_scale import rescaled
 from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.whole_scan import WholeScan, whole_scan
 from palpate.segmentation.working_grid import (
-    COARSE_MM,
     FINE_MM,
     HIGH_HU,
     LOW_HU,
     Mask,
-    blurred,
     bounds,
     gas_filled,
     mask_on,
     resampled,
-    shrunk,
     upright,
 )
 
-BONE_MM = 2.0
 # Room about the landmarks, mm: to both sides of the midline, in front of and behind the symphysis, below and above it.
 BESIDE, BEFORE, BEHIND, BELOW, ABOVE = 80.0, 25.0, 125.0, 50.0, 95.0
 ROOM_ABOUT_PROMPTS = 60.0
@@ -108,26 +102,23 @@ class Scene:
         return float(mask.sum()) * self.step**3 / 1000.0
 
 
-def make_scene(ct: Volume, prompts: Prompts | None = None, step_mm: float = FINE_MM) -> Scene:
+def make_scene(
+    ct: Volume, prompts: Prompts | None = None, step_mm: float = FINE_MM, whole: WholeScan | None = None
+) -> Scene:
     """Bodies, bones and landmarks of a CT (HU, any grid), and the part of it about the prostate, evenly sampled.
+
+    whole : what `whole_scan` found of this CT, where it was asked before.
 
     Raises InputError when the scan holds no body or no pubic bones.
     """
-    coarse = shrunk(ct, COARSE_MM)
-    body = coarse.with_array(body_mask(coarse))
-    for_bone = shrunk(ct, BONE_MM)
-    within = mask_on(body, for_bone)
-    scale = scale_of(for_bone.array, within, BONE_MM)
-    for_bone = without_surroundings(for_bone.with_array(rescaled(for_bone.array, scale)), within)
-    whole_bone = for_bone.with_array(bone_mask(for_bone))
-    pelvis = find_pelvis(whole_bone)
+    whole = whole or whole_scan(ct)
+    pelvis, scale = whole.pelvis, whole.scale
     grid = upright(*_region(ct, pelvis, prompts or Prompts()), step_mm)
     hu = np.clip(rescaled(resampled(ct, grid).array, scale), LOW_HU, HIGH_HU)
-    inside = mask_on(body, grid)
+    inside = mask_on(whole.body, grid)
     filled, gas = gas_filled(np.where(inside, hu, np.float32(LOW_HU)), step_mm)
-    fat, muscle = _typical(for_bone.array, within)
-    bone = mask_on(whole_bone, grid)
-    return Scene(grid, hu, filled, gas & inside, inside, bone, pelvis, whole_bone, for_bone, fat, muscle)
+    bone = mask_on(whole.bone, grid)
+    return Scene(grid, hu, filled, gas & inside, inside, bone, pelvis, whole.bone, whole.hu, whole.fat, whole.muscle)
 
 
 def _region(ct: Volume, pelvis: Pelvis, prompts: Prompts) -> tuple[FloatArray, FloatArray]:
@@ -141,11 +132,3 @@ def _region(ct: Volume, pelvis: Pelvis, prompts: Prompts) -> tuple[FloatArray, F
         low, high = np.minimum(low, point - ROOM_ABOUT_PROMPTS), np.maximum(high, point + ROOM_ABOUT_PROMPTS)
     scan = bounds(ct)
     return np.maximum(low, scan[0]), np.minimum(high, scan[1])
-
-
-def _typical(hu: NDArray[np.floating], body: Mask) -> tuple[float, float]:
-    """Most frequent HU of fat and of muscle."""
-    count, edges = np.histogram(blurred(hu, 2.0, BONE_MM)[body], bins=np.arange(-160.0, 120.0, 4.0))
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    fat, muscle = (middle < -60.0), (middle > 10.0) & (middle < 90.0)
-    return float(middle[fat][count[fat].argmax()]), float(middle[muscle][count[muscle].argmax()])

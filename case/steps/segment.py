@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.contours import read_contours
 from palpate.case.imported import holds_rest_alone
 from palpate.case.step_records import SegmentationRecord, SegmentedRecord
 from palpate.case.steps.declarations import SEGMENT
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
+from palpate.case.steps.segment_state import segmented, segmented_beside
 from palpate.case.surface_errors import write_surface_errors
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.motion import bone_motions, motion_notes
-from palpate.segmentation.pelvis import segment_pelvis
-from palpate.segmentation.prompts import Prompts, check_inside
+from palpate.segmentation.pelvis import Segmentation
+from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
-from palpate.segmentation.surface_error import surface_errors
 from palpate.segmentation.tissue import cropped, label_array, region_of_interest
 
 # Margin of the deformed labels around the region that is modelled at rest: surfaces must be whole there.
@@ -35,7 +35,7 @@ CARRIED_SD_MM = 8.0
 
 
 def run_segment(
-    case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent
+    case: CaseFolder, options: SegmentOptions | None = None, progress: Progress = silent, workers: int = 1
 ) -> SegmentationRecord:
     """Write rest.nii.gz, deformed.nii.gz (both in the rest frame), labels.txt and segmentation.json; return the last.
 
@@ -44,7 +44,7 @@ def run_segment(
 
     A person's contours (STATE_user.nii.gz) are taken as they are; only missing structures are segmented. The step
     passes over a case whose scans, contours and options are those of the last run, and over a case that came with label
-    volumes.
+    volumes. workers : processes; with more than one both scans are segmented side by side, with the same labels.
 
     Raises InputError when there is nothing to segment, the scans show no pelvis, or no prostate is found.
     """
@@ -58,42 +58,50 @@ def run_segment(
     came_with_labels = all(case.has_labels(state) for state in states) and not case.has("segmentation.json")
     if came_with_labels or not all(case.has(f"{state}_ct") for state in states):
         return _labels_alone(case, progress, states)
-    found = _found(case, options, progress, alone)
+    found = _found(case, options, progress, alone, workers)
     report = _write(case, found, options)
     SEGMENT.mark_done(case, made_from, [n for n in SEGMENT.writes if not (alone and n.startswith("deformed"))])
     progress(1.0, "labels written")
     return report
 
 
-def _found(case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool) -> dict[str, SegmentedState]:
-    """Segmentation of both states, or of the scan at rest where there is no other."""
-    rest = _segmented(case, "rest", options.prompts, options.model, lambda f, m: progress(0.45 * f, f"rest: {m}"))
-    if alone:
-        return {"rest": rest}
-    carried = options.prompts_deformed.moved(case.deformed_to_rest()).or_near(_centroids(rest), CARRIED_SD_MM)
-    deformed = _segmented(
-        case, "deformed", carried, options.model, lambda f, m: progress(0.45 + 0.45 * f, f"deformed: {m}")
-    )
-    return {"rest": rest, "deformed": deformed}
+def _found(
+    case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool, workers: int
+) -> dict[str, SegmentedState]:
+    """Segmentation of both states, or of the scan at rest where there is no other.
+
+    With more than one worker the deformed scan is read beside the scan at rest, and segmented beside its errors: it is led
+    to the prostate at rest.
+    """
+    model, mine = options.model, part(progress, 0.0, 0.45 if workers <= 1 else 0.9)
+
+    def rest_of(then: Callable[[Segmentation], None]) -> SegmentedState:
+        return segmented(case, "rest", options.prompts, model, lambda f, m: mine(f, f"rest: {m}"), then)
+
+    def prompts_beside(rest: Segmentation) -> Prompts:
+        return options.prompts_deformed.moved(case.deformed_to_rest()).or_near(_centroids(rest), CARRIED_SD_MM)
+
+    with one_thread():  # the order of sums must not depend on the number of cores
+        if alone:
+            return {"rest": rest_of(lambda _: None)}
+        if workers <= 1:
+            rest = rest_of(lambda _: None)
+            told = part(progress, 0.45, 0.9)
+            deformed = segmented(
+                case, "deformed", prompts_beside(rest.segmentation), model, lambda f, m: told(f, f"deformed: {m}")
+            )
+            return {"rest": rest, "deformed": deformed}
+        with segmented_beside(case, "deformed") as beside:
+            rest = rest_of(lambda found: beside.begin(prompts_beside(found), model))
+            progress(0.85, "deformed")
+            return {"rest": rest, "deformed": beside.result()}
 
 
-def _segmented(case: CaseFolder, state: str, prompts: Prompts, model: str | None, progress: Progress) -> SegmentedState:
-    contours, ct = read_contours(case, state), case.ct(state)
-    check_inside(ct, prompts, state)
-    segmentation = segment_pelvis(ct, prompts, contours.organs if contours else {}, part(progress, 0.0, 0.6), model)
-    progress(0.6, "how far the surfaces may be off")
-    errors = surface_errors(segmentation.scene, prompts, segmentation.organs)
-    # A person's voxels are written unchanged, on their own grid; segmented structures on the grid of the segmentation.
-    by_hand = contours is not None and "prostate" in contours.organs
-    grid = contours.volume if contours is not None and by_hand else segmentation.scene.grid
-    return SegmentedState(segmentation, contours, grid, errors)
-
-
-def _centroids(state: SegmentedState) -> dict[str, FloatArray]:
-    grid = state.segmentation.scene.grid
+def _centroids(found: Segmentation) -> dict[str, FloatArray]:
+    grid = found.scene.grid
     return {
-        name: grid.to_lps(np.argwhere(found.mask).mean(axis=0)[None])[0]
-        for name, found in state.segmentation.organs.items()
+        name: grid.to_lps(np.argwhere(organ.mask).mean(axis=0)[None])[0]
+        for name, organ in found.organs.items()
         if name == "prostate"
     }
 

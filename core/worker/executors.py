@@ -45,6 +45,11 @@ def make_executor(
     return ProcessPoolExecutor(workers, context, _prepare_worker, (initializer, initargs))
 
 
+def one_more_process() -> Executor:
+    """Executor of one new process, on one thread, beside this one; see `make_executor`."""
+    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _prepare_worker, (None, ()))
+
+
 class SerialExecutor(Executor):
     """Executor that makes each call at once in this process, on one thread. `submit` raises the call's exception."""
 

@@ -11,11 +11,12 @@ from organ_scans import found, scan, truth, truth_of
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
-from palpate.case.steps import segment
+from palpate.case.steps import segment_state
 from palpate.case.steps.segment import run_segment
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError
+from palpate.core.worker.executors import SerialExecutor
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import Segmentation
@@ -38,8 +39,8 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
         made.file(f"{state}_ct").mkdir()
         made.file(f"{state}_ct").joinpath("0001.dcm").write_text(state)
     monkeypatch.setattr(CaseFolder, "ct", lambda self, state: scan())
-    monkeypatch.setattr(segment, "segment_pelvis", _segment_again)
-    monkeypatch.setattr(segment, "surface_errors", _errors)
+    monkeypatch.setattr(segment_state, "segment_pelvis", _segment_again)
+    monkeypatch.setattr(segment_state, "surface_errors", _errors)
     return made
 
 
@@ -53,7 +54,9 @@ def _errors(scene: Scene, prompts: Prompts, organs: dict[str, Found]) -> dict[st
     }
 
 
-def _segment_again(ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any, model: Any) -> Segmentation:
+def _segment_again(
+    ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any, model: Any, whole: Any
+) -> Segmentation:
     """What was found before, with drawn organs in place of the found ones."""
     grid = found().scene.grid
     own = {name: Found(mask_on(m, grid), "user", 1.0) for name, m in drawn.items()}
@@ -67,6 +70,40 @@ def test_the_scan_at_rest_alone(case: CaseFolder) -> None:
     assert list(report["states"]) == ["rest"] and not case.has_labels("deformed")
     assert {1, 2} <= set(np.unique(case.labels("rest").array)) and case.has("rest_bones.nii.gz")
     assert run_segment(case, NEAR) == report
+
+
+def test_a_process_beside_makes_the_same_labels_and_starts_before_the_errors_at_rest(
+    case: CaseFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process is stood in for by this one; that it is led to the prostate at rest is in the prompts."""
+    alone, order = run_segment(case, NEAR), list[str]()
+    labels = {state: case.labels(state).array for state in ("rest", "deformed")}
+    case.remove("segmentation.json")
+    for state in labels:
+        case.remove(f"{state}.nii.gz")
+    asked = {}
+
+    def whole_scan(ct: Volume) -> None:
+        order.append("whole scan")
+
+    def segmented(ct: Volume, prompts: Prompts, *rest: Any) -> Segmentation:
+        order.append("organs")
+        asked[len(asked)] = dict(prompts.seeds)
+        return _segment_again(ct, prompts, *rest)
+
+    def errors(scene: Scene, prompts: Prompts, organs: dict[str, Found]) -> dict[str, SurfaceErrors]:
+        order.append("errors")
+        return _errors(scene, prompts, organs)
+
+    monkeypatch.setattr(segment_state, "whole_scan", whole_scan)
+    monkeypatch.setattr(segment_state, "segment_pelvis", segmented)
+    monkeypatch.setattr(segment_state, "surface_errors", errors)
+    monkeypatch.setattr(segment_state, "one_more_process", SerialExecutor)
+    assert run_segment(case, NEAR, workers=2) == alone
+    for state, array in labels.items():
+        np.testing.assert_array_equal(case.labels(state).array, array)
+    assert order == ["whole scan", "organs", "organs", "errors", "errors"]
+    assert "prostate" not in asked[0] and "prostate" in asked[1], "the first is the scan at rest"
 
 
 def test_labels_of_both_states(case: CaseFolder) -> None:
@@ -104,7 +141,7 @@ def _at(labels: Volume, grid: Volume) -> np.ndarray:
 
 def test_nothing_is_done_twice(case: CaseFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     first = run_segment(case, NEAR)
-    monkeypatch.setattr(segment, "segment_pelvis", lambda *a, **k: pytest.fail("segmented again"))
+    monkeypatch.setattr(segment_state, "segment_pelvis", lambda *a, **k: pytest.fail("segmented again"))
     assert run_segment(case, NEAR) == first
     # Another margin is another result.
     with pytest.raises(pytest.fail.Exception, match="segmented again"):

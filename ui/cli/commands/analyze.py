@@ -58,7 +58,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         imported = run_import(args.rest, args.deformed, args.output, import_scans.options_of(args), progress)
     case = CaseFolder(args.output)
     with console.progress(segment.NAME) as progress:
-        labelled = run_segment(case, pointed, progress)
+        labelled = run_segment(case, pointed, progress, workers(args))
     states = further_states.add_states(case, more)
     with console.progress(mesh.NAME) as progress:
         meshed = mesh_step.run(case, mesh.options_of(args), progress)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed
+from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 from palpate.ui.words.label_words import WORDS
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     options = SegmentOptions(*prompts_of(args), model=args.model)
     case = CaseFolder(args.case)
     with recorded(case, args), console.progress(NAME) as progress:
-        report = run_segment(case, options, progress)
+        report = run_segment(case, options, progress, workers(args))
     return report, "\n".join(text_of(report))
 
 

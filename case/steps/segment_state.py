@@ -1,0 +1,105 @@
+"""One state of a case segmented: here, or in a process beside this one that reads its scan before it is led."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from palpate.case.case_folder import CaseFolder
+from palpate.case.contours import Contours, read_contours
+from palpate.case.steps.segment_report import SegmentedState
+from palpate.core.worker.executors import one_more_process
+from palpate.core.worker.progress import Progress, part, silent
+from palpate.imaging.volume import Volume
+from palpate.segmentation.pelvis import Segmentation, segment_pelvis
+from palpate.segmentation.prompts import Prompts, check_inside
+from palpate.segmentation.surface_error import surface_errors
+from palpate.segmentation.whole_scan import WholeScan, whole_scan
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    state: str
+    contours: Contours | None
+    ct: Volume
+    whole: WholeScan | None = None
+
+
+_READ: _Read | None = None
+
+
+def segmented(
+    case: CaseFolder,
+    state: str,
+    prompts: Prompts,
+    model: str | None,
+    progress: Progress = silent,
+    then: Callable[[Segmentation], None] = lambda _: None,
+) -> SegmentedState:
+    """then : called with the organs, before the errors of their surfaces are estimated.
+
+    Raises InputError for a scan without pelvis or prostate, and for prompts outside of it.
+    """
+    return _segmented(_Read(state, read_contours(case, state), case.ct(state)), prompts, model, progress, then)
+
+
+class Beside:
+    """A state segmented in another process, which begins at once with what needs no prompts."""
+
+    def __init__(self, case: CaseFolder, state: str, pool: Executor) -> None:
+        self._pool, self._reading = pool, pool.submit(_read, str(case.path), state)
+        self._made: Future[SegmentedState] | None = None
+
+    def begin(self, prompts: Prompts, model: str | None) -> None:
+        """Lets it go on with these prompts."""
+        self._made = self._pool.submit(_segment_what_was_read, prompts, model)
+
+    def result(self) -> SegmentedState:
+        """As `segmented`. Precondition: `begin`."""
+        assert self._made is not None
+        self._reading.result()
+        return self._made.result()
+
+
+@contextmanager
+def segmented_beside(case: CaseFolder, state: str) -> Iterator[Beside]:
+    """Ends the other process with the block."""
+    pool = one_more_process()
+    try:
+        yield Beside(case, state, pool)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _read(folder: str, state: str) -> None:
+    global _READ
+    case = CaseFolder(Path(folder))
+    contours, ct = read_contours(case, state), case.ct(state)
+    _READ = _Read(state, contours, ct)
+    _READ = _Read(state, contours, ct, whole_scan(ct))
+
+
+def _segment_what_was_read(prompts: Prompts, model: str | None) -> SegmentedState:
+    assert _READ is not None
+    made = _segmented(_READ, prompts, model, silent, lambda _: None)
+    _ = made.segmentation.bones  # found here, and kept in what is sent
+    return made
+
+
+def _segmented(
+    read: _Read, prompts: Prompts, model: str | None, progress: Progress, then: Callable[[Segmentation], None]
+) -> SegmentedState:
+    contours, ct = read.contours, read.ct
+    check_inside(ct, prompts, read.state)
+    drawn = contours.organs if contours else {}
+    segmentation = segment_pelvis(ct, prompts, drawn, part(progress, 0.0, 0.6), model, read.whole)
+    then(segmentation)
+    progress(0.6, "how far the surfaces may be off")
+    errors = surface_errors(segmentation.scene, prompts, segmentation.organs)
+    # A person's voxels are written unchanged, on their own grid; segmented structures on the grid of the segmentation.
+    by_hand = contours is not None and "prostate" in contours.organs
+    grid = contours.volume if contours is not None and by_hand else segmentation.scene.grid
+    return SegmentedState(segmentation, contours, grid, errors)
