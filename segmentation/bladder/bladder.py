@@ -11,6 +11,7 @@ from palpate.segmentation.bladder.urine import urine_of, urine_region
 from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
 from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
 from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_mask
+from palpate.segmentation.points_fit import MOST_OFF_MM, between, held_to, misses, ran_away, shape_within
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.working_grid import Mask, blurred, box_around, dilated, eroded, largest, opened
@@ -27,14 +28,33 @@ MEDIUM_WALL_MM, MEDIUM_THICKEST_MM = 3.0, 5.0
 INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
 SMALLEST_CC, ENOUGH_CC, LEAST_CC = 6.0, 80.0, 1.0
 # Notches of this depth in the wall's outer surface are noise. Points and boxes are given this exactly.
-NOTCH_MM, BOX_MM = 1.0, 1.0
+# About points there is room to see how far a surface overshoots them all.
+NOTCH_MM, BOX_MM, ROOM_MM = 1.0, 1.0, 6.0
+# Where less of the surface shows a contrast, what points say of the shape counts as much as the picture.
+SEEN_SHARE = 0.5
 # A filled bladder has no tails: a ball of this share of its depth, at most so large, fits everywhere. What it cannot enter
 # is vessels, seminal vesicles or the side wall, which have the wall's HU and touch it.
 BALL_SHARE, BALL_MM = 0.4, 8.0
 
 
 def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
-    """The bladder, wall included; None where no urine is found."""
+    """The bladder, wall included; None where no urine is found and no six points are given."""
+    drawn = _drawn(scene, prompts)
+    mask, seen = drawn if drawn is not None else (None, 0.0)
+    box, points = prompts.box("bladder"), prompts.extremes.get("bladder")
+    if points is not None:
+        mask = _with_points(scene, points, mask, seen)
+    if mask is None or not mask.any():
+        return None
+    if box is not None:
+        mask = largest(mask & scene.box_mask(box, BOX_MM))
+    inner = eroded(mask, 3.0, scene.step)
+    spread = float(blurred(scene.filled, 2.0, scene.step)[inner].std()) if inner.any() else np.inf
+    return Found(mask, prompts.mode("bladder"), _confidence(scene, mask, spread, seen))
+
+
+def _drawn(scene: Scene, prompts: Prompts) -> tuple[Mask, float] | None:
+    """The bladder from its urine, and the share of its surface that a contrast shows; None where no urine is found."""
     smooth = blurred(scene.filled, 2.0, scene.step)
     allowed = _allowed(scene, prompts)
     point = prompts.point("bladder")
@@ -50,13 +70,20 @@ def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
     # Noise that looks unlike urine at the wall leaves notches; the wall's outer edge closes them.
     mask = largest(mask_to_edges(scene.soft_tissue, scene.fat_edge, mask, NOTCH_MM))
     depth = float(ndimage.distance_transform_edt(mask[box_around(mask, 0.0)], sampling=scene.step).max())
-    mask = largest(opened(mask, min(BALL_SHARE * depth, BALL_MM), scene.step))
-    box = prompts.box("bladder")
-    if box is not None:
-        mask = largest(mask & scene.box_mask(box, BOX_MM))
-    inner = eroded(mask, 3.0, scene.step)
-    spread = float(smooth[inner].std()) if inner.any() else np.inf
-    return Found(mask, prompts.mode("bladder"), _confidence(scene, mask, spread, seen))
+    return largest(opened(mask, min(BALL_SHARE * depth, BALL_MM), scene.step)), seen
+
+
+def _with_points(scene: Scene, points: FloatArray, mask: Mask | None, seen: float) -> Mask:
+    """The drawn bladder held to its six points; the shape within them where none was drawn or it ran away, and half-way to
+    that where the picture shows little of the wall."""
+    if mask is not None:
+        mask = held_to(scene, mask, points)
+        if seen >= SEEN_SHARE and misses(scene, mask, points) <= MOST_OFF_MM:
+            return mask
+    shape = shape_within(scene, points, scene.bone)
+    if mask is None or ran_away(scene, mask, points, shape):
+        return held_to(scene, shape, points)
+    return between(mask, shape, scene.step)
 
 
 def _allowed(scene: Scene, prompts: Prompts) -> Mask:
@@ -64,7 +91,7 @@ def _allowed(scene: Scene, prompts: Prompts) -> Mask:
     box = prompts.box("bladder")
     near = scene.body & ~dilated(scene.gas, 3.0, scene.step) & ~scene.bone
     if box is not None:
-        return near & scene.box_mask(box, 1.0)
+        return near & scene.box_mask(box, ROOM_MM if "bladder" in prompts.extremes else BOX_MM)
     _, y, z = scene.axes()
     front = scene.pelvis.symphysis
     return near & (z > front[0, 2]) & (y > front[0, 1] - 20.0) & (y < front[1, 1] + 95.0)

@@ -13,6 +13,7 @@ from palpate.segmentation.methods.optimal_surface import fall, optimal_surface, 
 from palpate.segmentation.methods.star_surface import ellipsoid_radii, sphere, star
 from palpate.segmentation.methods.subvoxel_edges import moved_to_edges
 from palpate.segmentation.methods.surface_mesh import Shell, shell_of_mask
+from palpate.segmentation.points_fit import between, ran_away, shape_within
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.prostate.initial_ellipsoid import (
     USUAL_HU,
@@ -22,7 +23,7 @@ from palpate.segmentation.prostate.initial_ellipsoid import (
     typical_hu,
     valleys_of,
 )
-from palpate.segmentation.prostate.random_walk_fit import between, block, deep_in, walked
+from palpate.segmentation.prostate.random_walk_fit import block, deep_in, walked
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.working_grid import Mask, blurred, largest
 
@@ -62,7 +63,8 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
         guess = _again(guess, shell, prompts, number == ROUNDS - 2)
     free = shell.voxels(scene.grid) & ~blocked
     if scene.cc(free) < LEAST_CC:
-        return None
+        shape = None if points is None else shape_within(scene, points, blocked)
+        return None if shape is None or not shape.any() else Found(shape, "extremes", 0.0)
     shell = shell_of_mask(free, scene.grid, 1.0)
     shell, _ = moved_to_edges(scene.soft_tissue, scene.fat_edge, shell, SNAP_MM)
     mask = largest(shell.voxels(scene.grid) & ~blocked)
@@ -71,6 +73,8 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
         typical = typical_hu(scene, smooth, guess, blocked)
         again, _ = walked(scene, ellipsoid, points, blocked, typical)
         mask = between(mask, again, scene.step) if again.any() else mask
+        shape = shape_within(scene, points, blocked)
+        mask = shape if ran_away(scene, mask, points, shape) else mask
     if box is not None:
         mask = largest(mask & scene.box_mask(box, 1.0))
     return Found(mask, prompts.mode("prostate"), _confidence(scene, mask, guess, seen, bladder, rectum))

@@ -63,12 +63,6 @@ def _behind(scene: Scene, points: FloatArray) -> Mask:
     return found
 
 
-def between(first: Mask, second: Mask, step: float) -> Mask:
-    """The mask half-way between two: two ways of drawing err in different places."""
-    middle = sum(_signed(mask) for mask in (first, second))
-    return largest(blurred(np.asarray(middle, dtype=np.float32), 1.0, step) > 0.0)
-
-
 def block(scene: Scene, others: Mask) -> Mask:
     """Where the organ cannot be: other organs, and bone with the cortex that partial volume hides."""
     return others | dilated(scene.bone, 1.0, scene.step)
@@ -77,10 +71,6 @@ def block(scene: Scene, others: Mask) -> Mask:
 def deep_in(others: Mask, step: float) -> Mask:
     """The inside of the large parts of other organs: what no one's extreme points make part of this one."""
     return dilated(eroded(others, TRUNK_MM, step), TRUNK_MM - RIM_MM, step)
-
-
-def _signed(mask: Mask) -> FloatArray:
-    return np.asarray(ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask))
 
 
 def _within(scene: Scene, box: FloatArray) -> tuple[slice, ...]:
