@@ -8,6 +8,7 @@ from palpate.ui.words.number_words import three_figures
 
 VERDICTS = {"none": "no gap found", "ambiguous": "a gap, its cause not settled", "unknown": "a gap of unknown cause"}
 GAP_TITLE = "What the model leaves out"
+_SEE = f"see \N{LEFT DOUBLE QUOTATION MARK}{GAP_TITLE}\N{RIGHT DOUBLE QUOTATION MARK}"
 FALSE_ALARMS = (
     "Pairs without any hidden effect can raise such an alarm too, and a cause can be named wrongly: docs/gap.md says how often that "
     "was seen."
@@ -35,16 +36,22 @@ def diagnosis_sentence(record: CaseRecord) -> str:
     assert found is not None
     gap, verdict = found.gap, found.verdict
     p = chance(gap.p_value)
+    expected = record.expected_misfit_mm
     if verdict == "none":
         said, doubt = f"found nothing that the model leaves out ({p})", ""
+        if expected is not None and record.result.misfit.rms_mm <= expected:
+            return f"The diagnosis {said}: {_SEE}."
     elif not gap.detected and not found.candidates:
         said, doubt = "could not see whether the model leaves anything out, for these scans tell too little", ""
     else:
-        said = f"found a gap ({gap.rms_mm:.2f} mm rms where noise would leave {gap.noise_floor_mm:.2f} mm, {p}), {_cause(found)}"
+        size = f"{gap.rms_mm:.2f} mm rms where noise would leave {gap.noise_floor_mm:.2f} mm"
+        # The size alone would contradict the verdict where it is below the noise's: then the pattern is what was found.
+        what = "gap" if gap.rms_mm > gap.noise_floor_mm else "pattern that noise would seldom make"
+        said = f"found a {what} ({size}, {p}), {_cause(found)}"
         doubt = " and may be a false alarm"
     return (
-        f"The diagnosis {said}; it looks for patterns too, so that its verdict may differ from the sentence before{doubt}: see "
-        f"\N{LEFT DOUBLE QUOTATION MARK}{GAP_TITLE}\N{RIGHT DOUBLE QUOTATION MARK}."
+        f"The diagnosis {said}. It looks for patterns, not for size alone, so its verdict may differ from the sentence before{doubt}: "
+        f"{_SEE}."
     )
 
 

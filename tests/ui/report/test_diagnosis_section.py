@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from diagnoses import diagnosis
@@ -88,6 +89,15 @@ def test_summary_and_page_do_not_contradict_each_other() -> None:
     assert "explains" not in misfit and "no larger than the contours' own error would make it (0.57 mm" in misfit
     assert "found a gap (1.40 mm rms where noise would leave 0.50 mm, p below 0.001), its cause not settled" in told
     assert "(perhaps inclusion, unmodelled load or prestress)" in told and "may differ from the sentence before" in told
+
+
+def test_a_gap_no_larger_than_noise_is_called_a_pattern() -> None:
+    record = diagnosed("ambiguous")
+    assert record.diagnosis is not None
+    small = msgspec.structs.replace(record.diagnosis.gap, rms_mm=0.4)
+    record = replace(record, diagnosis=msgspec.structs.replace(record.diagnosis, gap=small))
+    told = summary(record)[-1]
+    assert "found a pattern that noise would seldom make (0.40 mm rms where noise would leave 0.50 mm" in told
 
 
 def test_a_pair_without_a_gap_says_so_and_one_without_a_diagnosis_nothing() -> None:
