@@ -158,7 +158,7 @@ def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:
     place = np.where(np.isfinite(near), near, found + 0.5)
     move = shell.smoothed(offsets[0] + STEP_MM * place, 4)
     contrast = against_fat | (values[:, -1] > urine + ABOVE_HU) | (medium & (values[:, -1] < urine - ABOVE_HU))
-    return Shell(shell.points + move[:, None] * shell.normals, shell.faces), float(contrast.mean())
+    return shell.moved(shell.points + move[:, None] * shell.normals), float(contrast.mean())
 
 
 def _confidence(scene: Scene, mask: Mask, spread: float, seen: float) -> float:

@@ -30,4 +30,4 @@ def ellipsoid_radii(semi_axes: FloatArray, power: float = 2.0) -> FloatArray:
 
 def star(centre: FloatArray, radii: FloatArray) -> Shell:
     """The surface with radii (642,) mm about a centre (3,) mm."""
-    return Shell(centre + radii[:, None] * sphere().points, sphere().faces)
+    return sphere().moved(centre + radii[:, None] * sphere().points)

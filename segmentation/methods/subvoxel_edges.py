@@ -32,7 +32,7 @@ def moved_to_edges(
         found = _edge_offset(sharp, shell, reach, edge_hu)
         seen = np.isfinite(found)
         move = _followed(shell, found)
-        shell = Shell(shell.points + move[:, None] * shell.normals, shell.faces)
+        shell = shell.moved(shell.points + move[:, None] * shell.normals)
     return shell, float(seen.mean())
 
 

@@ -18,6 +18,9 @@ from palpate.core.surfaces.triangles import enclosed_volume, point_normals
 from palpate.imaging.volume import Volume
 from palpate.segmentation.working_grid import Mask
 
+# What a shell keeps that depends on its triangles alone.
+_OF_FACES = ("edges", "mean_of_neighbours")
+
 
 @dataclass(frozen=True, eq=False)
 class Shell:
@@ -26,11 +29,20 @@ class Shell:
     points: FloatArray
     faces: IntArray
 
+    def moved(self, points: FloatArray) -> Shell:
+        """The same triangles at other points (n, 3) mm; who is whose neighbour is not sought again."""
+        out = Shell(points, self.faces)
+        out.__dict__.update({name: self.__dict__[name] for name in _OF_FACES if name in self.__dict__})
+        return out
+
     @cached_property
     def edges(self) -> IntArray:
         """Neighbouring points (e, 2), each pair once."""
         pairs = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
-        return np.unique(np.sort(pairs, axis=1), axis=0)
+        n = len(self.points)
+        # One number a pair: sorted four times as fast as rows.
+        numbers = np.unique(pairs.min(axis=1) * n + pairs.max(axis=1))
+        return np.stack([numbers // n, numbers % n], axis=1)
 
     @cached_property
     def normals(self) -> FloatArray:
