@@ -51,4 +51,8 @@ def load_surfaces(case: CaseFolder, state: str) -> dict[str, Surface]:
     """
     arrays = case.read_npz("surfaces.npz")
     names = [key[len(state) + 1 : -len("_faces")] for key in arrays if key.startswith(state) and key.endswith("_faces")]
-    return {n: Surface(*(arrays[f"{state}_{n}_{part}"] for part in ("points", "faces", "region"))) for n in names}
+    found = {}
+    for name in names:
+        points, faces, region = (arrays[f"{state}_{name}_{part}"] for part in ("points", "faces", "region"))
+        found[name] = Surface(points, faces, region, voxel_errors=arrays.get(f"{state}_{name}_voxel_errors"))
+    return found

@@ -19,6 +19,7 @@ from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
 from palpate.imaging.labels import LABELS
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
+from palpate.meshing.voxel_errors import organ_voxel_errors
 
 # Standard deviation of a contour of a person, a model or a file where nobody states one, mm. Assumed.
 DEFAULT_NOISE_MM = 0.4
@@ -69,7 +70,9 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
         labels, marks = state_labels(case, state), state_landmarks(case, state)
         surfaces = {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items() if name in first.walls}
         walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in surfaces.items() if len(surface.faces)}
-        organ = SurfacePair(first.organ.rest, organ_surfaces(labels))
+        found = organ_surfaces(labels)
+        found = replace(found, voxel_errors=organ_voxel_errors(labels, found.points))
+        organ = SurfacePair(first.organ.rest, found)
         landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
         problems.append(replace(first, walls=walls, organ=organ, landmarks=landmarks, matched=None))
     return problems

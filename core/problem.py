@@ -156,8 +156,9 @@ def _of_pair(name: str, pair: SurfacePair) -> dict[str, NDArray[np.generic]]:
     for state, surface in (("rest", pair.rest), ("deformed", pair.deformed)):
         for key in ("points", "faces", "region"):
             out[f"{name}/{state}/{key}"] = getattr(surface, key)
-        if surface.sd_mm is not None:
-            out[f"{name}/{state}/sd_mm"] = surface.sd_mm
+        for key in ("sd_mm", "voxel_errors"):
+            if getattr(surface, key) is not None:
+                out[f"{name}/{state}/{key}"] = getattr(surface, key)
     if pair.states_errors:
         out[f"{name}/common_share"] = np.array(pair.common_share)
     return out
@@ -170,8 +171,14 @@ def _pair(data: Mapping[str, NDArray[np.generic]], name: str) -> SurfacePair:
 
 def _surface(data: Mapping[str, NDArray[np.generic]], name: str) -> Surface:
     points, faces, region = (np.asarray(data[f"{name}/{key}"]) for key in ("points", "faces", "region"))
-    sd = data.get(f"{name}/sd_mm")
-    return Surface(points, faces, region, None if sd is None else np.asarray(sd, dtype=float))
+    sd, voxels = (data.get(f"{name}/{key}") for key in ("sd_mm", "voxel_errors"))
+    return Surface(
+        points,
+        faces,
+        region,
+        None if sd is None else np.asarray(sd, dtype=float),
+        None if voxels is None else np.asarray(voxels, dtype=float),
+    )
 
 
 # The problem of one deformed state, and the bones' surfaces at rest and in that state, None where they were not

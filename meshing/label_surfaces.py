@@ -25,13 +25,19 @@ def organ_surfaces(
 
     Raises InputError when none of the labels is there.
     """
+    near = organ_near(labels, ids)
+    present = [i for i in ids if (near.array == i).any()]
+    points, faces = smooth_field(near, near.array > 0, step_mm, sigma_mm).contour()
+    return Surface(points, faces, _region_of(points[faces].mean(axis=1), region_fields(near, present, sigma_mm)))
+
+
+def organ_near(labels: Volume, ids: tuple[int, ...] = (1, 2)) -> Volume:
+    """The organ's labels alone, without specks, cropped. Raises InputError when none of them is there."""
     present = [i for i in ids if (labels.array == i).any()]
     if not present:
         raise InputError(f"label volume has no organ voxel (labels {ids}); draw the organ or check the label values")
     union = without_specks(np.isin(labels.array, present), share=0.2)
-    near = crop(labels.with_array(np.where(union, labels.array, 0)), union, MARGIN_MM)
-    points, faces = smooth_field(near, near.array > 0, step_mm, sigma_mm).contour()
-    return Surface(points, faces, _region_of(points[faces].mean(axis=1), region_fields(near, present, sigma_mm)))
+    return crop(labels.with_array(np.where(union, labels.array, 0)), union, MARGIN_MM)
 
 
 def wall_surface(labels: Volume, label: int, step_mm: float = 1.2, sigma_mm: float = SIGMA_MM) -> Surface:

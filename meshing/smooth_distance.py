@@ -70,11 +70,17 @@ def smooth_field(labels: Volume, mask: BoolArray, step_mm: float, sigma_mm: floa
     """
     spacing = labels.spacing
     pad = [(int(n),) * 2 for n in np.ceil(CLIP_MM / spacing)]
-    distance = signed_distance(np.pad(mask, pad, mode="edge"), spacing)
+    smooth = smooth_distance(np.pad(mask, pad, mode="edge"), spacing, sigma_mm)
+    return SmoothField(_resampled(labels, smooth, np.array([p[0] for p in pad]), step_mm))
+
+
+def smooth_distance(mask: BoolArray, spacing: FloatArray, sigma_mm: float = SIGMA_MM) -> FloatArray:
+    """The smoothed signed distance (ni, nj, nk) mm on the voxels of a mask; see `smooth_field`."""
+    distance = signed_distance(mask, spacing)
     narrow, wide = (
         ndimage.gaussian_filter(distance, factor * sigma_mm / spacing, mode="nearest") for factor in (1.0, np.sqrt(2.0))
     )
-    return SmoothField(_resampled(labels, 2.0 * narrow - wide, np.array([p[0] for p in pad]), step_mm))
+    return np.asarray(2.0 * narrow - wide)
 
 
 def _resampled(labels: Volume, padded: FloatArray, pad: IntArray, step_mm: float) -> Volume:

@@ -23,6 +23,7 @@ from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.mesh_file import Recipe, mesh_arrays, recipe_hash
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.meshing.partition import HOLE_NAMES
+from palpate.meshing.voxel_errors import organ_voxel_errors
 
 
 def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> MeshReport:
@@ -83,11 +84,15 @@ def surface_arrays(state: str, labels: Volume) -> dict[str, NumberArray]:
     (f,).
 
     NAME is organ, bone, bladder or rectum; absent labels are left out. STATE_organ_rim holds the points where organ
-    regions meet.
+    regions meet, STATE_organ_voxel_errors (m, n) mm what voxels make its points err by (`organ_voxel_errors`).
     """
     surfaces = {ORGAN_NAME: organ_surfaces(labels)}
     surfaces |= {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items()}
-    arrays: dict[str, NumberArray] = {f"{state}_{ORGAN_NAME}_rim": surfaces[ORGAN_NAME].rim}
+    organ = surfaces[ORGAN_NAME]
+    arrays: dict[str, NumberArray] = {
+        f"{state}_{ORGAN_NAME}_rim": organ.rim,
+        f"{state}_{ORGAN_NAME}_voxel_errors": organ_voxel_errors(labels, organ.points).astype(np.float32),
+    }
     for name, surface in surfaces.items():
         if len(surface.faces):
             prefix = f"{state}_{name}"

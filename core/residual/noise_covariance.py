@@ -16,6 +16,7 @@ from palpate.core.fem.sensitivity import response_to_forces
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_errors import ContourErrors
+from palpate.core.observe.voxel_noise import VoxelNoise, voxel_covariance
 from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
@@ -69,11 +70,11 @@ class NoiseSizes:
 class NoiseParts:
     """Parts of the covariance (n, n) mm2 of the data of all deformed states.
 
-    contour : of contours as wide as the case states, one for each of `options.lengths_mm`.
-    long : the same with `options.long_mm`. along : of the walls' motion
-    along themselves. own, marks : of unit variances. floor : of bone registration, and of the motion that the images
-    tell. offset : of 1 mm of the whole contour. image : see `ImageErrors`. The scan at rest was read once: half of the
-    variance of two readings is common to all states.
+    contour : of contours as wide as the case states, one for each of `options.lengths_mm`. long : the same with
+    `options.long_mm`. along : of the walls' motion along themselves. own, marks : of unit variances. floor : of bone
+    registration, of the motion that the images tell, and of the voxels that the organ was drawn in. offset : of 1 mm of
+    the whole contour. image : see `ImageErrors`. The scan at rest was read once: half of the variance of two readings is
+    common to all states.
     """
 
     contour: tuple[FloatArray, ...]
@@ -101,7 +102,7 @@ class NoiseParts:
             apart([_along(p.scene, data, A) for (p, data), A in zip(each, per_force, strict=True)]),
             _read_twice([np.eye(s.n)[:, : s.n_modes] for s in data_vectors]),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
-            apart([_floor(s) for s in data_vectors]),
+            apart([_floor(s) for s in data_vectors]) + _voxels(each, rows, options),
             _read_twice([s.wider[:, None] for s in data_vectors]),
             ImageErrors.of(linearisations, data_vectors, options),
             options,
@@ -221,6 +222,18 @@ def _floor(data: DataVector) -> FloatArray:
     if data.bone is not None:
         out[-6:, -6:] = data.bone.floor
     return out
+
+
+def _voxels(
+    each: Sequence[tuple[Linearisation, DataVector]], rows: Sequence[slice], options: NoiseModelOptions
+) -> FloatArray:
+    """Covariance (n, n) mm2 for the voxels of the organ's labels, where its surfaces carry draws of their errors."""
+    noise = []
+    for at, _ in each:
+        observation = at.scene.observation
+        moved = observation.points + observation.operator @ at.scene.seen(at.equilibrium.u)
+        noise.append(VoxelNoise.of(at.scene.problem.organ, observation.points, moved))
+    return voxel_covariance(noise, [data.modes for _, data in each], rows, options.voxel_length_mm)
 
 
 def organ_contours(data: DataVector, errors: ContourErrors, length: float) -> FloatArray:

@@ -16,13 +16,15 @@ class Surface:
     """Triangles with outward normals.
 
     points : (n, 3) mm LPS. faces : (f, 3) point indices. region : (f,) label each face belongs to. sd_mm : (n,) standard
-    deviation of the surface's error along its normal, mm; None where nothing is said of it.
+    deviation of the surface's error along its normal, mm; None where nothing is said of it. voxel_errors : (m, n) draws of
+    the error that the label's voxels make along the normal, mm; None where the surface comes from no label.
     """
 
     points: FloatArray
     faces: IntArray
     region: IntArray
     sd_mm: FloatArray | None = None
+    voxel_errors: FloatArray | None = None
 
     @classmethod
     def empty(cls) -> Surface:

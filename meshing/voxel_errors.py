@@ -1,0 +1,52 @@
+"""Errors of an organ's surface that come from its label's voxels, as draws.
+
+The same body on a grid that lies a fraction of a voxel elsewhere gives another label and another surface. Where the surface
+is parallel to the slices it is off over a whole cap at once, by up to half of their distance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+from scipy.stats import qmc
+
+from palpate.core.arrays import BoolArray, FloatArray
+from palpate.imaging.volume import Volume
+from palpate.meshing.label_surfaces import organ_near
+from palpate.meshing.smooth_distance import SmoothField, smooth_distance, smooth_field
+
+# Grids that are tried; from 16 to 60 the spread of ln G that follows changed by less than a fifth on two pelves.
+DRAWS = 24
+# Half step of the differences that give the field's slope, mm.
+_STEP_MM = 0.25
+
+
+def organ_voxel_errors(
+    labels: Volume, points: FloatArray, ids: tuple[int, ...] = (1, 2), draws: int = DRAWS
+) -> FloatArray:
+    """Errors (draws, n) mm along the outward normal at points (n, 3) mm of the organ's surface, their mean taken away.
+
+    The surface found is voxelised again on grids that are shifted evenly over a voxel (a Halton sequence), and each is
+    smoothed as the label was. Raises InputError when none of the labels is there.
+    """
+    near = organ_near(labels, ids)
+    mask = near.array > 0
+    body = smooth_field(near, mask, 1.0)
+    shifts = qmc.Halton(3, scramble=False).random(draws) - 0.5
+    errors = np.stack([_on_shifted_grid(near, body, shift, points) for shift in shifts])
+    return errors - errors.mean(axis=0)
+
+
+def _on_shifted_grid(grid: Volume, body: SmoothField, shift: FloatArray, points: FloatArray) -> FloatArray:
+    """Outward distance (n,) mm of the surface on a grid moved by a share (3,) of a voxel, to first order."""
+    centres = np.indices(grid.array.shape).reshape(3, -1).T + shift
+    inside: BoolArray = body.at(grid.to_lps(centres)).reshape(grid.array.shape) > 0.0
+    field = ndimage.spline_filter(smooth_distance(inside, grid.spacing), order=3)
+
+    def at(x: FloatArray) -> FloatArray:
+        index = grid.to_index(x) - shift
+        return np.asarray(ndimage.map_coordinates(field, index.T, order=3, mode="nearest", prefilter=False))
+
+    steps = _STEP_MM * np.eye(3)
+    slope = np.stack([(at(points + step) - at(points - step)) / (2.0 * _STEP_MM) for step in steps], axis=1)
+    return at(points) / np.maximum(np.linalg.norm(slope, axis=1), 0.5)
