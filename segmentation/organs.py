@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,8 @@ from scipy import ndimage
 from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, silent
 from palpate.segmentation.bladder.bladder import find_bladder
-from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.points_fit import claim_of
+from palpate.segmentation.prompts import ORGANS, Prompts
 from palpate.segmentation.prostate.prostate import find_prostate
 from palpate.segmentation.rectum.rectum import find_rectum
 from palpate.segmentation.search_region import Found, Scene
@@ -27,16 +28,19 @@ def find_organs(
 ) -> dict[str, Found]:
     """Organs by name: the given ones as they are, the others as the picture shows them; absent where nothing is found."""
     organs = dict(given)
+    own = {name: claim_of(scene, prompts, name) for name in ORGANS}
+    taken = {name: _any(own[other] for other in ORGANS if other != name) & ~own[name] for name in ORGANS}
     progress(0.0, "bladder")
     if "bladder" not in organs:
-        _keep(organs, "bladder", _led(scene, prompts, "bladder", lambda p: find_bladder(scene, p)))
+        _keep(organs, "bladder", _led(scene, prompts, "bladder", lambda p: find_bladder(scene, p, taken["bladder"])))
     progress(0.45, "rectum")
     if "rectum" not in organs:
-        bladder = _mask(organs, "bladder")
-        _keep(organs, "rectum", _led(scene, prompts, "rectum", lambda p: find_rectum(scene, p, bladder)))
+        bladder = _others(organs, ("bladder",), own["rectum"])
+        avoid = taken["rectum"] if bladder[0] is None else taken["rectum"] | bladder[0]
+        _keep(organs, "rectum", _led(scene, prompts, "rectum", lambda p: find_rectum(scene, p, avoid)))
     progress(0.6, "prostate")
     if "prostate" not in organs:
-        others = _mask(organs, "bladder"), _mask(organs, "rectum")
+        others = _others(organs, ("bladder", "rectum"), own["prostate"])
         _keep(organs, "prostate", _led(scene, prompts, "prostate", lambda p: find_prostate(scene, p, *others)))
     return organs
 
@@ -73,6 +77,10 @@ def _keep(organs: dict[str, Found], name: str, found: Found | None) -> None:
         organs[name] = found
 
 
-def _mask(organs: Mapping[str, Found], name: str) -> Mask | None:
-    found = organs.get(name)
-    return None if found is None else np.asarray(found.mask)
+def _others(organs: Mapping[str, Found], names: Sequence[str], own: Mask) -> list[Mask | None]:
+    """Masks of organs that were found, but for what a person's points make another organ's own."""
+    return [np.asarray(organs[name].mask) & ~own if name in organs else None for name in names]
+
+
+def _any(masks: Iterable[Mask]) -> Mask:
+    return np.logical_or.reduce(list(masks))

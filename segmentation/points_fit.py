@@ -10,6 +10,7 @@ from palpate.core.arrays import Float32Array, FloatArray
 from palpate.core.statistics import rms
 from palpate.segmentation.methods.extreme_points import Ellipsoid, ellipsoid_of
 from palpate.segmentation.methods.random_walker import walk
+from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Scene
 from palpate.segmentation.working_grid import Mask, blurred, box_around, largest, opened, signed_distance
 
@@ -24,6 +25,8 @@ POINT_MM, EDGE_SD, LEAST_EDGE_HU, PULL = 1.5, 2.0, 0.5, 0.5
 SMOOTH_MM, BLUR_MM, BINS = 2.0, 1.0, 40
 # A surface that misses points by more (mm rms, the worst one left out), or shares less with the shape within the points (Dice), ran away.
 MOST_OFF_MM, LEAST_SHARED = 6.0, 0.7
+# The middle of six points (level of the ellipsoid), and so much about a click, mm, is no other organ.
+CLAIMED_LEVEL, CLAIMED_MM = 0.5, 8.0
 # Walls that a picture does not tell are no thicker, mm.
 MOST_MOVE_MM = 8.0
 
@@ -47,6 +50,20 @@ def shape_within(scene: Scene, points: FloatArray, taken: Mask) -> Mask:
     mask = np.zeros(scene.grid.array.shape, dtype=bool)
     mask[near] = ndimage.binary_fill_holes(largest(opened(largest(found), SMOOTH_MM, scene.step)))
     return mask
+
+
+def claim_of(scene: Scene, prompts: Prompts, organ: str) -> Mask:
+    """What a person's points make this organ's own, whatever is found there: the middle of six points, or a ball about a click."""
+    claim = np.zeros(scene.grid.array.shape, dtype=bool)
+    mode = prompts.mode(organ)
+    if mode == "extremes":
+        points = prompts.extremes[organ]
+        near = _near(scene, np.array([points.min(axis=0), points.max(axis=0)]))
+        claim[near] = _level(scene, ellipsoid_of(points), near)[0] < CLAIMED_LEVEL
+    elif mode == "click":
+        away = sum((x - c) ** 2 for x, c in zip(scene.axes(), prompts.seeds[organ], strict=True))
+        claim |= away < CLAIMED_MM**2
+    return claim
 
 
 def misses(scene: Scene, mask: Mask, points: FloatArray) -> float:

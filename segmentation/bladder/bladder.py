@@ -19,6 +19,10 @@ from palpate.segmentation.working_grid import Mask, blurred, box_around, dilated
 # What urine without contrast medium can be, and how far above its own median it still counts.
 LOWEST_HU, ABOVE_HU = -24.0, 15.0
 TRIED_HU = (8.0, 16.0, 24.0, 32.0)
+# With medium it is brighter than muscle by so much at least, a little or a lot, and at most; how much less likely that is than plain urine.
+MEDIUM_HU, MEDIUM_SHARE = ((10.0, 100.0), (60.0, 1000.0)), 0.8
+# By so much plain urine stands out from muscle.
+PLAIN_HU = 40.0
 # Erosion that parts the bladder from partial volume between fat and muscle, which has the same HU.
 CORE_MM = 4.0
 # Wall that is added where nothing tells it from its neighbour, and the most that is looked for against fat.
@@ -37,13 +41,14 @@ SEEN_SHARE = 0.5
 BALL_SHARE, BALL_MM = 0.4, 8.0
 
 
-def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
-    """The bladder, wall included; None where no urine is found and no six points are given."""
-    drawn = _drawn(scene, prompts)
+def find_bladder(scene: Scene, prompts: Prompts, taken: Mask | None = None) -> Found | None:
+    """The bladder, wall included; None where no urine is found and no six points are given. taken : what is another organ."""
+    blocked = scene.bone if taken is None else scene.bone | taken
+    drawn = _drawn(scene, prompts, blocked)
     mask, seen = drawn if drawn is not None else (None, 0.0)
     box, points = prompts.box("bladder"), prompts.extremes.get("bladder")
     if points is not None:
-        mask = _with_points(scene, points, mask, seen)
+        mask = _with_points(scene, points, blocked, mask, seen)
     if mask is None or not mask.any():
         return None
     if box is not None:
@@ -53,10 +58,10 @@ def find_bladder(scene: Scene, prompts: Prompts) -> Found | None:
     return Found(mask, prompts.mode("bladder"), _confidence(scene, mask, spread, seen))
 
 
-def _drawn(scene: Scene, prompts: Prompts) -> tuple[Mask, float] | None:
+def _drawn(scene: Scene, prompts: Prompts, blocked: Mask) -> tuple[Mask, float] | None:
     """The bladder from its urine, and the share of its surface that a contrast shows; None where no urine is found."""
     smooth = blurred(scene.filled, 2.0, scene.step)
-    allowed = _allowed(scene, prompts)
+    allowed = _allowed(scene, prompts) & ~blocked
     point = prompts.point("bladder")
     core = _best_core(scene, smooth, allowed) if point is None else _core_at(scene, smooth, allowed, point)
     if core is None:
@@ -73,14 +78,14 @@ def _drawn(scene: Scene, prompts: Prompts) -> tuple[Mask, float] | None:
     return largest(opened(mask, min(BALL_SHARE * depth, BALL_MM), scene.step)), seen
 
 
-def _with_points(scene: Scene, points: FloatArray, mask: Mask | None, seen: float) -> Mask:
+def _with_points(scene: Scene, points: FloatArray, blocked: Mask, mask: Mask | None, seen: float) -> Mask:
     """The drawn bladder held to its six points; the shape within them where none was drawn or it ran away, and half-way to
     that where the picture shows little of the wall."""
     if mask is not None:
         mask = held_to(scene, mask, points)
         if seen >= SEEN_SHARE and misses(scene, mask, points) <= MOST_OFF_MM:
             return mask
-    shape = shape_within(scene, points, scene.bone)
+    shape = shape_within(scene, points, blocked)
     if mask is None or ran_away(scene, mask, points, shape):
         return held_to(scene, shape, points)
     return between(mask, shape, scene.step)
@@ -98,10 +103,12 @@ def _allowed(scene: Scene, prompts: Prompts) -> Mask:
 
 
 def _best_core(scene: Scene, smooth: Float32Array, allowed: Mask) -> Mask | None:
-    """The inner part of the region most like a bladder: large, low in HU, homogeneous, at the midline."""
+    """The inner part of the region most like a bladder: large, low in HU or brighter than muscle, homogeneous, at the midline."""
     best, best_score = None, 0.0
-    for high in TRIED_HU:
-        inner = eroded((smooth > LOWEST_HU) & (smooth < high) & allowed, CORE_MM, scene.step)
+    tried = [(LOWEST_HU, high, 1.0 - high / 80.0) for high in TRIED_HU]
+    tried += [(scene.muscle + least, scene.muscle + most, MEDIUM_SHARE) for least, most in MEDIUM_HU]
+    for low, high, likely in tried:
+        inner = eroded((smooth > low) & (smooth < high) & allowed, CORE_MM, scene.step)
         parts, count = ndimage.label(inner)
         sizes = np.bincount(parts.ravel(), minlength=count + 1)
         sizes[0] = 0
@@ -109,7 +116,9 @@ def _best_core(scene: Scene, smooth: Float32Array, allowed: Mask) -> Mask | None
             if sizes[number] * scene.step**3 < 1000.0:
                 break
             part = parts == number
-            score = _score(scene, part, float(smooth[part].std())) * (1.0 - high / 80.0)
+            # Medium may be as much less even as it stands out more.
+            above = max(float(np.median(smooth[part])) - scene.muscle, PLAIN_HU)
+            score = _score(scene, part, float(smooth[part].std()) * PLAIN_HU / above) * likely
             if score > best_score:
                 best, best_score = part, score
     return best

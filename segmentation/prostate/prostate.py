@@ -36,6 +36,8 @@ EDGE_WEIGHT, CORE_SHARE = 3.0, 0.75
 ROUNDS, LEARNT, SNAP_MM = 4, 0.6, 2.5
 # What other organs and bone leave of less is no prostate.
 LEAST_CC = 2.0
+# No grown man's prostate is smaller.
+SMALLEST_CC = 10.0
 # Within this level of the ellipsoid of six given points other organs do not count, but for what is deep in a large one.
 SURE_LEVEL = 0.9
 
@@ -62,6 +64,9 @@ def find_prostate(scene: Scene, prompts: Prompts, bladder: Mask | None, rectum: 
         shell, seen = _drawn(scene, guess, likeness, valleys, prompts)
         guess = _again(guess, shell, prompts, number == ROUNDS - 2)
     free = shell.voxels(scene.grid) & ~blocked
+    if prompts.mode("prostate") == "click" and others.any() and scene.cc(free) < SMALLEST_CC:
+        # Who clicks says that a prostate is there: what leaves it less room than any has is wrong itself.
+        return find_prostate(scene, prompts, None, None)
     if scene.cc(free) < LEAST_CC:
         shape = None if points is None else shape_within(scene, points, blocked)
         return None if shape is None or not shape.any() else Found(shape, "extremes", 0.0)

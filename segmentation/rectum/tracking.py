@@ -48,14 +48,16 @@ class Track:
 
 
 def start_of(scene: Scene, avoid: Mask) -> FloatArray | None:
-    """A point (3,) mm in the rectum: the middle of the roundest piece that fat bounds where rectums are, else of its gas."""
+    """A point (3,) mm in the rectum: the middle of the roundest piece that fat bounds where rectums are, or of its gas where
+    that lies as well."""
     best, best_score = None, 0.0
     for z in _heights(scene):
         for at, area, solidity in _pieces(scene, avoid, z):
             score = solidity**4 * _usual_place(scene, at, z) * min(area, 500.0) / 500.0
             if score > best_score:
                 best, best_score = np.array([*at, z]), float(score)
-    return _gas_start(scene) if best is None else best
+    gas, gas_score = _gas_start(scene)
+    return gas if gas_score > best_score else best
 
 
 def _heights(scene: Scene) -> FloatArray:
@@ -71,8 +73,9 @@ def _usual_place(scene: Scene, at: FloatArray, z: float) -> float:
     return float(np.exp(-0.5 * (beside**2 + behind**2)))
 
 
-def _gas_start(scene: Scene) -> FloatArray | None:
-    """The middle (3,) mm of the section of gas that lies most where rectums are; None where there is no such gas."""
+def _gas_start(scene: Scene) -> tuple[FloatArray | None, float]:
+    """The middle (3,) mm of the section of gas that lies most where rectums are, and how well, 0 to 1; None where there is
+    no such gas."""
     best, best_score = None, LEAST_GAS
     for z in _heights(scene):
         k = scene.index(np.array([0.0, 0.0, z]))[2]
@@ -82,7 +85,7 @@ def _gas_start(scene: Scene) -> FloatArray | None:
             score = _usual_place(scene, at, z) * min(area, GAS_MM2) / GAS_MM2
             if score > best_score:
                 best, best_score = np.array([*at, z]), float(score)
-    return best
+    return best, best_score if best is not None else 0.0
 
 
 def _pieces(scene: Scene, avoid: Mask, z: float) -> list[tuple[FloatArray, float, float]]:
