@@ -30,13 +30,15 @@ EDGE_SD, PULL = 2.0, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Urine:
-    """HU, noise and edge (HU) of the urine of a scan; the picture and its roughness that these are of."""
+    """HU, noise and edge (HU) of the urine of a scan; the picture and its roughness that these are of; and half of what muscle
+    differs from it (HU)."""
 
     hu: float
     noise: float
     edge: float
     fine: Float32Array
     rough: FloatArray
+    half_way: float = np.inf
 
 
 def urine_of(scene: Scene, core: Mask) -> Urine:
@@ -47,7 +49,8 @@ def urine_of(scene: Scene, core: Mask) -> Urine:
     edge = EDGE_SD * float(np.sqrt(np.mean(np.concatenate(steps) ** 2)))
     # A picture without noise still has its own rounding.
     noise = max(float(np.median(rough[core])), 0.5)
-    return Urine(float(np.median(fine[core])), noise, max(edge, 0.5), fine, rough)
+    hu = float(np.median(fine[core]))
+    return Urine(hu, noise, max(edge, 0.5), fine, rough, 0.5 * abs(scene.muscle - hu))
 
 
 def _roughness(values: Float32Array, step: float) -> FloatArray:
@@ -60,7 +63,8 @@ def _roughness(values: Float32Array, step: float) -> FloatArray:
 
 def _calm(urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask, step: float) -> Mask:
     """What is certainly bladder: of its HU, no rougher than it, and hanging together with where it was found."""
-    like = np.abs(smooth - urine.hu) < max(LIKE_SD * urine.noise, LIKE_HU)
+    # However noisy a scan is, what is nearer to muscle than to urine is none.
+    like = np.abs(smooth - urine.hu) < max(min(LIKE_SD * urine.noise, urine.half_way), LIKE_HU)
     calm = opened((urine.rough < ROUGHER * urine.noise) & like & allowed, SMOOTH_MM, step) | core
     parts, _ = ndimage.label(calm)
     calm &= np.isin(parts, np.unique(parts[core]))

@@ -119,7 +119,7 @@ def test_an_installed_model_goes_through_the_same_door(monkeypatch: pytest.Monke
     for name, module in (("", ModuleType("totalsegmentator")), (".map_to_binary", names), (".python_api", api)):
         monkeypatch.setitem(sys.modules, f"totalsegmentator{name}", module)
     own = found()
-    monkeypatch.setattr(pelvis, "make_scene", lambda ct, prompts: own.scene)
+    monkeypatch.setattr(pelvis, "make_scene", lambda ct, prompts, **whole: own.scene)
     for organ in own.organs:
         monkeypatch.setattr(organs_module, f"find_{organ}", lambda *a, kept=organ: own.organs[kept])
     organs = pelvis.segment_pelvis(scan(), model="totalsegmentator").organs

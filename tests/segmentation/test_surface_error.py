@@ -150,7 +150,7 @@ def test_points_that_were_given_make_an_organ_surer() -> None:
 def test_a_click_deep_inside_confirms_what_is_found_without(
     scene: Scene, monkeypatch: pytest.MonkeyPatch, place: tuple[float, float, float], kept: bool
 ) -> None:
-    def find(scene: Scene, prompts: Prompts) -> Found:
+    def find(scene: Scene, prompts: Prompts, taken: object) -> Found:
         return Found(ball(16.0) if prompts.mode("bladder") == "auto" else ball(8.0), prompts.mode("bladder"), 0.5)
 
     monkeypatch.setattr(organs_module, "find_bladder", find)
