@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 from palpate.case.case_folder import CaseFolder
 from palpate.case.contours import Contours, read_contours
 from palpate.case.steps.segment_report import SegmentedState
+from palpate.core.errors import PalpateError
 from palpate.core.worker.executors import one_more_process
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.volume import Volume
@@ -58,10 +60,15 @@ class Beside:
         self._made = self._pool.submit(_segment_what_was_read, prompts, model)
 
     def result(self) -> SegmentedState:
-        """As `segmented`. Precondition: `begin`."""
+        """As `segmented`; PalpateError too where the other process died. Precondition: `begin`."""
         assert self._made is not None
-        self._reading.result()
-        return self._made.result()
+        try:
+            self._reading.result()
+            return self._made.result()
+        except BrokenProcessPool as died:
+            raise PalpateError(
+                "the process that segments the deformed scan died, perhaps for lack of memory; try `--workers 1`"
+            ) from died
 
 
 @contextmanager

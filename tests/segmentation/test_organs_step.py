@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from palpate.case.steps import segment_state
 from palpate.case.steps.segment import run_segment
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.surface_errors import StatedErrors
-from palpate.core.errors import InputError
+from palpate.core.errors import InputError, PalpateError
 from palpate.core.worker.executors import SerialExecutor
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
@@ -42,6 +43,10 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
     monkeypatch.setattr(segment_state, "segment_pelvis", _segment_again)
     monkeypatch.setattr(segment_state, "surface_errors", _errors)
     return made
+
+
+def dying(folder: str, state: str) -> None:
+    os._exit(1)
 
 
 def _errors(scene: Scene, prompts: Prompts, organs: dict[str, Found]) -> dict[str, SurfaceErrors]:
@@ -104,6 +109,13 @@ def test_a_process_beside_makes_the_same_labels_and_starts_before_the_errors_at_
         np.testing.assert_array_equal(case.labels(state).array, array)
     assert order == ["whole scan", "organs", "organs", "errors", "errors"]
     assert "prostate" not in asked[0] and "prostate" in asked[1], "the first is the scan at rest"
+
+
+def test_a_process_beside_that_dies_is_one_line(case: CaseFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A real process that ends, in place of the reading of the deformed scan."""
+    monkeypatch.setattr(segment_state, "_read", dying)
+    with pytest.raises(PalpateError, match=r"deformed scan died.*--workers 1"):
+        run_segment(case, NEAR, workers=2)
 
 
 def test_labels_of_both_states(case: CaseFolder) -> None:
