@@ -41,7 +41,7 @@ def window(folder: Path, script: str, name: str) -> subprocess.Popen[str]:
 
 
 def events_of(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
-    out, err = process.communicate(timeout=580)
+    out, err = process.communicate(timeout=1800)
     if "no window can be opened" in out:
         pytest.skip("Qt's X11 libraries are not on this machine: " + json.loads(out)["error"])
     assert process.returncode == 0, out[-800:] + err[-2000:]
@@ -78,7 +78,7 @@ def first(rest: Path, deformed: Path, case: Path) -> str:
     expect job cancelled
     screenshot shots/2_cancelled.png
     press Segment
-    wait 400
+    wait 1500
     expect job done
     stalls
     screenshot shots/3_segmented.png
