@@ -26,10 +26,11 @@ X, Y, Z = (float(c) for c in phantom.prostate_centroid())
 pytestmark = needs_xvfb
 
 
-@pytest.fixture
-def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+@pytest.fixture(params=["1280x720", "3840x2160"])
+def display(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A laptop's screen at 150 %, and a large one."""
     monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
-    with x_display(tmp_path, "1500x960", monkeypatch):
+    with x_display(tmp_path, str(request.param), monkeypatch):
         yield
 
 
