@@ -6,6 +6,7 @@ Needs slicer-core, VTK and matplotlib, and a case that has been identified. The 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "PalpateStiffness"))
 from PalpateStiffnessLib.logic import StiffnessLogic  # noqa: E402
+from PalpateStiffnessLib.mrml import MrmlScene  # noqa: E402
 from PalpateStiffnessLib.nodes import ResultNodes  # noqa: E402
 
 SIZE, FIELD_MM = 480, 150.0
@@ -33,6 +35,29 @@ SIDES = {"Axial": "RL", "Coronal": "RL", "Sagittal": "AP"}
 
 def main(case: Path) -> None:
     """Exports the case, loads it as the module does, draws."""
+    found = loaded(case)
+    scene, nodes = found.scene, found.nodes
+    G = array_of(nodes.stiffness)
+    centre = middle(nodes.stiffness, G > 0)
+    images = {name: slice_view(scene, nodes, name, centre) for name in SIDES}
+    images["3D"] = solid_view(nodes, G, centre)
+    compose(images, nodes, HERE / "PalpateStiffness.png")
+    found.logic.clean()
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A case's export as the module loads it. held : Slicer's logic of scene and colours; without it slices are not drawn."""
+
+    scene: MrmlScene
+    held: tuple[MrmlScene, ...]
+    logic: StiffnessLogic
+    nodes: ResultNodes
+    folder: Path
+
+
+def loaded(case: Path) -> Loaded:
+    """Exports a case and loads it into a scene of its own. Ends the program where the export fails."""
     scene, application = slicer.vtkMRMLScene(), slicer.vtkMRMLApplicationLogic()
     application.SetMRMLScene(scene)
     colours = slicer.vtkMRMLColorLogic()
@@ -45,12 +70,7 @@ def main(case: Path) -> None:
     nodes = logic.show_results(folder)
     for volume in nodes.volumes.values():
         volume.GetDisplayNode().SetAndObserveColorNodeID("vtkMRMLColorTableNodeGrey")
-    G = array_of(nodes.stiffness)
-    centre = middle(nodes.stiffness, G > 0)
-    images = {name: slice_view(scene, nodes, name, centre) for name in SIDES}
-    images["3D"] = solid_view(nodes, G, centre)
-    compose(images, nodes, HERE / "PalpateStiffness.png")
-    logic.clean()
+    return Loaded(scene, (application, colours), logic, nodes, folder)
 
 
 def stiffness_colours(nodes: ResultNodes) -> ListedColormap:

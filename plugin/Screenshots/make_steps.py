@@ -13,10 +13,9 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import slicer
-from make import SIDES, SIZE, array_of, middle, slice_view
+from make import SIDES, SIZE, array_of, loaded, middle, slice_view
 from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
-from PalpateStiffnessLib.logic import StiffnessLogic
 from PalpateStiffnessLib.nodes import ResultNodes
 from PalpateStiffnessLib.words import RESEARCH_USE, summary
 from panel import panel_picture
@@ -34,24 +33,14 @@ _FOLDERS = {
 
 def main(case: Path, folder: Path) -> None:
     """Exports the case, loads it as the module does, draws each step."""
-    scene, application = slicer.vtkMRMLScene(), slicer.vtkMRMLApplicationLogic()
-    application.SetMRMLScene(scene)
-    colours = slicer.vtkMRMLColorLogic()
-    colours.SetMRMLScene(scene)
-    colours.AddDefaultColorNodes()
-    logic = StiffnessLogic(scene)
-    pipeline, exported = logic.export(case)
-    if pipeline.wait() != "done":
-        sys.exit(pipeline.error)
-    nodes = logic.show_results(exported)
-    for volume in nodes.volumes.values():
-        volume.GetDisplayNode().SetAndObserveColorNodeID("vtkMRMLColorTableNodeGrey")
+    found = loaded(case)
+    nodes = found.nodes
     centre = middle(nodes.stiffness, array_of(nodes.stiffness) > 0)
     told = {name: json.loads((case / f"{file}.json").read_text()) for name, file in _FILES.items()}
-    views = _Views(scene, nodes, centre, exported)
+    views = _Views(found.scene, nodes, centre, found.folder)
     for name, picture in _steps(views, told).items():
         _save(*picture, folder / f"slicer_{name}.png")
-    logic.clean()
+    found.logic.clean()
 
 
 _FILES = {"import": "import", "segment": "segmentation", "mesh": "mesh", "identify": "result", "diagnose": "diagnosis"}

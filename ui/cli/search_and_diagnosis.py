@@ -42,12 +42,13 @@ def search_and_diagnose(
     kept, stop = threading.Event(), threading.Event()
     with ThreadPoolExecutor(1) as beside:
         diagnosed: Future[Diagnosed | None] = beside.submit(_diagnose_when, kept, stop, case, look, console)
+        ended = False
         try:
             found = _search(case, search, console, kept.set)
-        except BaseException:  # also Ctrl-C: nothing may go on by itself
-            stop.set()
-            raise
+            ended = True
         finally:
+            if not ended:  # an error, or Ctrl-C: nothing may go on by itself
+                stop.set()
             kept.set()
         return found, diagnosed.result()
 
