@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -99,18 +99,32 @@ class PhantomSource:
 class VolumeSource:
     """A real body: labels of the state at rest and its CT (None: labels can be simulated, scans cannot).
 
-    changes : what else differs on the day of the second scan, of `other_day.CHANGES`.
+    changes : what else differs on the day of the second scan, of `other_day.CHANGES`. written_on : see
+    `Source.label_grid`; None: the grid of `model_labels`.
     """
 
     name: str
     model_labels: Volume
     ct: Volume | None
     changes: tuple[str, ...] = ()
+    written_on: Volume | None = None
 
     @property
     def label_grid(self) -> Volume:
         """See `Source.label_grid`."""
-        return self.model_labels
+        return self.written_on or self.model_labels
+
+    def on_voxels_of_its_own(self, random: np.random.Generator) -> VolumeSource:
+        """The same body from labels on a grid that lies a random share of a voxel elsewhere; written where it was drawn.
+
+        A smooth surface of labels keeps faint steps of their voxels. Voxelised on the same grid it shows all of these
+        again, on another, as in the second scan, hardly any: a false motion, the same in each pair of one body.
+        """
+        grid = self.model_labels
+        affine = grid.affine.copy()
+        affine[:3, 3] = grid.to_lps(random.uniform(-0.5, 0.5, (1, 3)))[0]
+        moved = labels_on(self.labels, Volume(grid.array, affine))
+        return replace(self, model_labels=moved, written_on=grid)
 
     def labels(self, points: FloatArray) -> LabelArray:
         """See `Source.labels`: from the contours' smooth surfaces, so that a moved contour has no voxel steps."""

@@ -65,10 +65,9 @@ def run_simulate(
 
 
 def _source(spec: SimulationSpec) -> Source:
-    if isinstance(spec.source, Path):
-        return replace(case_source(spec.source), changes=spec.scan.changes)
-    if isinstance(spec.source, CtSource):
-        return replace(ct_source(spec.source), changes=spec.scan.changes)
+    if not isinstance(spec.source, str):
+        drawn = ct_source(spec.source) if isinstance(spec.source, CtSource) else case_source(spec.source)
+        return replace(drawn, changes=spec.scan.changes).on_voxels_of_its_own(np.random.default_rng([spec.seed, 1]))
     scan = spec.scan
     return PhantomSource(voxel_mm=scan.voxel_mm, scanner=Scanner(scan.blur_mm, scan.noise_hu))
 
