@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from palpate.core.arrays import FloatArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.surface import Surface
+from palpate.imaging.propagation.options import PropagationOptions
 from palpate.segmentation.error_estimate import ErrorNumbers
 
 if TYPE_CHECKING:
@@ -27,15 +28,26 @@ _LEAST_MM, _MOST_MM = 1e-3, 50.0
 _SURFACES = {"prostate": "organ", "bladder": "bladder", "rectum": "rectum"}
 
 
-def write_surface_errors(case: CaseFolder, errors: Mapping[str, Mapping[str, SurfaceErrors]]) -> None:
-    """Write surface_errors.npz. errors : by state and organ; organs that a person contoured are absent."""
+def write_surface_errors(
+    case: CaseFolder, errors: Mapping[str, Mapping[str, SurfaceErrors]], one_drawing: Collection[str] = ()
+) -> None:
+    """Write surface_errors.npz. errors : by state and organ; organs that a person contoured are absent.
+
+    one_drawing : organs whose contours were drawn in one state and carried over to the other.
+    """
     numbers, arrays = ErrorNumbers(), dict[str, NumberArray]()
     for state, organs in errors.items():
         for organ, found in organs.items():
             arrays[f"{state}/{_SURFACES[organ]}/points"] = found.points
             arrays[f"{state}/{_SURFACES[organ]}/sd_mm"] = found.sd_mm
+    for organ in one_drawing:
+        arrays[f"{_SURFACES[organ]}/one_drawing"] = np.array(True)
     arrays["common_share"] = np.array(numbers.common_share)
-    arrays["correlation_mm"] = np.array(numbers.correlation_mm)
+    every = {organ for organs in errors.values() for organ in organs}
+    length = (
+        PropagationOptions().strain_length_mm if one_drawing and every <= set(one_drawing) else numbers.correlation_mm
+    )
+    arrays["correlation_mm"] = np.array(length)
     case.write_npz(ERRORS_FILE, **arrays)
 
 
@@ -80,7 +92,11 @@ class StatedErrors:
         return SurfacePair(rest, deformed, self.common_share if both else 0.0)
 
     def planned(self, pair: SurfacePair, name: str) -> SurfacePair:
-        """Both surfaces of a planned pair, which will be found as the one at rest was, with its errors."""
+        """Both surfaces of a planned pair, which will be found as the one at rest was, with its errors; one that is
+        carried over from one drawing again errs as the last one."""
+        if f"{name}/one_drawing" in self._arrays:
+            rest, deformed = self.on(pair.rest, "rest", name), self.on(pair.deformed, "deformed", name)
+            return SurfacePair(rest, deformed, 0.0)
         rest = self.on(pair.rest, "rest", name)
         if rest.sd_mm is None:
             return pair

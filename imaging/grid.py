@@ -6,6 +6,8 @@ import numpy as np
 import SimpleITK as sitk
 from scipy.optimize import linear_sum_assignment
 
+from palpate.core.arrays import FloatArray
+from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 
 
@@ -25,6 +27,23 @@ def in_lps_order(volume: Volume) -> Volume:
             affine[:3, axis] *= -1
             array = np.flip(array, axis)
     return Volume(np.ascontiguousarray(array), affine)
+
+
+def cropped(ct: Volume, low: FloatArray, high: FloatArray) -> Volume:
+    """The part of a scan in a box of patient coordinates (3,) mm, axes along LPS.
+
+    Raises InputError where fewer than four voxels along an axis lie in the box.
+    """
+    ct = in_lps_order(ct)
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    index = ct.to_index(corners)
+    start = np.maximum(np.floor(index.min(axis=0)).astype(int), 0)
+    stop = np.minimum(np.ceil(index.max(axis=0)).astype(int) + 1, ct.array.shape)
+    if (stop - start < 4).any():
+        raise InputError("the two scans do not overlap about the prostate; align them first")
+    affine = ct.affine.copy()
+    affine[:3, 3] = ct.to_lps(start[None].astype(float))[0]
+    return Volume(np.ascontiguousarray(ct.array[tuple(slice(a, b) for a, b in zip(start, stop, strict=True))]), affine)
 
 
 def labels_on(labels: Volume, grid: Volume) -> Volume:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -48,11 +48,13 @@ def segment_pelvis(
     progress: Progress = silent,
     model: str | None = None,
     whole: WholeScan | None = None,
+    carried: Mapping[str, Callable[[Volume], Found]] | None = None,
 ) -> Segmentation:
     """Prostate, bladder, rectum and bone of a CT (HU, any grid in patient coordinates).
 
     prompts : what a person pointed at. drawn : organ -> mask that a person has drawn, which is taken as it is. model : a
-    learned model (see learned.py) for organs that nobody has drawn or pointed at. whole : of this CT, where it is known.
+    learned model (see learned.py) for organs that nobody has drawn or pointed at. whole : of this CT, where it is known. carried :
+    organs that were drawn in another scan, on a grid of this one.
 
     Raises InputError when the scan holds no body or no pubic bones, no prostate is found, or the model is not there.
     """
@@ -60,7 +62,8 @@ def segment_pelvis(
     learned = learned_masks(ct, model)
     progress(0.0, "body and bone")
     scene = make_scene(ct, prompts, whole=whole)
-    given = {name: Found(mask_on(mask, scene.grid), "user", 1.0) for name, mask in drawn.items()}
+    given = {name: organ(scene.grid) for name, organ in (carried or {}).items()}
+    given |= {name: Found(mask_on(mask, scene.grid), "user", 1.0) for name, mask in drawn.items()}
     organs = find_organs(scene, prompts, given, part(progress, 0.3, 0.6))
     if "prostate" not in organs and "prostate" not in learned:
         raise InputError(

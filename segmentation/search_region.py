@@ -31,7 +31,8 @@ ROOM_ABOUT_PROMPTS = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An organ as found. mask : on the scene's grid. method : auto, click, box, extremes or user.
+    """An organ as found. mask : on the scene's grid. method : auto, carried, click, box, extremes, propagated
+    or user.
 
     confidence : 0 to 1, how well picture and anatomy support it. notes : what a person should look at.
     """

@@ -9,6 +9,7 @@ import numpy as np
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.imported import holds_rest_alone
 from palpate.case.step_records import SegmentationRecord, SegmentedRecord
+from palpate.case.steps.carried_over import OtherScan, prompts_of
 from palpate.case.steps.declarations import SEGMENT
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
@@ -24,14 +25,11 @@ from palpate.imaging.labels import BONE, BONE_PART_COLOURS, BONE_PARTS, ORGAN_LA
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.motion import bone_motions, motion_notes
 from palpate.segmentation.pelvis import Segmentation
-from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
 from palpate.segmentation.tissue import cropped, label_array, region_of_interest
 
 # Margin of the deformed labels around the region that is modelled at rest: surfaces must be whole there.
 DEFORMED_ROOM_MM = 10.0
-# Standard deviation of an organ's displacement between the scans, where only the scan at rest has a click.
-CARRIED_SD_MM = 8.0
 
 
 def run_segment(
@@ -42,7 +40,8 @@ def run_segment(
     surface_errors.npz gives, by place, how far the surfaces that were found may be off. STATE_bones.nii.gz (names in
     bones.txt) gives the bone of each bone voxel.
 
-    A person's contours (STATE_user.nii.gz) are taken as they are; only missing structures are segmented. The step
+    A person's contours (STATE_user.nii.gz) are taken as they are; only missing structures are segmented. Organs that were
+    drawn in one scan only are carried over to the other by the motion that both CTs show. The step
     passes over a case whose scans, contours and options are those of the last run, and over a case that came with label
     volumes. workers : processes; with more than one both scans are segmented side by side, with the same labels.
 
@@ -58,8 +57,8 @@ def run_segment(
     came_with_labels = all(case.has_labels(state) for state in states) and not case.has("segmentation.json")
     if came_with_labels or not all(case.has(f"{state}_ct") for state in states):
         return _labels_alone(case, progress, states)
-    found = _found(case, options, progress, alone, workers)
-    report = _write(case, found, options)
+    found, other = _found(case, options, progress, alone, workers)
+    report = _write(case, found, options, other)
     SEGMENT.mark_done(case, made_from, [n for n in SEGMENT.writes if not (alone and n.startswith("deformed"))])
     progress(1.0, "labels written")
     return report
@@ -67,46 +66,45 @@ def run_segment(
 
 def _found(
     case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool, workers: int
-) -> dict[str, SegmentedState]:
-    """Segmentation of both states, or of the scan at rest where there is no other.
+) -> tuple[dict[str, SegmentedState], OtherScan]:
+    """Segmentation of both states, or of the scan at rest where there is no other; and what was carried over.
 
-    With more than one worker the deformed scan is read beside the scan at rest, and segmented beside its errors: it is led
-    to the prostate at rest.
+    The scan that leads comes first. With more than one worker the other one is read beside it, and segmented beside its
+    errors: it is led to the prostate, or its organs are carried over.
     """
-    model, mine = options.model, part(progress, 0.0, 0.45 if workers <= 1 else 0.9)
+    other = OtherScan.of(case, options)
+    first, second = other.order
+    mine = part(progress, 0.0, 0.45 if workers <= 1 else 0.9)
 
-    def rest_of(then: Callable[[Segmentation], None]) -> SegmentedState:
-        return segmented(case, "rest", options.prompts, model, lambda f, m: mine(f, f"rest: {m}"), then)
-
-    def prompts_beside(rest: Segmentation) -> Prompts:
-        return options.prompts_deformed.moved(case.deformed_to_rest()).or_near(_centroids(rest), CARRIED_SD_MM)
+    def first_of(then: Callable[[Segmentation], None]) -> SegmentedState:
+        return segmented(
+            case, first, prompts_of(case, options, first), options.model, lambda f, m: mine(f, f"{first}: {m}"), then
+        )
 
     with one_thread():  # the order of sums must not depend on the number of cores
         if alone:
-            return {"rest": rest_of(lambda _: None)}
+            return {"rest": first_of(lambda _: None)}, other
         if workers <= 1:
-            rest = rest_of(lambda _: None)
-            told = part(progress, 0.45, 0.9)
-            deformed = segmented(
-                case, "deformed", prompts_beside(rest.segmentation), model, lambda f, m: told(f, f"deformed: {m}")
+            found = first_of(lambda _: None)
+            carried = other.carried(found.segmentation, part(progress, 0.45, 0.6))
+            told, prompts = part(progress, 0.6, 0.9), other.prompts(found.segmentation)
+            made = segmented(
+                case, second, prompts, options.model, lambda f, m: told(f, f"{second}: {m}"), carried=carried
             )
-            return {"rest": rest, "deformed": deformed}
-        with segmented_beside(case, "deformed") as beside:
-            rest = rest_of(lambda found: beside.begin(prompts_beside(found), model))
-            progress(0.85, "deformed")
-            return {"rest": rest, "deformed": beside.result()}
+            return _by_state({first: found, second: made}), other
+        with segmented_beside(case, second) as beside:
+            found = first_of(lambda s: beside.begin(other.prompts(s), options.model, other.carried(s, silent)))
+            progress(0.85, second)
+            return _by_state({first: found, second: beside.result()}), other
 
 
-def _centroids(found: Segmentation) -> dict[str, FloatArray]:
-    grid = found.scene.grid
-    return {
-        name: grid.to_lps(np.argwhere(organ.mask).mean(axis=0)[None])[0]
-        for name, organ in found.organs.items()
-        if name == "prostate"
-    }
+def _by_state(found: Mapping[str, SegmentedState]) -> dict[str, SegmentedState]:
+    return {state: found[state] for state in STATES}
 
 
-def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: SegmentOptions) -> SegmentationRecord:
+def _write(
+    case: CaseFolder, found: Mapping[str, SegmentedState], options: SegmentOptions, carried_over: OtherScan
+) -> SegmentationRecord:
     rest = found["rest"]
     normal, source = midline_normal(rest.segmentation.scene.pelvis)
     roi = region_of_interest(rest.prostate, np.array(options.margin_mm))
@@ -114,8 +112,7 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
     volumes = {}
     for state, one in found.items():
         box = roi if state == "rest" else roi + DEFORMED_ROOM_MM * np.array([[-1.0], [1.0]])
-        prompts = options.prompts if state == "rest" else options.prompts_deformed.moved(case.deformed_to_rest())
-        plane = split_plane(one.prostate, normal, source, prompts.seeds.get("urethra"))
+        plane = split_plane(one.prostate, normal, source, prompts_of(case, options, state).seeds.get("urethra"))
         volumes[state] = labels_of(one, plane, box)
         states[state] = state_report(one, volumes[state], plane, box)
     other = found.get("deformed")
@@ -124,9 +121,10 @@ def _write(case: CaseFolder, found: Mapping[str, SegmentedState], options: Segme
         "region_of_interest_mm": roi.tolist(),
         "states": states,
         "bone_motion": {name: motion.to_dict() for name, motion in motions.items()},
-        "notes": notes_on(states) + motion_notes(motions),
+        "notes": carried_over.notes + notes_on(states) + motion_notes(motions),
     }
-    write_surface_errors(case, {state: one.errors for state, one in found.items()})
+    errors = {state: {**one.errors, **carried_over.source_errors(state)} for state, one in found.items()}
+    write_surface_errors(case, errors, carried_over.names)
     # The report comes first: labels without one count as a person's own, which those of a killed run are not.
     case.write_json("segmentation.json", report)
     for state, labels in volumes.items():

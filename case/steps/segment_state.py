@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -18,8 +18,12 @@ from palpate.core.worker.progress import Progress, part, silent
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import Segmentation, segment_pelvis
 from palpate.segmentation.prompts import Prompts, check_inside
+from palpate.segmentation.propagation import CarriedOrgan
 from palpate.segmentation.surface_error import surface_errors
 from palpate.segmentation.whole_scan import WholeScan, whole_scan
+
+# Organs that were drawn in the other scan, by name.
+Carried = Mapping[str, CarriedOrgan]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +44,16 @@ def segmented(
     model: str | None,
     progress: Progress = silent,
     then: Callable[[Segmentation], None] = lambda _: None,
+    carried: Carried | None = None,
 ) -> SegmentedState:
-    """then : called with the organs, before the errors of their surfaces are estimated.
+    """then : called with the organs, before the errors of their surfaces are estimated. carried : organs that were drawn
+    in the other scan.
 
     Raises InputError for a scan without pelvis or prostate, and for prompts outside of it.
     """
-    return _segmented(_Read(state, read_contours(case, state), case.ct(state)), prompts, model, progress, then)
+    return _segmented(
+        _Read(state, read_contours(case, state), case.ct(state)), prompts, model, progress, then, carried or {}
+    )
 
 
 class Beside:
@@ -55,9 +63,9 @@ class Beside:
         self._pool, self._reading = pool, pool.submit(_read, str(case.path), state)
         self._made: Future[SegmentedState] | None = None
 
-    def begin(self, prompts: Prompts, model: str | None) -> None:
-        """Lets it go on with these prompts."""
-        self._made = self._pool.submit(_segment_what_was_read, prompts, model)
+    def begin(self, prompts: Prompts, model: str | None, carried: Carried) -> None:
+        """Lets it go on with these prompts and organs of the other scan."""
+        self._made = self._pool.submit(_segment_what_was_read, prompts, model, carried)
 
     def result(self) -> SegmentedState:
         """As `segmented`; PalpateError too where the other process died. Precondition: `begin`."""
@@ -89,23 +97,30 @@ def _read(folder: str, state: str) -> None:
     _READ = _Read(state, contours, ct, whole_scan(ct))
 
 
-def _segment_what_was_read(prompts: Prompts, model: str | None) -> SegmentedState:
+def _segment_what_was_read(prompts: Prompts, model: str | None, carried: Carried) -> SegmentedState:
     assert _READ is not None
-    made = _segmented(_READ, prompts, model, silent, lambda _: None)
+    made = _segmented(_READ, prompts, model, silent, lambda _: None, carried)
     _ = made.segmentation.bones  # found here, and kept in what is sent
     return made
 
 
 def _segmented(
-    read: _Read, prompts: Prompts, model: str | None, progress: Progress, then: Callable[[Segmentation], None]
+    read: _Read,
+    prompts: Prompts,
+    model: str | None,
+    progress: Progress,
+    then: Callable[[Segmentation], None],
+    carried: Carried,
 ) -> SegmentedState:
     contours, ct = read.contours, read.ct
     check_inside(ct, prompts, read.state)
     drawn = contours.organs if contours else {}
-    segmentation = segment_pelvis(ct, prompts, drawn, part(progress, 0.0, 0.6), model, read.whole)
+    placed = {name: organ.found for name, organ in carried.items()}
+    segmentation = segment_pelvis(ct, prompts, drawn, part(progress, 0.0, 0.6), model, read.whole, placed)
     then(segmentation)
     progress(0.6, "how far the surfaces may be off")
     errors = surface_errors(segmentation.scene, prompts, segmentation.organs)
+    errors |= {name: organ.errors for name, organ in carried.items()}
     # A person's voxels are written unchanged, on their own grid; segmented structures on the grid of the segmentation.
     by_hand = contours is not None and "prostate" in contours.organs
     grid = contours.volume if contours is not None and by_hand else segmentation.scene.grid

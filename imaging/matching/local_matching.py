@@ -93,7 +93,7 @@ def match(
     keep = _control_points(small, at, options, bright)
     variance = variance_left(small, at)
     texture, precision = texture_and_precision(small, at, variance)
-    centre = _centre_of_texture(small, at, keep)
+    centre = centre_of_texture(small, at, keep)
     shift = beyond.at(centre) + one_step(texture[keep], at.right[keep], precision[keep])
     precision = less_sure(precision[keep], uneven.at(centre))
     compared = Compared(small, at, lambda points: predicted(points) + beyond.at(points))
@@ -122,7 +122,7 @@ def _smooth_motion(
     return pair, beyond, pair.windows.lattice.with_array(shift - smooth)
 
 
-def _centre_of_texture(pair: ScanPair, at: NormalEquations, keep: BoolArray) -> FloatArray:
+def centre_of_texture(pair: ScanPair, at: NormalEquations, keep: BoolArray) -> FloatArray:
     """Where in its window (n, 3) mm the texture lies that a shift was found by: there it holds."""
     texture = at.weight * sum(f * f for f in at.gradient)
     total = np.maximum(pair.windows.sum(texture)[keep], 1e-9)

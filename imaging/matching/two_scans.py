@@ -9,7 +9,7 @@ import numpy as np
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.core.matched_motion import MatchedMotion
-from palpate.imaging.grid import in_lps_order, labels_on
+from palpate.imaging.grid import cropped, labels_on
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.matching.local_matching import LocalMatches, MatchOptions, match
 from palpate.imaging.matching.masks import bright_spots, distance_to_organ, usable_voxels
@@ -97,14 +97,5 @@ def _bounds(labels: Volume) -> tuple[FloatArray, FloatArray]:
 
 def _cropped(scan: LabelledScan, low: FloatArray, high: FloatArray) -> LabelledScan:
     """The part of a scan in a box of patient coordinates (3,) mm, axes along LPS, labels on its grid."""
-    ct = in_lps_order(scan.ct)
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-    index = ct.to_index(corners)
-    start = np.maximum(np.floor(index.min(axis=0)).astype(int), 0)
-    stop = np.minimum(np.ceil(index.max(axis=0)).astype(int) + 1, ct.array.shape)
-    if (stop - start < 4).any():
-        raise InputError("the two scans do not overlap about the prostate; align them first")
-    affine = ct.affine.copy()
-    affine[:3, 3] = ct.to_lps(start[None].astype(float))[0]
-    part = Volume(np.ascontiguousarray(ct.array[tuple(slice(a, b) for a, b in zip(start, stop, strict=True))]), affine)
+    part = cropped(scan.ct, low, high)
     return LabelledScan(part, labels_on(scan.labels, part))

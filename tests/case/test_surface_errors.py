@@ -15,7 +15,9 @@ from palpate.case.problem import facts_of, noise_source
 from palpate.case.stated_files import ERRORS_FILE, further_files
 from palpate.case.surface_errors import StatedErrors, write_surface_errors
 from palpate.core.errors import InputError
+from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.problem import SurfacePair
+from palpate.imaging.propagation.options import PropagationOptions
 from palpate.segmentation.error_estimate import ErrorNumbers
 from palpate.segmentation.surface_error import SurfaceErrors
 
@@ -43,6 +45,19 @@ def test_errors_lie_where_the_segmentation_put_them(case: CaseFolder) -> None:
     assert set(errors.rms_mm()["rest"]) == {"organ", "bladder"}
     planned = errors.planned(SurfacePair(moved, moved), "bladder")
     assert planned.deformed.sd_mm is not None and planned.common_share == ErrorNumbers().common_share
+
+
+def test_one_drawing_in_both_scans_errs_by_what_carried_it_over_alone(case: CaseFolder) -> None:
+    surface = ball(10.0, (0.5, 0.0, 0.0))
+    source, there = (SurfaceErrors(surface.points, np.full(len(surface.points), sd), 1.0) for sd in (0.01, 0.6))
+    write_surface_errors(case, {"rest": {"prostate": source}, "deformed": {"prostate": there}}, ["prostate"])
+    errors = StatedErrors(case)
+    assert errors.correlation_mm == PropagationOptions().strain_length_mm
+    pair = errors.pair(SurfacePair(surface, surface), "organ")
+    seen = ContourErrors.of(pair, surface.points, surface.points, 0.4)
+    np.testing.assert_allclose(np.diag(seen.covariance(seen, 10.0, True)), 0.36, rtol=0.02)
+    planned = errors.planned(SurfacePair(surface, surface), "organ")
+    assert planned.deformed.sd_mm is not None and planned.deformed.sd_mm.max() == 0.6
 
 
 def test_a_stated_or_measured_error_comes_first(case: CaseFolder) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,16 +56,17 @@ def _errors(scene: Scene, prompts: Prompts, organs: dict[str, Found]) -> dict[st
     return {
         name: SurfaceErrors(low[None], np.array([1.5]), 0.81)
         for name, found in organs.items()
-        if found.method != "user"
+        if found.method not in ("user", "propagated")
     }
 
 
 def _segment_again(
-    ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any, model: Any, whole: Any
+    ct: Volume, prompts: Any, drawn: dict[str, Volume], progress: Any, model: Any, whole: Any, carried: Any
 ) -> Segmentation:
-    """What was found before, with drawn organs in place of the found ones."""
+    """What was found before, with drawn organs, or those of the other scan, in place of the found ones."""
     grid = found().scene.grid
-    own = {name: Found(mask_on(m, grid), "user", 1.0) for name, m in drawn.items()}
+    own = {name: organ(grid) for name, organ in carried.items()}
+    own |= {name: Found(mask_on(m, grid), "user", 1.0) for name, m in drawn.items()}
     return Segmentation(found().scene, {**found().organs, **own})
 
 
@@ -165,7 +167,7 @@ def test_drawn_labels_win_to_the_voxel(case: CaseFolder) -> None:
     drawn[np.roll(truth_of(1, 2).array, 3, axis=1)] = 1
     write_labels(case.file("rest_user.nii.gz"), truth().with_array(drawn))
     case.write_json("user_labels.json", {"rest": {"prostate_is_split": False}})
-    report = run_segment(case, NEAR)
+    report = run_segment(case, replace(NEAR, propagate=False))
     rest = case.labels("rest")
     kept = _at(rest, truth())
     assert np.array_equal(np.isin(kept, (1, 2)), drawn > 0)
@@ -181,12 +183,33 @@ def test_drawn_labels_win_to_the_voxel(case: CaseFolder) -> None:
     assert set(errors["rest"]) == {"bladder", "rectum"} and errors["deformed"]["organ"] == 1.5
 
 
+def test_what_was_drawn_in_one_scan_is_carried_over_to_the_other(
+    case: CaseFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The deformed scan is the one at rest 3 mm farther back; the drawing is 4.8 mm off what the CT shows, in both alike."""
+    behind = np.eye(4)
+    behind[1, 3] = 3.0
+    monkeypatch.setattr(CaseFolder, "ct", lambda self, state: scan() if state == "rest" else scan().moved(behind))
+    drawn = np.roll(truth_of(1, 2).array, 3, axis=1).astype(np.uint8)
+    write_labels(case.file("rest_user.nii.gz"), truth().with_array(drawn))
+    case.write_json("user_labels.json", {"rest": {"prostate_is_split": False}})
+    report = run_segment(case, NEAR)
+    organ = report["states"]["deformed"]["organs"]["prostate"]
+    assert organ["method"] == "propagated" and report["states"]["deformed"]["organs"]["rectum"]["method"] == "auto"
+    rest, deformed = case.labels("rest"), case.labels("deformed")
+    middle = [v.to_lps(np.argwhere(np.isin(v.array, (1, 2))).mean(axis=0)[None])[0] for v in (rest, deformed)]
+    np.testing.assert_allclose(middle[1] - middle[0], [0.0, 3.0, 0.0], atol=0.3)
+    assert any("carried over from the scan at rest" in note for note in report["notes"])
+    errors = StatedErrors(case).rms_mm()
+    assert errors["rest"]["organ"] == pytest.approx(0.01) and 0.1 < errors["deformed"]["organ"] < 1.5
+
+
 def test_drawn_halves_are_kept(case: CaseFolder) -> None:
     drawn = np.where(truth_of(1, 2).array, 2, 0).astype(np.uint8)
     drawn[truth_of(1).array & (np.arange(drawn.shape[2]) % 2 == 0)] = 1
     write_labels(case.file("rest_user.nii.gz"), truth().with_array(drawn))
     case.write_json("user_labels.json", {"rest": {"prostate_is_split": True}})
-    run_segment(case, NEAR)
+    run_segment(case, replace(NEAR, propagate=False))
     assert np.array_equal(_at(case.labels("rest"), truth())[drawn > 0], drawn[drawn > 0])
 
 

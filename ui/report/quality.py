@@ -11,7 +11,7 @@ from palpate.imaging.labels import LABELS, SURROUNDING_TISSUE
 from palpate.ui.report.document import Block, Bullets, Paragraph, Section, Table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import in_words, region_words
-from palpate.ui.words.label_words import CARRIED, WORDS
+from palpate.ui.words.label_words import CARRIED, PROPAGATED, WORDS
 
 # From its first separator to the word after its last one, spaces included.
 _ABSOLUTE_PATH = re.compile(r"(?<![\w/])(?:[A-Za-z]:)?[/\\](?:[^:;,\n]*[/\\])?[^\s:;,]*")
@@ -26,6 +26,11 @@ _CARRIED_NOTE = (
     "drawn on the deformed CT's own edges as on the other scan, so that the difference between the two outlines is measured. Where "
     "either CT shows no edge, a usual prostate's shape stands in; the confidence falls with the share of such places."
 )
+_PROPAGATED_NOTE = (
+    f"\N{LEFT DOUBLE QUOTATION MARK}{PROPAGATED}\N{RIGHT DOUBLE QUOTATION MARK}: nobody drew this organ in that scan. "
+    "Its contour is the one of the other scan, moved as the tissue moves that both CTs show. Both outlines come from one drawing: what "
+    "the drawing errs by is in both. What is left is the error of the motion, which the result counts by place."
+)
 _DASH = "\N{EN DASH}"
 
 
@@ -36,6 +41,8 @@ def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
         blocks.append(Paragraph(_REGION_NOTE, "small"))
     if any(CARRIED in row[-1] for row in _label_rows(record)):
         blocks.append(Paragraph(_CARRIED_NOTE))
+    if any(PROPAGATED in row[-1] for row in _label_rows(record)):
+        blocks.append(Paragraph(_PROPAGATED_NOTE))
     blocks += _alignment(record) + _mesh(record)
     notes = [*record.imported.get("notes", ()), *record.segmentation.get("notes", ())]
     notes += [*record.alignment.get("notes", ()), *record.result.notes]

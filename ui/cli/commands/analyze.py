@@ -53,7 +53,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     began = time.monotonic()
     # A wrong option is told before the work, not after it.
     more = further_states.states_of(args)
-    search, pointed = identify.options_of(args), SegmentOptions(*segment.prompts_of(args), model=args.model)
+    search = identify.options_of(args)
+    pointed = SegmentOptions(*segment.prompts_of(args), model=args.model, propagate=not args.no_propagation)
     with console.progress(import_scans.NAME) as progress:
         imported = run_import(args.rest, args.deformed, args.output, import_scans.options_of(args), progress)
     case = CaseFolder(args.output)

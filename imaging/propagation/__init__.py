@@ -1,0 +1,1 @@
+"""Contours of one scan carried over to another scan of the same patient, by the motion that both images show."""
