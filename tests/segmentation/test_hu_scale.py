@@ -65,6 +65,19 @@ def test_medium_as_dense_as_bone_is_no_bone_and_bone_is_no_medium() -> None:
     assert np.array_equal(bone_mask(plain), bone & ~bladder)
 
 
+def test_medium_that_touches_bone_and_even_marrow_of_the_hips_are_told_apart() -> None:
+    """Where fat is thin a full bladder and the bones beside it are one piece; marrow of the hips may be as even as medium."""
+    ct, bladder = _pelvis(320.0)
+    x, y, z = np.meshgrid(*(STEP * np.arange(n) for n in (60, 70, 40)), indexing="ij")
+    rough = (np.abs(x - 88) < 9) & (np.abs(y - 40) < 12) & (np.abs(z - 40) < 12) & ~bladder
+    hips = ((x < 14) | (x > 106)) & (np.abs(y - 40) < 25)
+    noise = np.random.default_rng(5).normal(0.0, 1.0, x.shape)
+    hu = np.where(rough, 320.0 + 90.0 * noise, np.where(hips, 320.0 + 8.0 * noise, ct.array)).astype(np.float32)
+    found = medium_mask(hu, hu > 110.0, STEP)
+    assert (found & bladder).sum() > 0.95 * bladder.sum()
+    assert not (found & hips).any() and (found & rough).sum() < 0.5 * rough.sum()
+
+
 def test_the_line_of_six_points_bends_as_a_tube_does() -> None:
     """A tube of radius 18 at its middle about an arc: middle line and radius come back, in whatever order points are."""
     heights = np.arange(0.0, 81.0, 4.0)
