@@ -25,10 +25,20 @@ GAIN, FAT_HU, UNEVEN_HU, UNEVEN_MM = 0.15, -100.0, 8.0, 30.0
 KERNEL_MM, STREAK_HU, STREAK_MM = 0.8, 12.0, 2.0
 # What a wall leaves of its organ's contour for the contents, mm.
 _WALL_MM = 3.0
+_MIRROR = (slice(None, None, -1),) * 3
 
 
 def denoised(hu: Float32Array, noise_hu: float) -> Float32Array:
-    """The scan without its noise of that standard deviation: non-local means (Buades and others 2005)."""
+    """The scan without its noise of that standard deviation: non-local means (Buades and others 2005).
+
+    The quick form of scikit-image 0.26 moves texture by about a fifth of a voxel along each axis, bone hardly. The mean over
+    the scan and its mirror image moves nothing.
+    """
+    there, back = (_non_local_means(np.ascontiguousarray(part), noise_hu) for part in (hu, hu[_MIRROR]))
+    return np.asarray(0.5 * (there + back[_MIRROR]), dtype=np.float32)
+
+
+def _non_local_means(hu: Float32Array, noise_hu: float) -> Float32Array:
     found = denoise_nl_means(hu, patch_size=3, patch_distance=4, h=DENOISING * noise_hu, sigma=noise_hu, fast_mode=True)
     return np.asarray(found, dtype=np.float32)
 
