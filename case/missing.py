@@ -15,6 +15,8 @@ from palpate.core.problem import SurfacePair
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 
+# How the line begins that says that the prostate's contours are too rough.
+ROUGH_CONTOURS = "contours that tell a stiffness"
 _WALLS = {"rectum": RECTUM, "bladder": BLADDER}
 _SCANS = {"rest": "the scan at rest", "deformed": "the deformed scan"}
 
@@ -46,7 +48,7 @@ def rough_contours(case: CaseFolder) -> list[str]:
     if rest is None or deformed is None:
         return []
     reason = too_rough(errors.pair(SurfacePair(rest, deformed), ORGAN_NAME))
-    return [f"contours that tell a stiffness: {reason}"] if reason else []
+    return [f"{ROUGH_CONTOURS}: {reason}"] if reason else []
 
 
 def at_bounds(parameters: Mapping[str, RegionRecord]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from palpate.case.missing import at_bounds
+from palpate.case.missing import ROUGH_CONTOURS, at_bounds
 from palpate.core.files.json_types import known
 from palpate.ui.report.diagnosis_words import diagnosis_sentence, gap_is_seen
 from palpate.ui.report.record import CaseRecord
@@ -16,6 +16,10 @@ from palpate.ui.words.number_words import three_figures
 MISFIT_TOLERANCE = 1.26
 MISSING = "Missing: "
 NOTHING_TOLD = "Nothing can be told from this pair about the stiffness of the prostate."
+WAY_OUT = (
+    "Contours that a person or a trained model has drawn are the way to a stiffness: give them to `palpate analyze` with --rest-labels and "
+    "--deformed-labels."
+)
 # Standard deviations between two stiffnesses that a pair tells apart: 95 %.
 TELLING = 1.96
 
@@ -33,6 +37,8 @@ def summary(record: CaseRecord) -> list[str]:
     """What is missing, what was found, relative to what, on which error of the contours, and whether to believe it."""
     regions = [region for region in record.regions if region.told]
     sentences = first_sentences(record)
+    if too_rough(record):
+        return [*sentences, diagnosis_sentence(record)] if record.diagnosis else sentences
     sentences += [_untold(region, record) for region in record.regions if not region.told]
     sentences += [stands_on(record)] if regions else []
     if regions:
@@ -52,7 +58,14 @@ def first_sentences(record: CaseRecord) -> list[str]:
     regions = [region for region in record.regions if region.told]
     sentences = [] if regions else [NOTHING_TOLD]
     sentences += [f"{MISSING}{line}." for line in what_lacks(record)]
+    sentences += [WAY_OUT] if too_rough(record) else []
     return sentences + ([_found(regions, record)] if regions else [])
+
+
+def too_rough(record: CaseRecord) -> bool:
+    """Whether nothing was fitted because the prostate's contours are too rough: a misfit then says nothing of the model."""
+    told = any(region.told for region in record.regions)
+    return not told and any(line.startswith(ROUGH_CONTOURS) for line in what_lacks(record))
 
 
 def what_lacks(record: CaseRecord) -> list[str]:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from phantoms import affine, agreement, labels, recorded, result
 
 from palpate.case.case_folder import CaseFacts
+from palpate.case.missing import ROUGH_CONTOURS
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import stiffness_planes, stiffness_series
@@ -17,7 +18,7 @@ from palpate.ui.report.quality import without_paths
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
 from palpate.ui.report.stiffness_section import limits, told
-from palpate.ui.report.summary import NOTHING_TOLD, summary
+from palpate.ui.report.summary import NOTHING_TOLD, WAY_OUT, summary
 from palpate.ui.words.number_words import measured, three_figures
 
 
@@ -152,6 +153,18 @@ def test_what_is_missing_and_that_nothing_is_told_come_first() -> None:
     untold = summary(record(found))
     assert untold[:2] == [NOTHING_TOLD, f"Missing: {line}."]
     assert not any("intervals stand on" in sentence for sentence in untold)
+
+
+def test_contours_too_rough_to_fit_anything_blame_no_model_and_tell_the_way_out() -> None:
+    found = result(120.0, 40.0)
+    line = f"{ROUGH_CONTOURS}: the prostate's contours may be off by 2.6 and 4.5 mm"
+    found["missing"] = [line]
+    found["misfit"].update(rms_mm=25.9, expected_noise_rms_mm=5.2)
+    told = summary(record(found))
+    assert any("something is left out of the model" in sentence for sentence in told) and WAY_OUT not in told
+    for region in found["parameters"].values():
+        region["ci95_kpa"] = [5.0, 500.0]
+    assert summary(record(found)) == [NOTHING_TOLD, f"Missing: {line}.", WAY_OUT]
 
 
 def test_the_summary_says_which_error_the_intervals_stand_on() -> None:
