@@ -16,10 +16,12 @@ from palpate.case.stated_files import further_states
 from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError
 from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
+from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import LABELS
+from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
-from palpate.meshing.voxel_errors import organ_voxel_errors
+from palpate.meshing.voxel_errors import organ_voxel_errors, wall_voxel_errors
 
 # Standard deviation of a contour of a person, a model or a file where nobody states one, mm. Assumed.
 DEFAULT_NOISE_MM = 0.4
@@ -68,7 +70,7 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
     problems = []
     for state in further_states(case):
         labels, marks = state_labels(case, state), state_landmarks(case, state)
-        surfaces = {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items() if name in first.walls}
+        surfaces = {name: _wall(labels, label) for label, name in HOLE_NAMES.items() if name in first.walls}
         walls = {n: SurfacePair(first.walls[n].rest, surface) for n, surface in surfaces.items() if len(surface.faces)}
         found = organ_surfaces(labels)
         found = replace(found, voxel_errors=organ_voxel_errors(labels, found.points))
@@ -76,6 +78,11 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
         landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
         problems.append(replace(first, walls=walls, organ=organ, landmarks=landmarks, matched=None))
     return problems
+
+
+def _wall(labels: Volume, label: int) -> Surface:
+    found = wall_surface(labels, label)
+    return replace(found, voxel_errors=wall_voxel_errors(labels, label, found.points)) if len(found.faces) else found
 
 
 def facts_of(case: CaseFolder) -> Facts:

@@ -46,12 +46,17 @@ def wall_surface(labels: Volume, label: int, step_mm: float = 1.2, sigma_mm: flo
     The label is first carried on beyond the box, so there is no cap at its end. A label that is absent gives a
     surface without faces.
     """
-    mask = without_specks(extend_labels(labels).array == label)
-    if not mask.any():
+    near = wall_near(labels, label)
+    if not near.array.any():
         return Surface.empty()
-    near = crop(labels.with_array(mask), mask, MARGIN_MM)
     points, faces = smooth_field(near, near.array, step_mm, sigma_mm).contour()
     return Surface(points, faces, np.full(len(faces), label, dtype=np.int64))
+
+
+def wall_near(labels: Volume, label: int) -> Volume:
+    """Mask of one label, carried on beyond the modelled box, without specks, cropped; nothing set where it is absent."""
+    mask = without_specks(extend_labels(labels).array == label)
+    return crop(labels.with_array(mask), mask, MARGIN_MM) if mask.any() else labels.with_array(mask)
 
 
 def region_fields(organ: Volume, present: list[int], sigma_mm: float = SIGMA_MM) -> dict[int, SmoothField]:

@@ -16,6 +16,8 @@ from palpate.meshing.label_surfaces import MARGIN_MM, region_fields
 from palpate.meshing.smooth_distance import CLIP_MM, SmoothField, smooth_field
 
 HOLE_NAMES = {label: LABELS[label] for label in (BONE, BLADDER, RECTUM)}
+# Those whose walls move.
+HOLLOW_NAMES = {label: LABELS[label] for label in (BLADDER, RECTUM)}
 # Grid step of each field in mm: fine where the mesh is fine. -1 stands for the whole organ.
 ORGAN = -1
 STEP_MM = {ORGAN: 1.0, BLADDER: 1.5, RECTUM: 1.5, BONE: 2.5, OUTSIDE: 3.0}

@@ -22,8 +22,11 @@ from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.mesh_file import Recipe, mesh_arrays, recipe_hash
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
-from palpate.meshing.partition import HOLE_NAMES
-from palpate.meshing.voxel_errors import organ_voxel_errors
+from palpate.meshing.partition import HOLE_NAMES, HOLLOW_NAMES
+from palpate.meshing.voxel_errors import organ_voxel_errors, wall_voxel_errors
+
+# Number of the form of surfaces.npz: those of another one are made again.
+SURFACES = 2
 
 
 def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> MeshReport:
@@ -37,7 +40,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     Raises InputError when labels are missing or cannot be meshed, ConvergenceError when the mesher fails.
     """
     options = options or MeshOptions()
-    made_from = MESH.made_from(case, asdict(options))
+    made_from = MESH.made_from(case, asdict(options) | {"surfaces": SURFACES})
     if MESH.is_done(case, made_from):
         kept: MeshReport = case.read_json("mesh.json")
         return kept
@@ -84,7 +87,7 @@ def surface_arrays(state: str, labels: Volume) -> dict[str, NumberArray]:
     (f,).
 
     NAME is organ, bone, bladder or rectum; absent labels are left out. STATE_organ_rim holds the points where organ
-    regions meet, STATE_organ_voxel_errors (m, n) mm what voxels make its points err by (`organ_voxel_errors`).
+    regions meet, STATE_NAME_voxel_errors (m, n) mm what voxels make points err by (`meshing.voxel_errors`), bone left out.
     """
     surfaces = {ORGAN_NAME: organ_surfaces(labels)}
     surfaces |= {name: wall_surface(labels, label) for label, name in HOLE_NAMES.items()}
@@ -99,6 +102,10 @@ def surface_arrays(state: str, labels: Volume) -> dict[str, NumberArray]:
             arrays[f"{prefix}_points"] = surface.points
             arrays[f"{prefix}_faces"] = surface.faces
             arrays[f"{prefix}_region"] = surface.region
+    for label, name in HOLLOW_NAMES.items():
+        if len(surfaces[name].faces):
+            errors = wall_voxel_errors(labels, label, surfaces[name].points)
+            arrays[f"{state}_{name}_voxel_errors"] = errors.astype(np.float32)
     return arrays
 
 

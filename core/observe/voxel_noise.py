@@ -1,4 +1,4 @@
-"""Covariance of the error that voxels make in the organ's two surfaces, from the draws that the surfaces carry."""
+"""Covariance of the error that voxels make in a body's two surfaces, from the draws that the surfaces carry."""
 
 from __future__ import annotations
 
@@ -42,15 +42,17 @@ class VoxelNoise:
 
 
 def voxel_covariance(
-    noise: Sequence[VoxelNoise], modes: Sequence[FloatArray], rows: Sequence[slice], length_mm: float
+    noise: Sequence[VoxelNoise], responses: Sequence[FloatArray], rows: Sequence[slice], length_mm: float
 ) -> FloatArray:
-    """Covariance (n, n) mm2 of the data of all states; modes (q, k) of each state's surface, first in its rows."""
+    """Covariance (n, n) mm2 of the data of all states for the voxels of one body.
+
+    responses (n_s, q) : of the data of each state, which stand in its rows, per mm outwards at each point.
+    """
     out = np.zeros((rows[-1].stop, rows[-1].stop))
-    for s, (ours, mine) in enumerate(zip(noise, modes, strict=True)):
-        for t, (theirs, other) in enumerate(zip(noise[: s + 1], modes, strict=False)):
-            at = [slice(rows[k].start, rows[k].start + m.shape[1]) for k, m in ((s, mine), (t, other))]
-            out[at[0], at[1]] = mine.T @ ours.covariance(theirs, s == t, length_mm) @ other
-            out[at[1], at[0]] = out[at[0], at[1]].T
+    for s, (ours, mine) in enumerate(zip(noise, responses, strict=True)):
+        for t, (theirs, other) in enumerate(zip(noise[: s + 1], responses, strict=False)):
+            out[rows[s], rows[t]] = mine @ ours.covariance(theirs, s == t, length_mm) @ other.T
+            out[rows[t], rows[s]] = out[rows[s], rows[t]].T
     return out
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import NewtonOptions
 from palpate.core.fem.state import State
+from palpate.core.fem.tangent import Tangent
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.contact_force_scene import ContactForceScene
@@ -17,6 +18,7 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.fit_options import GOOD, QUICK
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel, carried
+from palpate.core.residual.noise_covariance import ContourResponses
 from palpate.core.residual.remeshing import Remeshed
 from palpate.core.worker.progress import Progress, silent
 
@@ -29,11 +31,20 @@ OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
 
 @dataclass(frozen=True, eq=False)
 class FineSolution:
-    """Equilibrium of the better element: its scene, the state, and the residual (n,) there, without a correction."""
+    """Equilibrium of the better element: its scene, the state, and the residual (n,) there, without a correction.
+
+    responses : to errors of the contours, None where they were not asked for.
+    """
 
     scene: CompositionScene
     state: State
     residual: FloatArray
+    responses: ContourResponses | None = None
+
+    def with_responses(self, data: DataVector) -> FineSolution:
+        """The same with what errors of the contours do to the data."""
+        tangent = Tangent(self.scene.assembler, self.state)
+        return replace(self, responses=ContourResponses.of(self.scene, data, self.state.u, tangent))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +96,7 @@ def element_errors(
     if element == QUICK:
         return ElementErrors(np.zeros((0, len(none))), None, quick_residual)
     own = fine_solution(fine_element_model(model, element), PLAIN, linearisation)
+    own = None if own is None else own.with_responses(model.data)
     residuals = [None if own is None else own.residual]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")

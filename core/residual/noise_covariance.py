@@ -13,6 +13,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import response_to_forces
+from palpate.core.fem.tangent import Tangent
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_errors import ContourErrors
@@ -72,7 +73,7 @@ class NoiseParts:
 
     contour : of contours as wide as the case states, one for each of `options.lengths_mm`. long : the same with
     `options.long_mm`. along : of the walls' motion along themselves. own, marks : of unit variances. floor : of bone
-    registration, of the motion that the images tell, and of the voxels that the organ was drawn in. offset : of 1 mm of
+    registration, of the motion that the images tell, and of the voxels that organ and walls were drawn in. offset : of 1 mm of
     the whole contour. image : see `ImageErrors`. The scan at rest was read once: half of the variance of two readings is
     common to all states.
     """
@@ -89,20 +90,26 @@ class NoiseParts:
 
     @classmethod
     def of(
-        cls, linearisations: Sequence[Linearisation], data_vectors: Sequence[DataVector], options: NoiseModelOptions
+        cls,
+        linearisations: Sequence[Linearisation],
+        data_vectors: Sequence[DataVector],
+        options: NoiseModelOptions,
+        responses: Sequence[ContourResponses] | None = None,
     ) -> NoiseParts:
-        """Parts at a model's linearisations, one for each state."""
+        """Parts at a model's linearisations, one for each state. responses : of each state's data to its contours, those of
+        the linearisations where None."""
         rows = rows_of(data_vectors)
         each = list(zip(linearisations, data_vectors, strict=True))
-        per_force = [data_per_force(p.scene, data, p.equilibrium) for p, data in each]
-        contours = [_contours_of(p.scene, data, A, p.equilibrium) for (p, data), A in zip(each, per_force, strict=True)]
+        if responses is None:
+            responses = [ContourResponses.of(p.scene, data, p.equilibrium.u, p.tangent) for p, data in each]
+        contours = [r.contours for r in responses]
         return cls(
             tuple(_contours(contours, rows, length) for length in options.lengths_mm),
             _contours(contours, rows, options.long_mm),
-            apart([_along(p.scene, data, A) for (p, data), A in zip(each, per_force, strict=True)]),
+            apart([r.along for r in responses]),
             _read_twice([np.eye(s.n)[:, : s.n_modes] for s in data_vectors]),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
-            apart([_floor(s) for s in data_vectors]) + _voxels(each, rows, options),
+            apart([_floor(s) for s in data_vectors]) + _voxels(contours, rows, options.voxel_length_mm),
             _read_twice([s.wider[:, None] for s in data_vectors]),
             ImageErrors.of(linearisations, data_vectors, options),
             options,
@@ -140,26 +147,52 @@ class NoiseParts:
 @dataclass(frozen=True, eq=False)
 class _Contour:
     """One contour of a state: its errors, and the change of the state's data (n, q) per mm outwards at each of their
-    points at rest."""
+    points at rest. voxels : errors of voxels there, None where they do not count."""
 
     errors: ContourErrors
     response: FloatArray
+    voxels: VoxelNoise | None = None
+
+
+# Of a contour that a state does not have.
+_NO_VOXELS = VoxelNoise(np.zeros((0, 3)), np.zeros((0, 0)), np.zeros((0, 0)))
+
+
+@dataclass(frozen=True, eq=False)
+class ContourResponses:
+    """What errors of one state's contours do to its data, with the element of a scene.
+
+    contours : of organ, walls and bones. along (n, n) mm2 : covariance for the walls' motion along themselves. Where the
+    tissue beside a wall is thin, linear elements pass on half as much of a wall's errors as quadratic ones.
+    """
+
+    contours: Mapping[str, _Contour]
+    along: FloatArray
+
+    @classmethod
+    def of(cls, scene: CompositionScene, data: DataVector, u: FloatArray, tangent: Tangent) -> ContourResponses:
+        """At nodal displacements u (nodes, 3) mm, where the tangent is taken; one back-substitution for each datum."""
+        per_force = response_to_forces(tangent, data.loads(scene, u))
+        return cls(_contours_of(scene, data, per_force, u), _along(scene, data, per_force))
 
 
 def _contours_of(
-    scene: CompositionScene, data: DataVector, per_force: FloatArray, equilibrium: Equilibrium
+    scene: CompositionScene, data: DataVector, per_force: FloatArray, u: FloatArray
 ) -> dict[str, _Contour]:
     """Contours of organ, walls and bones, and their responses. per_force (n, nodes, 3) : see `data_per_force`."""
-    problem, u = scene.problem, equilibrium.u
+    problem = scene.problem
     sd = problem.facts.noise_sd_mm
     organ = np.zeros((data.n, len(data.modes)))
     organ[: data.n_modes] = data.modes.T
-    out = {"organ": _Contour(organ_errors(scene, u), organ)}
+    points = scene.observation.points
+    seen = VoxelNoise.of(problem.organ, points, points + scene.observation.operator @ scene.seen(u))
+    out = {"organ": _Contour(organ_errors(scene, u), organ, seen)}
     for name, wall in zip(scene.geometry.fields, scene.walls, strict=True):
         force = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
         moved = wall.rest + wall.points.displacements(u)
         errors = ContourErrors.of(problem.walls[name], wall.rest, moved, sd)
-        out[name] = _Contour(errors, np.einsum("nqi,qi->nq", per_force[:, wall.points.nodes[:, 0]], force))
+        response = np.einsum("nqi,qi->nq", per_force[:, wall.points.nodes[:, 0]], force)
+        out[name] = _Contour(errors, response, VoxelNoise.of(problem.walls[name], wall.rest, moved))
     if data.bone is not None:
         bone = np.zeros((data.n, len(data.bone.points)))
         bone[-6:] = data.bone.reader
@@ -224,16 +257,18 @@ def _floor(data: DataVector) -> FloatArray:
     return out
 
 
-def _voxels(
-    each: Sequence[tuple[Linearisation, DataVector]], rows: Sequence[slice], options: NoiseModelOptions
-) -> FloatArray:
-    """Covariance (n, n) mm2 for the voxels of the organ's labels, where its surfaces carry draws of their errors."""
-    noise = []
-    for at, _ in each:
-        observation = at.scene.observation
-        moved = observation.points + observation.operator @ at.scene.seen(at.equilibrium.u)
-        noise.append(VoxelNoise.of(at.scene.problem.organ, observation.points, moved))
-    return voxel_covariance(noise, [data.modes for _, data in each], rows, options.voxel_length_mm)
+def _voxels(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], length_mm: float) -> FloatArray:
+    """Covariance (n, n) mm2 for the voxels of the labels of organ and walls, where surfaces carry draws of their errors."""
+    out = np.zeros((rows[-1].stop, rows[-1].stop))
+    for name in read[0]:
+        seen = [one.get(name) for one in read]
+        noise = [c.voxels if c is not None and c.voxels is not None else _NO_VOXELS for c in seen]
+        responses = [
+            np.zeros((row.stop - row.start, 0)) if v is _NO_VOXELS or c is None else c.response
+            for c, v, row in zip(seen, noise, rows, strict=True)
+        ]
+        out += voxel_covariance(noise, responses, rows, length_mm)
+    return out
 
 
 def organ_contours(data: DataVector, errors: ContourErrors, length: float) -> FloatArray:

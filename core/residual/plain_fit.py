@@ -215,7 +215,9 @@ def _noise(
 ) -> tuple[NoiseGrid, NoiseSizes, Weighting]:
     """All sizes that the noise may have, the likely ones, and the weights that follow."""
     sizes, differences = NoiseSizes.of(options), [e.every for e in errors]
-    parts = NoiseParts.of(linearisation.each, model.data_vectors, options)
+    found = [e.own.responses for e in errors if e.own is not None and e.own.responses is not None]
+    better = found if len(found) == len(errors) else None
+    parts = NoiseParts.of(linearisation.each, model.data_vectors, options, better)
     gap = UnknownDiscrepancy.around(linearisation, model.data_vectors, options)
     columns = [left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)]
     if further is not None:

@@ -1,4 +1,4 @@
-"""What voxels make an organ's surface err by: foretold from one label, against a ball that is voxelised elsewhere."""
+"""What voxels make a surface err by: foretold from one label, against a ball that is voxelised elsewhere."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from palpate.core.errors import InputError
+from palpate.imaging.labels import RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.meshing.label_surfaces import organ_surfaces
-from palpate.meshing.voxel_errors import DRAWS, organ_voxel_errors
+from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
+from palpate.meshing.voxel_errors import DRAWS, organ_voxel_errors, wall_voxel_errors
 
 RADIUS, SPACING = 16.0, np.array([1.0, 1.0, 3.0])
 
@@ -50,3 +51,12 @@ def test_fine_voxels_err_less_and_no_organ_is_refused() -> None:
     assert organ_voxel_errors(fine, points, draws=8).std() < 0.5 * organ_voxel_errors(coarse, points, draws=8).std()
     with pytest.raises(InputError, match="no organ voxel"):
         organ_voxel_errors(coarse.with_array(np.zeros_like(coarse.array)), points)
+
+
+def test_a_wall_errs_as_an_organ_of_its_shape() -> None:
+    organ = ball(np.array([0.2, -0.1, 0.3]))
+    wall = organ.with_array(np.where(organ.array > 0, RECTUM, SURROUNDING_TISSUE).astype(np.uint8))
+    surface = wall_surface(wall, RECTUM).points
+    draws = wall_voxel_errors(wall, RECTUM, surface, draws=6)
+    np.testing.assert_allclose(draws, organ_voxel_errors(organ, surface, draws=6), atol=0.02)
+    assert draws.std() > 0.02
