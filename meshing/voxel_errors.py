@@ -41,21 +41,29 @@ def wall_voxel_errors(labels: Volume, label: int, points: FloatArray, draws: int
 def _errors(near: Volume, points: FloatArray, draws: int) -> FloatArray:
     """near : mask of the body."""
     body = smooth_field(near, near.array, 1.0)
+    # Of the label's own field: that of the others differs by a few hundredths, and takes six times as long.
+    slope = _slope(near, points)
     shifts = qmc.Halton(3, scramble=False).random(draws) - 0.5
-    errors = np.stack([_on_shifted_grid(near, body, shift, points) for shift in shifts])
+    errors = np.stack([_on_shifted_grid(near, body, shift, points) / slope for shift in shifts])
     return errors - errors.mean(axis=0)
 
 
 def _on_shifted_grid(grid: Volume, body: SmoothField, shift: FloatArray, points: FloatArray) -> FloatArray:
-    """Outward distance (n,) mm of the surface on a grid moved by a share (3,) of a voxel, to first order."""
+    """The smoothed distance (n,) mm of the body voxelised on a grid moved by a share (3,) of a voxel."""
     centres = np.indices(grid.array.shape).reshape(3, -1).T + shift
     inside: BoolArray = body.at(grid.to_lps(centres)).reshape(grid.array.shape) > 0.0
-    field = ndimage.spline_filter(smooth_distance(inside, grid.spacing), order=3)
+    return _at(ndimage.spline_filter(smooth_distance(inside, grid.spacing), order=3), grid.to_index(points) - shift)
 
-    def at(x: FloatArray) -> FloatArray:
-        index = grid.to_index(x) - shift
-        return np.asarray(ndimage.map_coordinates(field, index.T, order=3, mode="nearest", prefilter=False))
 
+def _slope(near: Volume, points: FloatArray) -> FloatArray:
+    """Slope (n,) of a mask's own smoothed distance."""
+    field = ndimage.spline_filter(smooth_distance(near.array.astype(bool), near.spacing), order=3)
     steps = _STEP_MM * np.eye(3)
-    slope = np.stack([(at(points + step) - at(points - step)) / (2.0 * _STEP_MM) for step in steps], axis=1)
-    return at(points) / np.maximum(np.linalg.norm(slope, axis=1), 0.5)
+    ends = [[_at(field, near.to_index(points + way * step)) for way in (1.0, -1.0)] for step in steps]
+    gradient = np.stack([(after - before) / (2.0 * _STEP_MM) for after, before in ends], axis=1)
+    return np.maximum(np.linalg.norm(gradient, axis=1), 0.5)
+
+
+def _at(coefficients: FloatArray, index: FloatArray) -> FloatArray:
+    """Cubic spline (n,) at indices (n, 3)."""
+    return np.asarray(ndimage.map_coordinates(coefficients, index.T, order=3, mode="nearest", prefilter=False))
