@@ -17,6 +17,11 @@ from palpate.imaging.volume import Volume
 
 # How the line begins that says that the prostate's contours are too rough.
 ROUGH_CONTOURS = "contours that tell a stiffness"
+# What a case lacks whose prostate was drawn in one scan only.
+CARRIED_OVER = (
+    "contours of the prostate that were drawn in both scans: those of one scan were carried over by what the images show, and where these "
+    "show little they follow the walls as soft tissue would. Correct them; until then the stiffness comes out too low"
+)
 _WALLS = {"rectum": RECTUM, "bladder": BLADDER}
 _SCANS = {"rest": "the scan at rest", "deformed": "the deformed scan"}
 
@@ -30,7 +35,8 @@ def missing_structures(case: CaseFolder) -> list[str]:
     if not all(case.has_labels(state) for state in STATES):
         return []
     volumes = {state: case.labels(state) for state in STATES}
-    lines = rough_contours(case)
+    lines = [CARRIED_OVER] if StatedErrors(case).one_drawing(ORGAN_NAME) else []
+    lines += rough_contours(case)
     lines += [line for name, label in _WALLS.items() if (line := _absent(case, volumes, name, label))]
     return lines + [
         f"the prostate reaches the end of {_SCANS[state]}: part of it may not be seen"

@@ -76,6 +76,10 @@ class StatedErrors:
     def __bool__(self) -> bool:
         return any(name.endswith("/sd_mm") for name in self._arrays)
 
+    def one_drawing(self, name: str) -> bool:
+        """Whether a surface was drawn in one scan and carried over to the other, and nobody drew it there since."""
+        return f"{name}/one_drawing" in self._arrays
+
     def on(self, surface: Surface, state: str, name: str) -> Surface:
         """The surface with its errors: of the nearest point that the segmentation gave one. name : "organ", "bladder" or
         "rectum"."""
@@ -94,7 +98,7 @@ class StatedErrors:
     def planned(self, pair: SurfacePair, name: str) -> SurfacePair:
         """Both surfaces of a planned pair, which will be found as the one at rest was, with its errors; one that is
         carried over from one drawing again errs as the last one."""
-        if f"{name}/one_drawing" in self._arrays:
+        if self.one_drawing(name):
             rest, deformed = self.on(pair.rest, "rest", name), self.on(pair.deformed, "deformed", name)
             return SurfacePair(rest, deformed, 0.0)
         rest = self.on(pair.rest, "rest", name)

@@ -10,8 +10,10 @@ from phantoms import recorded, result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
-from palpate.case.missing import at_bounds, missing_structures
+from palpate.case.missing import CARRIED_OVER, at_bounds, missing_structures
+from palpate.case.surface_errors import write_surface_errors
 from palpate.imaging.volume import Volume
+from palpate.segmentation.surface_error import SurfaceErrors
 
 
 def labels(*, rectum: bool = True, bladder: bool = True, cut: bool = False) -> Volume:
@@ -52,6 +54,15 @@ def test_a_wall_that_has_no_surface_is_none(tmp_path: Path) -> None:
 def test_an_organ_that_is_cut_off(tmp_path: Path) -> None:
     (line,) = missing_structures(made(tmp_path, labels(cut=True), labels()))
     assert line == "the prostate reaches the end of the scan at rest: part of it may not be seen"
+
+
+def test_contours_that_were_carried_over(tmp_path: Path) -> None:
+    case = made(tmp_path, labels(), labels())
+    errors = {"deformed": {"prostate": SurfaceErrors(np.zeros((1, 3)), np.ones(1), 1.0)}}
+    write_surface_errors(case, errors, ["prostate"])
+    assert missing_structures(case) == [CARRIED_OVER]
+    write_surface_errors(case, errors)
+    assert missing_structures(case) == []
 
 
 def test_a_bound_is_no_measurement() -> None:
