@@ -50,10 +50,11 @@ class PropagationOptions:
         float,
         sourced(
             "1",
-            "Standard deviation of a component of the tissue's strain, a priori.",
-            "As in `core/identify/pair/rough_contours.py`: pairs that tell a stiffness well strain the organ by about 0.15.",
+            "Standard deviation of a component of the displacement's gradient in the tissue, a priori.",
+            "Pairs that tell a stiffness well strain the organ by about 0.15 (`core/identify/pair/rough_contours.py`), as the largest "
+            "principal strain; that of a random gradient is 1.66 times its components, rms.",
         ),
-    ] = 0.15
+    ] = 0.09
     strain_length_mm: Annotated[
         float,
         sourced(
