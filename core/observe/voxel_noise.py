@@ -42,13 +42,13 @@ class VoxelNoise:
 
 
 def voxel_covariance(
-    noise: Sequence[VoxelNoise], responses: Sequence[FloatArray], rows: Sequence[slice], length_mm: float
+    noise: Sequence[VoxelNoise], responses: Sequence[FloatArray], rows: Sequence[slice], n: int, length_mm: float
 ) -> FloatArray:
-    """Covariance (n, n) mm2 of the data of all states for the voxels of one body.
+    """Covariance (n, n) mm2 of all data for the voxels of one body, in the states that show it.
 
-    responses (n_s, q) : of the data of each state, which stand in its rows, per mm outwards at each point.
+    responses (n_s, q) : of the data of each of them, which stand in its rows, per mm outwards at each point.
     """
-    out = np.zeros((rows[-1].stop, rows[-1].stop))
+    out = np.zeros((n, n))
     for s, (ours, mine) in enumerate(zip(noise, responses, strict=True)):
         for t, (theirs, other) in enumerate(zip(noise[: s + 1], responses, strict=False)):
             out[rows[s], rows[t]] = mine @ ours.covariance(theirs, s == t, length_mm) @ other.T

@@ -154,10 +154,6 @@ class _Contour:
     voxels: VoxelNoise | None = None
 
 
-# Of a contour that a state does not have.
-_NO_VOXELS = VoxelNoise(np.zeros((0, 3)), np.zeros((0, 0)), np.zeros((0, 0)))
-
-
 @dataclass(frozen=True, eq=False)
 class ContourResponses:
     """What errors of one state's contours do to its data, with the element of a scene.
@@ -259,15 +255,14 @@ def _floor(data: DataVector) -> FloatArray:
 
 def _voxels(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], length_mm: float) -> FloatArray:
     """Covariance (n, n) mm2 for the voxels of the labels of organ and walls, where surfaces carry draws of their errors."""
-    out = np.zeros((rows[-1].stop, rows[-1].stop))
-    for name in read[0]:
-        seen = [one.get(name) for one in read]
-        noise = [c.voxels if c is not None and c.voxels is not None else _NO_VOXELS for c in seen]
-        responses = [
-            np.zeros((row.stop - row.start, 0)) if v is _NO_VOXELS or c is None else c.response
-            for c, v, row in zip(seen, noise, rows, strict=True)
-        ]
-        out += voxel_covariance(noise, responses, rows, length_mm)
+    n = rows[-1].stop
+    out = np.zeros((n, n))
+    for name in dict.fromkeys(name for one in read for name in one):  # a set would change the order of sums
+        each = [(one[name], row) for one, row in zip(read, rows, strict=True) if name in one]
+        seen = [(c.voxels, c.response, row) for c, row in each if c.voxels is not None]
+        if seen:
+            noise, responses, its_rows = zip(*seen, strict=True)
+            out += voxel_covariance(noise, responses, its_rows, n, length_mm)
     return out
 
 

@@ -32,10 +32,13 @@ def test_both_scans_add_up_and_the_scan_at_rest_is_common_to_all_states() -> Non
     variance = CAP**2 + 0.01**2
     np.testing.assert_allclose(np.diag(own), 2.0 * variance, rtol=0.25)
     np.testing.assert_allclose(np.diag(shared), variance, rtol=0.25)
-    whole = voxel_covariance([first, second], [np.eye(33, 30), np.eye(30)], [slice(0, 33), slice(33, 63)], LENGTH_MM)
+    whole = voxel_covariance(
+        [first, second], [np.eye(33, 30), np.eye(30)], [slice(0, 33), slice(33, 63)], 66, LENGTH_MM
+    )
     np.testing.assert_array_equal(whole, whole.T)
-    np.testing.assert_allclose(whole[:30, 33:], shared)
+    np.testing.assert_allclose(whole[:30, 33:63], shared)
     assert not whole[30:33].any()  # landmarks know nothing of voxels
+    assert not whole[63:].any()  # nor does a state that does not show the body
     assert np.linalg.eigvalsh(whole).min() > -1e-12
 
 
