@@ -40,7 +40,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     Raises InputError when labels are missing or cannot be meshed, ConvergenceError when the mesher fails.
     """
     options = options or MeshOptions()
-    made_from = MESH.made_from(case, asdict(options) | {"surfaces": SURFACES})
+    made_from = MESH.made_from(case, chosen(options))
     if MESH.is_done(case, made_from):
         kept: MeshReport = case.read_json("mesh.json")
         return kept
@@ -80,6 +80,11 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     MESH.mark_done(case, made_from)
     progress(1.0, f"{len(meshed.mesh.cells)} cells")
     return report
+
+
+def chosen(options: MeshOptions) -> dict[str, object]:
+    """All that changes the result beside the case's files."""
+    return asdict(options) | {"surfaces": SURFACES}
 
 
 def surface_arrays(state: str, labels: Volume) -> dict[str, NumberArray]:

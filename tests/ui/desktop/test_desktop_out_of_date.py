@@ -35,7 +35,7 @@ def case(tmp_path: Path) -> CaseFolder:
     made.write_npz("surfaces.npz", points=[2.0])
     options = asdict(MeshOptions())
     made.write_json("mesh.json", {"options": options, "quality": "as it was"})
-    MESH.mark_done(made, MESH.made_from(made, options), ("mesh.npz", "mesh.json"))
+    MESH.mark_done(made, MESH.made_from(made, mesh.chosen(MeshOptions())), ("mesh.npz", "mesh.json"))
     known = {n: made.inputs_sha256([n]) for n in ("rest.nii.gz", *IDENTIFY.inputs(made)) if made.has(n)}
     made.write_json("result.json", result(inputs_sha256=known))
     return made
