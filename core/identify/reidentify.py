@@ -26,6 +26,7 @@ from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
 from palpate.core.reduced.reduced_model import ReducedModel, scene_hash
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.surfaces.distance_field import SignedDistanceField
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
@@ -33,6 +34,7 @@ from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 FILE = "again.npz"
 # Starts of the search, shares of the way from the lower to the upper bound.
 _STARTS = (0.3, 0.5, 0.7)
+_OF_CORRECTION = ("theta", "value", "slope")
 _OF_SURFACE = ("points", "normals", "region", "area")
 
 
@@ -71,11 +73,12 @@ def keep_for_again(folder: Path, fit: PlainFit, options: IdentifyOptions, finger
     """
     first, data = fit.linearisation.first, fit.model.first.data
     observation, n = first.scene.observation, data.motion.stop
+    correction = fit.model.correction.of(slice(n))
     arrays: dict[str, NDArray[np.generic]] = {
         "modes": data.modes,
         "motion_covariance": data.motion_covariance,
         "weights": fit.weighting.covariance[:n, :n],
-        "correction": fit.model.correction[:n],
+        **{f"correction/{key}": getattr(correction, key) for key in _OF_CORRECTION},
         "bounds": fit.bounds,
         "model": np.array(fingerprint),
     }
@@ -98,10 +101,12 @@ def identify_again(folder: Path, problem: IdentificationProblem, options: Identi
     if kept is None or model is None:
         return None
     misfit, bounds = _misfit(kept, problem), np.asarray(kept["bounds"], dtype=float)
+    correction = ElementCorrection(*(np.asarray(kept[f"correction/{key}"], dtype=float) for key in _OF_CORRECTION))
 
     def linearise(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         v = [model.evaluate(theta)]
-        return misfit.residual(v), misfit.jacobian(v, [model.gradient(theta)])
+        r = misfit.residual(v, correction.at(theta))
+        return r, misfit.jacobian(v, [model.gradient(theta)], correction.in_theta(theta))
 
     low, high = bounds.T
     ends = [gauss_newton(linearise, low + share * (high - low), bounds, tolerance=1e-4) for share in _STARTS]
@@ -132,4 +137,4 @@ def _misfit(kept: Mapping[str, NDArray[np.generic]], problem: IdentificationProb
     modes, covariance = (np.asarray(kept[key], dtype=float) for key in ("modes", "motion_covariance"))
     data = DataVector(modes, len(problem.landmarks), None, covariance)
     weighting = Weighting(np.asarray(kept["weights"], dtype=float))
-    return Misfit((observation,), (data,), np.asarray(kept["correction"], dtype=float), weighting)
+    return Misfit((observation,), (data,), weighting)

@@ -14,6 +14,7 @@ from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.particle_solves import Solved
 from palpate.core.reduced.greedy_design import ReducedOptions, Snapshot
 from palpate.core.reduced.reduced_model import ReducedModel
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.worker.progress import Progress
 
 # Largest estimated error of a reduced displacement that the swarm uses, mm: a twentieth of the contour noise (0.4 mm).
@@ -80,11 +81,14 @@ class StateEvaluator:
         self.failed += int(solved.displacement is None)
 
 
-def values(misfit: Misfit, states: list[StateEvaluator], thetas: FloatArray) -> FloatArray:
-    """Misfit (m,) of all states together at thetas (m, t); infinite where one has no equilibrium."""
+def values(
+    misfit: Misfit, states: list[StateEvaluator], correction: ElementCorrection, thetas: FloatArray
+) -> FloatArray:
+    """Misfit (m,) of all states together at thetas (m, t), the better element's correction included; infinite where a
+    state has no equilibrium."""
     out = np.full(len(thetas), np.inf)
     for k, moved in enumerate(zip(*(state.displacements(thetas) for state in states), strict=True)):
         known = [v for v in moved if v is not None]
         if len(known) == len(states):
-            out[k] = misfit.value(known)
+            out[k] = misfit.value(known, correction.at(thetas[k]))
     return out

@@ -53,7 +53,7 @@ def search_with_swarm(
         if options.reduced and len(states) == 1:
             keep_for_again(folder, fit, options, fingerprint)
         outcome = run_swarm(
-            lambda thetas: values(misfit, states, thetas),
+            lambda thetas: values(misfit, states, fit.model.correction, thetas),
             parameters,
             options,
             folder / "swarm.npz",

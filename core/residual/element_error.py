@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import NewtonOptions
+from palpate.core.fem.sensitivity import direct
 from palpate.core.fem.state import State
 from palpate.core.fem.tangent import Tangent
 from palpate.core.forward.composition import Composition
@@ -16,6 +17,7 @@ from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.contact_force_scene import ContactForceScene
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.fit_options import GOOD, QUICK
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel, carried
 from palpate.core.residual.noise_covariance import ContourResponses
@@ -33,18 +35,23 @@ OPTIONS = NewtonOptions(rtol=1e-5, stability=False, max_factorisations=40)
 class FineSolution:
     """Equilibrium of the better element: its scene, the state, and the residual (n,) there, without a correction.
 
-    responses : to errors of the contours, None where they were not asked for.
+    responses : to errors of the contours. in_theta (n, t) : derivative of the residual. Both are None where they were not
+    asked for.
     """
 
     scene: CompositionScene
     state: State
     residual: FloatArray
     responses: ContourResponses | None = None
+    in_theta: FloatArray | None = None
 
-    def with_responses(self, data: DataVector) -> FineSolution:
-        """The same with what errors of the contours do to the data."""
+    def linearised(self, data: DataVector, theta: FloatArray) -> FineSolution:
+        """The same with what errors of the contours and ln G do to the data, at its own theta (t,)."""
         tangent = Tangent(self.scene.assembler, self.state)
-        return replace(self, responses=ContourResponses.of(self.scene, data, self.state.u, tangent))
+        moves = direct(tangent, self.scene.directions(theta))
+        in_theta = data.response(self.scene, self.state.u, moves)
+        responses = ContourResponses.of(self.scene, data, self.state.u, tangent)
+        return replace(self, responses=responses, in_theta=in_theta)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +59,15 @@ class ElementErrors:
     """What the better element changes, mm.
 
     every (M, n) : on each mesh on which it has an equilibrium; M may be 0. own : its solution on the case's own mesh,
-    None where it has none. quick (n,) : residual of the quick element that this is counted from.
+    None where it has none. quick (n,) : residual of the quick element that this is counted from, at theta (t,). slope
+    (n, t) : what it changes of the derivative in theta, on the case's own mesh.
     """
 
     every: FloatArray
     own: FineSolution | None
     quick: FloatArray
+    theta: FloatArray
+    slope: FloatArray
 
     @property
     def on_own_mesh(self) -> FloatArray | None:
@@ -67,6 +77,11 @@ class ElementErrors:
     def mean(self) -> FloatArray:
         """Mean (n,) over all meshes, 0 where there is none."""
         return np.asarray(self.every.mean(axis=0)) if len(self.every) else np.zeros(self.every.shape[1])
+
+    @property
+    def correction(self) -> ElementCorrection:
+        """What it adds to the residual."""
+        return ElementCorrection(self.theta, self.mean(), self.slope)
 
     def moved_to(self, model: StateModel, linearisation: Linearisation, element: str) -> ElementErrors:
         """The same at another linearisation, solved on the case's own mesh; other meshes change as much.
@@ -78,9 +93,9 @@ class ElementErrors:
         own = fine_solution(fine_element_model(model, element), PLAIN, linearisation)
         if own is None:
             return self
-        quick = linearisation.residual - model.correction
+        quick = linearisation.residual - model.correction.at(linearisation.theta)
         change = (own.residual - quick) - (self.own.residual - self.quick)
-        return ElementErrors(self.every + change, own, quick)
+        return ElementErrors(self.every + change, own, quick, linearisation.theta, self.slope)
 
 
 def element_errors(
@@ -92,22 +107,27 @@ def element_errors(
 ) -> ElementErrors:
     """Residual of the better element on every mesh, the model's own first, less that of the quick one at
     `linearisation`."""
-    none, quick_residual = np.zeros(model.data.n), linearisation.residual - model.correction
+    theta, none = linearisation.theta, ElementCorrection.none(model.data.n)
+    quick_residual = linearisation.residual - model.correction.at(theta)
+    same = np.zeros_like(linearisation.in_theta)
     if element == QUICK:
-        return ElementErrors(np.zeros((0, len(none))), None, quick_residual)
+        return ElementErrors(np.zeros((0, model.data.n)), None, quick_residual, theta, same)
     own = fine_solution(fine_element_model(model, element), PLAIN, linearisation)
-    own = None if own is None else own.with_responses(model.data)
+    own = None if own is None else own.linearised(model.data, theta)
     residuals = [None if own is None else own.residual]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")
         problem = other.problem(model.plain.problem)
         quick = StateModel(SharedGeometry.of(problem, QUICK, model.geometry), model.data, Composition(problem), none)
-        there = quick.solve(PLAIN, linearisation.theta, NOTHING, None)
+        there = quick.solve(PLAIN, theta, NOTHING, None)
         if there is not None:  # a mesh on which the model has no equilibrium tells nothing
             residuals.append(fine_element_residual(fine_element_model(quick, element), PLAIN, there))
     known = [r for r in residuals if r is not None]
-    every = np.array(known) - quick_residual if known else np.zeros((0, len(none)))
-    return ElementErrors(every, own, quick_residual)
+    every = np.array(known) - quick_residual if known else np.zeros((0, model.data.n))
+    if own is None or own.in_theta is None:
+        return ElementErrors(every, own, quick_residual, theta, same)
+    slope = own.in_theta - (linearisation.in_theta - model.correction.in_theta(theta))
+    return ElementErrors(every, own, quick_residual, theta, slope)
 
 
 def fine_element_model(quick: StateModel, element: str = GOOD) -> StateModel:

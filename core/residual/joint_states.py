@@ -13,6 +13,7 @@ from scipy.linalg import block_diag
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel
 
 
@@ -47,11 +48,15 @@ class JointLinearisation:
         """Derivative (n, t) of the residual in ln G."""
         return np.vstack([p.in_theta for p in self.each])
 
-    def corrected(self, correction: FloatArray) -> JointLinearisation:
-        """The same with a correction (n,) added to the residual."""
+    def corrected(self, before: ElementCorrection, after: ElementCorrection) -> JointLinearisation:
+        """The same with the correction `after` in place of `before`."""
         ends = np.cumsum([len(p.residual) for p in self.each])[:-1]
-        parts = zip(self.each, np.split(correction, ends), strict=True)
-        return JointLinearisation(tuple(replace(p, residual=p.residual + c) for p, c in parts))
+        more = np.split(after.at(self.theta) - before.at(self.theta), ends)
+        steeper = np.split(after.in_theta(self.theta) - before.in_theta(self.theta), ends)
+        parts = zip(self.each, more, steeper, strict=True)
+        return JointLinearisation(
+            tuple(replace(p, residual=p.residual + c, in_theta=p.in_theta + d) for p, c, d in parts)
+        )
 
     def with_phi(self, phi: FloatArray) -> JointLinearisation:
         """The same, as a linearisation of a model with parameters phi (k,)."""
@@ -105,14 +110,14 @@ class JointModel:
         ]
 
     @cached_property
-    def correction(self) -> FloatArray:
-        """Correction (n,) of every residual by the better element."""
-        return np.concatenate([model.correction for model in self.each])
+    def correction(self) -> ElementCorrection:
+        """Correction of all residuals by the better element."""
+        return ElementCorrection.stacked([model.correction for model in self.each])
 
-    def corrected(self, correction: FloatArray) -> JointModel:
-        """The same with another correction (n,)."""
+    def corrected(self, correction: ElementCorrection) -> JointModel:
+        """The same with another correction of all residuals."""
         return JointModel(
-            tuple(replace(b, correction=correction[r]) for b, r in zip(self.each, self.rows, strict=True))
+            tuple(replace(b, correction=correction.of(r)) for b, r in zip(self.each, self.rows, strict=True))
         )
 
     def solve(

@@ -26,6 +26,7 @@ from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import StateData
 from palpate.core.residual.covariance_family import CovarianceFamily
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.known_state import KnownState
@@ -38,6 +39,7 @@ from palpate.core.residual.state_models import joint_model
 
 Arrays = Mapping[str, NDArray[np.generic]]
 _OF_STATE = ("residual", "in_theta", "out_of_balance")
+_OF_CORRECTION = ("theta", "value", "slope")
 _OF_POSTERIOR = ("mean", "covariance", "singular_values", "bounds")
 _OF_GRID = ("edges", "cumulative")
 
@@ -75,7 +77,7 @@ def arrays_of(fit: PlainFit) -> dict[str, NDArray[np.generic]]:
     """For numpy.savez; `restored` is the inverse."""
     out: dict[str, NDArray[np.generic]] = {
         "theta": fit.linearisation.theta,
-        "mesh": fit.mesh,
+        **{f"correction/{key}": getattr(fit.model.correction, key) for key in _OF_CORRECTION},
         "weights": fit.weighting.covariance,
         "noise/matrices": fit.noise.covariances.matrices,
         "noise/coefficients": fit.noise.covariances.coefficients,
@@ -117,15 +119,14 @@ def restored(
     scalars = typed(stated, _Scalars, "a kept fit", "")
     states = [_under(arrays, _prefix(k)) for k in range(len(pairs))]
     model = joint_model(pairs, options, walls, how, [KnownState.from_arrays(state) for state in states])
-    mesh, theta = _floats(arrays, "mesh"), _floats(arrays, "theta")
-    model = model.corrected(mesh)
+    theta = _floats(arrays, "theta")
+    model = model.corrected(ElementCorrection(*(_floats(arrays, f"correction/{key}") for key in _OF_CORRECTION)))
     parts = zip(model.each, states, scalars.outcomes, strict=True)
     here = JointLinearisation(tuple(_linearisation(one, state, theta, outcome) for one, state, outcome in parts))
     covariances = CovarianceFamily(_floats(arrays, "noise/matrices"), _floats(arrays, "noise/coefficients"))
     return PlainFit(
         model=model,
         linearisation=here,
-        mesh=mesh,
         on_own_mesh=_floats(arrays, "on_own_mesh") if "on_own_mesh" in arrays else None,
         meshes=scalars.meshes,
         scatter_mm=float("nan") if scalars.scatter_mm is None else scalars.scatter_mm,

@@ -18,6 +18,7 @@ from palpate.core.forward.effect import Effect, Variant
 from palpate.core.forward.scene_parts import prolonged
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 
 # Rounds in which walls find their place: from rest, and from a neighbour's equilibrium.
 _FROM_AFAR, _FROM_NEARBY = 8, 2
@@ -52,7 +53,7 @@ NOTHING = np.zeros(0)
 class Linearisation:
     """A model solved in one deformed state, and linearised there.
 
-    residual (n,) : with the better element's correction. in_theta (n, t) : its derivative in ln G. out_of_balance
+    residual (n,) : with the better element's correction. in_theta (n, t) : its derivative in ln G, likewise. out_of_balance
     (kept,) : residual forces at the end of Newton's iteration.
     """
 
@@ -95,14 +96,14 @@ class SolveCount:
 class StateModel:
     """Model of one deformed state, to be solved for any hypothesis.
 
-    plain : the composition without an effect. correction : (n,) what the better element adds to every residual. only :
-    the one scene that there is on a boundary that takes no composition (`contact-force`), None otherwise.
+    plain : the composition without an effect. correction : what the better element adds to every residual. only : the one
+    scene that there is on a boundary that takes no composition (`contact-force`), None otherwise.
     """
 
     geometry: SharedGeometry
     data: DataVector
     plain: Composition
-    correction: FloatArray
+    correction: ElementCorrection
     only: CompositionScene | None = None
     count: SolveCount = field(default_factory=SolveCount)
 
@@ -129,9 +130,9 @@ class StateModel:
         self.count.add(equilibrium)
         if not equilibrium.converged:
             return None
-        residual = self.data.residual(scene, equilibrium.u) + self.correction
+        residual = self.data.residual(scene, equilibrium.u) + self.correction.at(theta)
         sensitivities = scene.displacement_sensitivities(theta, equilibrium)
-        in_theta = self.data.in_theta(scene, theta, equilibrium, sensitivities)
+        in_theta = self.data.in_theta(scene, theta, equilibrium, sensitivities) + self.correction.in_theta(theta)
         imbalance = out_of_balance(scene.assembler, State(equilibrium.u, equilibrium.p))
         return Linearisation(theta, phi, scene, equilibrium, residual, in_theta, imbalance)
 
@@ -158,13 +159,13 @@ class StateModel:
         u = carried(at, scene)
         scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
         moved = newton_step(at, scene, u)
-        after = self.data.residual(scene, u + moved) + self.correction
+        after = self.data.residual(scene, u + moved) + self.correction.at(at.theta)
         if scene.space.n_nodes == at.scene.space.n_nodes:
             return after - at.residual
         # Cutting the mesh open moves it a little by itself: count from the cut mesh held together.
         scene = CompositionScene(self.geometry, hypothesis.composition(self.plain, at.phi + _TIED * step))
         scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
-        return after - self.data.residual(scene, u + newton_step(at, scene, u)) - self.correction
+        return after - self.data.residual(scene, u + newton_step(at, scene, u)) - self.correction.at(at.theta)
 
 
 def carried(at: Linearisation, scene: CompositionScene) -> FloatArray:

@@ -20,6 +20,7 @@ from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import StateData
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.element_error import ElementErrors, FineSolution, element_errors, scatter_mm
 from palpate.core.residual.exploration import posterior_of
 from palpate.core.residual.fit_options import FitOptions
@@ -45,16 +46,15 @@ FurtherErrors = Callable[[JointModel, JointLinearisation], FloatArray]
 class PlainFit:
     """The plain model where it fits best.
 
-    model : of all deformed states. linearisation : at the best fit of the quick element, residuals corrected. mesh (n,)
-    : mm that the better element changes, the mean over all `meshes` on which it was solved (the fewest of any state), 0
-    for none. on_own_mesh (n,) : mm that it changes on the case's own mesh, None where it has no equilibrium. scatter_mm :
-    rms along the surface of one mesh about that mean in the first state, NaN for one mesh. noise : all sizes that it may
+    model : of all deformed states. linearisation : at the best fit of the quick element, residuals corrected by
+    the mean of what the better element changes on `meshes` (the fewest of any state). on_own_mesh (n,) : mm that it
+    changes on the case's own mesh, None where it has no equilibrium. scatter_mm : rms along the surface of one mesh about
+    that mean in the first state, NaN for one mesh. noise : all sizes that it may
     have. sizes : estimated ones. weighting : of the data vector. posterior : of theta.
     """
 
     model: JointModel
     linearisation: JointLinearisation
-    mesh: FloatArray
     on_own_mesh: FloatArray | None
     meshes: int
     scatter_mm: float
@@ -163,7 +163,6 @@ def fit_plain(
     return FoundFit(
         model=model,
         linearisation=here,
-        mesh=np.concatenate([e.mean() for e in errors]),
         on_own_mesh=_on_own_mesh(errors),
         meshes=min(map(len, differences)),
         scatter_mm=scatter_mm(differences[0], model.first.data),
@@ -202,8 +201,8 @@ def _corrected(
     model: JointModel, linearisation: JointLinearisation, errors: Sequence[ElementErrors]
 ) -> tuple[JointModel, JointLinearisation]:
     """Model and linearisation with the better element's correction in place of the one they had."""
-    mesh = np.concatenate([e.mean() for e in errors])
-    return model.corrected(mesh), linearisation.corrected(mesh - model.correction)
+    correction = ElementCorrection.stacked([e.correction for e in errors])
+    return model.corrected(correction), linearisation.corrected(model.correction, correction)
 
 
 def _noise(

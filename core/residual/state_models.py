@@ -16,6 +16,7 @@ from palpate.core.observe.bone_registration import BoneRegistration
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import IdentificationProblem, StateData, SurfacePair
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.fit_options import QUICK, FitOptions
 from palpate.core.residual.joint_states import JointModel
 from palpate.core.residual.known_state import KnownState
@@ -43,7 +44,8 @@ def joint_model(
             data = DataVector.of(observation, _registration(problem, bones, options), options)
         else:
             data = found.data(observation)
-        each.append(StateModel(geometry, data, Composition(problem, state=k), np.zeros(data.n), only, count))
+        none = ElementCorrection.none(data.n)
+        each.append(StateModel(geometry, data, Composition(problem, state=k), none, only, count))
     return JointModel(tuple(each))
 
 

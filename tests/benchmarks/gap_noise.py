@@ -100,7 +100,9 @@ def _parts(fit: PlainFit) -> NoiseParts:
 
 def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: FloatArray) -> float:
     """Of the residual, whatever the contours' noise."""
-    grid = NoiseGrid.of(parts, sizes, np.hstack([sizes.mesh * fit.mesh[:, None], sizes.model * forces]))
+    grid = NoiseGrid.of(
+        parts, sizes, np.hstack([sizes.mesh * fit.model.correction.value[:, None], sizes.model * forces])
+    )
     none = np.zeros((fit.model.n,) * 2)
     return float(
         logsumexp(grid.log_likelihood(fit.linearisation.residual, fit.linearisation.in_theta, none) + grid.log_prior)

@@ -26,6 +26,7 @@ from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.fit_options import GOOD, QUICK
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, StateModel
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
@@ -73,7 +74,7 @@ def moves(problem: IdentificationProblem, theta: FloatArray) -> dict[str, FloatA
         for element in (GOOD, QUICK):
             geometry = SharedGeometry.of(problem, element, walls=how)
             data = DataVector.of(geometry.observation, None, options)
-            model = StateModel(geometry, data, Composition(problem), np.zeros(data.n))
+            model = StateModel(geometry, data, Composition(problem), ElementCorrection.none(data.n))
             at = model.solve(PLAIN, theta, NOTHING, None)
             if at is None:
                 raise ConvergenceError(f"the plain model has no equilibrium ({walls}, {element})")

@@ -21,6 +21,7 @@ from palpate.core.errors import ConvergenceError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.linearised_model import NOTHING, PLAIN, StateModel
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.worker.executors import one_thread
@@ -50,7 +51,9 @@ def error_mm(data: Path, name: str, element: str) -> float:
     geometry = SharedGeometry.of(problem, element)
     vector = DataVector.of(geometry.observation, None, NoiseModelOptions())
     theta = np.log([truth["true_G_kpa"][label] for label in ("1", "2")])
-    point = StateModel(geometry, vector, Composition(problem), np.zeros(vector.n)).solve(PLAIN, theta, NOTHING, None)
+    point = StateModel(geometry, vector, Composition(problem), ElementCorrection.none(vector.n)).solve(
+        PLAIN, theta, NOTHING, None
+    )
     if point is None:
         raise ConvergenceError(f"{name}: the plain model has no equilibrium at the true stiffness")
     with np.load(data / "answers" / f"{name}_surface.npz", allow_pickle=False) as surface:

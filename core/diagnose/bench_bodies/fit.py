@@ -63,7 +63,6 @@ class BodyFit:
             fit,
             model=model,
             linearisation=here,
-            mesh=fit.mesh[rows],
             noise=NoiseGrid.known(covariance, self.options.noise_model),
             weighting=Weighting(covariance),
             posterior=_normal(model, here, Weighting(covariance)),
@@ -105,7 +104,6 @@ def fit_body(
     plain = PlainFit(
         model,
         here,
-        np.zeros(model.n),
         None,
         1,
         float("nan"),

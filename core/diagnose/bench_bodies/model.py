@@ -23,6 +23,7 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.observe.motion_observation import MotionObservation
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.observe.wall_motion_options import WallMotionOptions
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
 from palpate.core.residual.linearised_model import Hypothesis, SolveCount, StateModel
 from palpate.core.surfaces.distance_field import SignedDistanceField
@@ -69,7 +70,8 @@ def state_model(
     data = MarkerData.on(problem, state, geometry.space, common)
     patches = tuple(Patch(p.faces, p.facts.displacement_mm) for p in problem.patches_in(state))
     plain = Composition(problem.shell, load=_loads(problem, state), patches=patches, state=state, on_bench=True)
-    return BenchModel(geometry, data, plain, np.zeros(data.n), count=count or SolveCount())
+    none = ElementCorrection.none(data.n)
+    return BenchModel(geometry, data, plain, none, count=count or SolveCount())
 
 
 def _geometry(problem: BodyProblem, element: str) -> SharedGeometry:

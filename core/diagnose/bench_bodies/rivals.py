@@ -20,6 +20,7 @@ from palpate.core.diagnose.refit.variants import of_all
 from palpate.core.inference.evidence import score
 from palpate.core.inference.heldout import Linear
 from palpate.core.inference.posterior import prior_precision
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.optimum import best_of
@@ -160,7 +161,7 @@ def _predicted(base: BodyFit, screened: Screened, one: Refit, state: int) -> Cal
     def make() -> FloatArray:
         rest = base.without(state)
         start = replace(one, linearisation=without_state(one.linearisation, state))
-        again = refit_corrected(rest, screened, start, np.zeros(rest.model.n), _TOLERANCE)
+        again = refit_corrected(rest, screened, start, ElementCorrection.none(rest.model.n), _TOLERANCE)
         if again is None:
             return np.array([np.inf])
         theta, phi, near = again.linearisation.theta, again.phi, one.linearisation.each[state]
@@ -242,7 +243,7 @@ def _beside(fit: PlainFit, named: Rival, other: Rival) -> Screened:
 
 def _kept_pair(fit: PlainFit, pair: Screened, start: Refit, kept: KeptWork) -> Refit | None:
     def make() -> JointLinearisation | None:
-        made = refit_corrected(fit, pair, start, np.zeros(fit.model.n), _TOLERANCE)
+        made = refit_corrected(fit, pair, start, ElementCorrection.none(fit.model.n), _TOLERANCE)
         return None if made is None else made.linearisation
 
     place = kept.place(f"refit/{pair.effect.id}", make)

@@ -62,5 +62,6 @@ def _with_own_element_error(
     if len(solved) < len(residuals):
         return None
     # Other meshes, where there are any, err on the effect as they do on the plain model.
-    own = np.concatenate(solved) - (refit.linearisation.residual - refit.correction)
-    return refit_corrected(fit, screened, refit, fit.model.correction + own - of_plain)
+    theta, before = refit.linearisation.theta, fit.model.correction
+    own = np.concatenate(solved) - (refit.linearisation.residual - refit.correction.at(theta))
+    return refit_corrected(fit, screened, refit, before.with_value(before.value + own - of_plain, theta))

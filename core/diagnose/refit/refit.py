@@ -11,6 +11,7 @@ from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.evidence import allowed
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.inference.posterior import prior_precision
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.plain_fit import PlainFit
@@ -26,8 +27,8 @@ class Refit:
 
     point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi). own_evidence :
     log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
-    log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction (n,) : what a better
-    element adds to its residual. others : variants that were refitted too.
+    log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction : what a better element adds to
+    its residual. others : variants that were refitted too.
     """
 
     hypothesis: Hypothesis
@@ -36,7 +37,7 @@ class Refit:
     covariance: FloatArray
     own_evidence: float
     log_evidence: float
-    correction: FloatArray
+    correction: ElementCorrection
     others: tuple[Refit, ...] = ()
 
     @property
@@ -57,9 +58,9 @@ def refit(fit: PlainFit, screened: Screened, which: int = 0, tolerance: float = 
 
 
 def refit_corrected(
-    fit: PlainFit, screened: Screened, uncorrected: Refit, correction: FloatArray, tolerance: float = _TOLERANCE
+    fit: PlainFit, screened: Screened, uncorrected: Refit, correction: ElementCorrection, tolerance: float = _TOLERANCE
 ) -> Refit | None:
-    """Refit of one variant, started from `uncorrected`, with another correction (n,) mm of the quick element.
+    """Refit of one variant, started from `uncorrected`, with another correction of the quick element.
 
     None when the model with the effect cannot be solved.
     """

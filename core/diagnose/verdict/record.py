@@ -121,7 +121,7 @@ def _maps(diagnosis: Diagnosis, state: int, discrepancy: DiscrepancyMaps) -> dic
     for name, (points, correction) in models.items():
         linearisation = points.each[state]
         out[f"predicted/{name}"] = _predicted(linearisation)
-        out[f"correction/{name}"] = data.modes @ correction[rows][: data.n_modes]
+        out[f"correction/{name}"] = data.modes @ correction.at(linearisation.theta)[rows][: data.n_modes]
         out[f"offset/{name}"] = np.array([linearisation.scene.composition.observation])
     return out | {
         "points": discrepancy.points,
@@ -240,7 +240,8 @@ def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
     at = diagnosis.fit.model.surface
     changed = float(
         np.sqrt(
-            (diagnosis.fit.mesh[at] ** 2).sum() / (len(diagnosis.discrepancy.points) * len(diagnosis.fit.model.each))
+            (diagnosis.fit.model.correction.value[at] ** 2).sum()
+            / (len(diagnosis.discrepancy.points) * len(diagnosis.fit.model.each))
         )
     )
     if changed > rules.coarse_mm:

@@ -176,7 +176,8 @@ class _Body:
         self.scene, self.patches, self._scale = scene, patches, fit.posterior.scale
         # At the fit the residual is the fit's own, whatever element solves for the map.
         data, linearisation = fit.model.data_vectors[0], fit.linearisation.first
-        self._misfit = Misfit.of(fit).first(linearisation.residual - data.residual(scene, equilibrium.u))
+        self._misfit = Misfit.of(fit).first
+        self._correction = linearisation.residual - data.residual(scene, equilibrium.u)
         facts = scene.problem.facts
         self._unit = mooney_rivlin_parameters(1.0, bulk_modulus(1.0, facts.organ_poisson_ratio), 0.5)
         regions = scene.problem.mesh.regions[patches.cells]
@@ -192,7 +193,9 @@ class _Body:
         )
         if not equilibrium.converged:
             return None
-        return _Solved(equilibrium, self._misfit.residual([self._points @ equilibrium.u]) / self._scale)
+        return _Solved(
+            equilibrium, self._misfit.residual([self._points @ equilibrium.u], self._correction) / self._scale
+        )
 
     @property
     def _points(self) -> sp.csr_matrix:

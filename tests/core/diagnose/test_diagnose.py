@@ -118,7 +118,7 @@ def test_a_better_element_without_an_equilibrium_is_allowed_for_and_said(
     monkeypatch.setattr(element_error, "fine_solution", lambda *_: None)
     found = diagnosed(posed, 0.0)
     assert found.fit.meshes == 0
-    assert not found.fit.mesh.any()
+    assert not found.fit.model.correction.value.any()
     assert any("no better element" in flag for flag in plain(record(found, "hard"))["flags"])
     k = found.fit.model.first.data.n_modes
     assert np.trace(found.fit.weighting.covariance[:k, :k]) > np.trace(none.fit.weighting.covariance[:k, :k])
@@ -294,7 +294,7 @@ def test_leading_effects_have_the_quick_element_s_error_of_their_own(posed) -> N
     better_one = fine_element_residual(fine_element_model(found.fit.model.first), fitted.hypothesis, at)
     assert better_one is not None
     off = [
-        np.linalg.norm(at.residual - fitted.correction + c - better_one)
+        np.linalg.norm(at.residual - fitted.correction.at(at.theta) + c.at(at.theta) - better_one)
         for c in (fitted.correction, found.fit.model.correction)
     ]
     assert off[0] < 0.2 * off[1]
@@ -306,7 +306,8 @@ def test_a_mesh_too_coarse_for_the_deformation_is_flagged(none: Diagnosis) -> No
     assert not any("too coarse" in flag for flag in plain(record(none, "a case"))["flags"])
     much = np.zeros(none.fit.model.first.data.n)
     much[0] = 0.5 * np.sqrt(len(none.discrepancy.points))
-    coarse = replace(none, fit=replace(none.fit, mesh=much))
+    correction = none.fit.model.correction.with_value(much, none.fit.linearisation.theta)
+    coarse = replace(none, fit=replace(none.fit, model=none.fit.model.corrected(correction)))
     assert any("by 0.50 mm" in flag and "too coarse" in flag for flag in plain(record(coarse, "a case"))["flags"])
 
 

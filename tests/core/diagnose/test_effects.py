@@ -25,6 +25,7 @@ from palpate.core.laws import LINEAR, MOONEY_RIVLIN
 from palpate.core.laws.fibre import with_fibres
 from palpate.core.laws.grown import grown
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.linearised_model import PLAIN, Hypothesis, Linearisation, StateModel
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.validate.forward.random_scenes import random_deformation_gradients
@@ -57,7 +58,7 @@ def model() -> StateModel:
     posed = replace(posed, boundary=boundary, walls={"rectum": rectum, "bladder": rectum})
     geometry = SharedGeometry.of(posed, "p1p1")
     data = DataVector.of(geometry.observation, None, NoiseModelOptions())
-    return StateModel(geometry, data, Composition(posed), np.zeros(data.n))
+    return StateModel(geometry, data, Composition(posed), ElementCorrection.none(data.n))
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from palpate.core.observe.motion_observation import MotionObservation
 from palpate.core.observe.motion_rows import MotionRows, mode_reader
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes, response_to_held
 from palpate.core.residual.linearised_model import PLAIN, Linearisation, StateModel
 from palpate.core.residual.noise_covariance import NoiseParts
@@ -50,7 +51,7 @@ def posed() -> IdentificationProblem:
 def model(posed: IdentificationProblem) -> StateModel:
     geometry = SharedGeometry.of(posed, "p1p1")
     data = DataVector.of(geometry.observation, None, NoiseModelOptions())
-    return StateModel(geometry, data, Composition(posed), np.zeros(data.n))
+    return StateModel(geometry, data, Composition(posed), ElementCorrection.none(data.n))
 
 
 @pytest.fixture(scope="module")
