@@ -54,7 +54,6 @@ def test_the_corrected_residual_changes_as_the_better_elements(model: StateModel
         assert without > 0.05 * np.linalg.norm(change)
 
 
-
 def test_derivative_and_ends_of_a_correction() -> None:
     rng = np.random.default_rng(5)
     one = ElementCorrection(np.array([1.0, 2.0]), rng.normal(size=4), rng.normal(size=(4, 2)))
