@@ -98,10 +98,6 @@ class DataVector:
                 parts.append(self.bone.residual(composition.bone_motion))
         return np.concatenate(parts)
 
-    def surface_residual(self, scene: CompositionScene, u: FloatArray) -> FloatArray:
-        """Predicted minus observed distance (q,) mm along the normal, at every point."""
-        return scene.observation.residual(scene.seen(u)) + scene.composition.observation
-
     def response(self, scene: CompositionScene, u: FloatArray, moves: FloatArray) -> FloatArray:
         """Change (n, r) of the residual for changes of displacement `moves` (r, nodes, 3) mm at u (nodes, 3) mm."""
         every = scene.observation.all_points

@@ -45,12 +45,15 @@ class FineSolution:
     responses: ContourResponses | None = None
     in_theta: FloatArray | None = None
 
-    def linearised(self, data: DataVector, theta: FloatArray) -> FineSolution:
-        """The same with what errors of the contours and ln G do to the data, at its own theta (t,)."""
+    def linearised(self, data: DataVector, theta: FloatArray, contours: bool = False) -> FineSolution:
+        """The same with what ln G does to the data, at its own theta (t,), and errors of the contours if asked for.
+
+        Precondition: its scene was the last that its assembler solved.
+        """
         tangent = Tangent(self.scene.assembler, self.state)
         moves = direct(tangent, self.scene.directions(theta))
         in_theta = data.response(self.scene, self.state.u, moves)
-        responses = ContourResponses.of(self.scene, data, self.state.u, tangent)
+        responses = ContourResponses.of(self.scene, data, self.state.u, tangent) if contours else None
         return replace(self, responses=responses, in_theta=in_theta)
 
 
@@ -60,7 +63,7 @@ class ElementErrors:
 
     every (M, n) : on each mesh on which it has an equilibrium; M may be 0. own : its solution on the case's own mesh,
     None where it has none. quick (n,) : residual of the quick element that this is counted from, at theta (t,). slope
-    (n, t) : what it changes of the derivative in theta, on the case's own mesh.
+    (n, t) : what it changes of the derivative in theta there, on the case's own mesh.
     """
 
     every: FloatArray
@@ -93,9 +96,10 @@ class ElementErrors:
         own = fine_solution(fine_element_model(model, element), PLAIN, linearisation)
         if own is None:
             return self
+        own = own.linearised(model.data, linearisation.theta)
         quick = linearisation.residual - model.correction.at(linearisation.theta)
         change = (own.residual - quick) - (self.own.residual - self.quick)
-        return ElementErrors(self.every + change, own, quick, linearisation.theta, self.slope)
+        return ElementErrors(self.every + change, own, quick, linearisation.theta, _slope(own, model, linearisation))
 
 
 def element_errors(
@@ -113,7 +117,7 @@ def element_errors(
     if element == QUICK:
         return ElementErrors(np.zeros((0, model.data.n)), None, quick_residual, theta, same)
     own = fine_solution(fine_element_model(model, element), PLAIN, linearisation)
-    own = None if own is None else own.linearised(model.data, theta)
+    own = None if own is None else own.linearised(model.data, theta, contours=True)
     residuals = [None if own is None else own.residual]
     for k, other in enumerate(remeshed):
         progress((k + 1) / (len(remeshed) + 1), f"plain model: mesh {k + 2}")
@@ -124,10 +128,14 @@ def element_errors(
             residuals.append(fine_element_residual(fine_element_model(quick, element), PLAIN, there))
     known = [r for r in residuals if r is not None]
     every = np.array(known) - quick_residual if known else np.zeros((0, model.data.n))
-    if own is None or own.in_theta is None:
-        return ElementErrors(every, own, quick_residual, theta, same)
-    slope = own.in_theta - (linearisation.in_theta - model.correction.in_theta(theta))
+    slope = same if own is None else _slope(own, model, linearisation)
     return ElementErrors(every, own, quick_residual, theta, slope)
+
+
+def _slope(own: FineSolution, model: StateModel, linearisation: Linearisation) -> FloatArray:
+    """What the better element changes (n, t) of the quick one's derivative in theta."""
+    assert own.in_theta is not None
+    return own.in_theta - (linearisation.in_theta - model.correction.in_theta(linearisation.theta))
 
 
 def fine_element_model(quick: StateModel, element: str = GOOD) -> StateModel:

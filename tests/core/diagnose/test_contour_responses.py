@@ -49,7 +49,7 @@ def test_the_data_move_as_the_better_element_foretells() -> None:
     other = replace(other, geometry=replace(other.geometry, motions=model.geometry.motions))
     change = solved(other).residual - better.residual
 
-    responses = better.linearised(model.data, THETA).responses
+    responses = better.linearised(model.data, THETA, contours=True).responses
     assert responses is not None
     wall = better.scene.walls[0]
     told = responses.contours[WALL].response @ bump(wall.rest + wall.points.displacements(better.state.u), centre)
