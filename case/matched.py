@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.meshed import ORGAN_NAME
+from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError
 from palpate.core.matched_motion import MatchedMotion
 
@@ -12,6 +14,14 @@ FILE = "matched_motion.npz"
 def has_both_scans(case: CaseFolder) -> bool:
     """Whether the case holds the CTs of both states."""
     return all(case.has(f"{state}_ct") for state in ("rest", "deformed"))
+
+
+def wants_image(case: CaseFolder, asked: bool | None) -> bool:
+    """Whether a fit uses the motion that the images tell: as asked for; where nobody did (None), of a prostate that was drawn
+    in one scan only and carried over by the images. Raises InputError when surface_errors.npz is damaged."""
+    if asked is not None:
+        return asked
+    return has_both_scans(case) and StatedErrors(case).one_drawing(ORGAN_NAME)
 
 
 def read_matched_motion(case: CaseFolder) -> MatchedMotion | None:

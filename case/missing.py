@@ -22,21 +22,29 @@ CARRIED_OVER = (
     "contours of the prostate that were drawn in both scans: those of one scan were carried over by what the images show, and where these "
     "show little they follow the walls as soft tissue would. Correct them; until then the stiffness comes out too low"
 )
+# The same where the fit stands on the images themselves.
+CARRIED_BY_IMAGES = (
+    "contours of the prostate that were drawn in both scans: the stiffness stands on what the images show about the prostate, and its "
+    "interval is wide. Contours in the other scan would narrow it"
+)
 _WALLS = {"rectum": RECTUM, "bladder": BLADDER}
 _SCANS = {"rest": "the scan at rest", "deformed": "the deformed scan"}
 
 
-def missing_structures(case: CaseFolder) -> list[str]:
+def missing_structures(case: CaseFolder, image: bool = False) -> list[str]:
     """What the labels of a case lack for a stiffness to be believed, one line each: rectum or bladder in a scan, part of the
-    prostate beyond a scan's end. Nothing for a case without labels of both states.
+    prostate beyond a scan's end. Nothing for a case without labels of both states. image : whether the motion that the images tell
+    is used.
 
     Raises InputError when a label volume cannot be read.
     """
     if not all(case.has_labels(state) for state in STATES):
         return []
     volumes = {state: case.labels(state) for state in STATES}
-    lines = [CARRIED_OVER] if StatedErrors(case).one_drawing(ORGAN_NAME) else []
-    lines += rough_contours(case)
+    if StatedErrors(case).one_drawing(ORGAN_NAME):
+        lines = [CARRIED_BY_IMAGES] if image else [CARRIED_OVER, *rough_contours(case)]
+    else:
+        lines = rough_contours(case)
     lines += [line for name, label in _WALLS.items() if (line := _absent(case, volumes, name, label))]
     return lines + [
         f"the prostate reaches the end of {_SCANS[state]}: part of it may not be seen"

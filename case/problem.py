@@ -32,7 +32,8 @@ _ORGAN = (1, 2)
 def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
     """Problem of the first deformed state: mesh, walls, organ surfaces and landmarks, all in the rest frame, mm.
 
-    image : with the motion that the images tell, where the match step has found it.
+    image : with the motion that the images tell, where the match step has found it. A prostate that was carried over to the
+    deformed scan is no datum beside it.
 
     Raises InputError when an earlier step has not been run, or when a state shows no organ.
     """
@@ -49,6 +50,7 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
     if marks is not None and offset is not None:
         marks = replace(marks, deformed=offset.back(marks.deformed))
     landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
+    matched = read_matched_motion(case) if image else None
     return IdentificationProblem(
         meshed.mesh,
         meshed.boundary,
@@ -57,7 +59,8 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
         facts_of(case),
         {r: LABELS[r] for r in present},
         landmarks,
-        read_matched_motion(case) if image else None,
+        matched,
+        matched is None or not errors.one_drawing(ORGAN_NAME),
     )
 
 
@@ -76,7 +79,7 @@ def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[Ident
         found = replace(found, voxel_errors=organ_voxel_errors(labels, found.points))
         organ = SurfacePair(first.organ.rest, found)
         landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
-        problems.append(replace(first, walls=walls, organ=organ, landmarks=landmarks, matched=None))
+        problems.append(replace(first, walls=walls, organ=organ, landmarks=landmarks, matched=None, organ_drawn=True))
     return problems
 
 

@@ -67,7 +67,8 @@ class IdentificationProblem:
     mesh : regions 3 (tissue) and the organ's. boundary : "bone", "outer", "bladder", "rectum" -> faces (f, 3) of the
     mesh. walls : of the hollow organs, by name. organ : outer surface of the organ, faces marked by region. landmarks :
     (k, 6) mm, rest and deformed position of interior points, or (0, 6). region_names : organ region id -> label name.
-    matched : motion that the two images tell, None without images.
+    matched : motion that the two images tell, None without images. organ_drawn : whether the organ's deformed surface was drawn, and
+    is data; one that follows from the images alone is none, for the motion that they tell counts once.
     """
 
     mesh: TetMesh
@@ -78,6 +79,7 @@ class IdentificationProblem:
     region_names: Mapping[int, str]
     landmarks: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
     matched: MatchedMotion | None = None
+    organ_drawn: bool = True
 
     @property
     def regions(self) -> tuple[int, ...]:
@@ -114,6 +116,8 @@ class IdentificationProblem:
         if self.matched is not None:
             out |= {f"matched/{key}": values for key, values in self.matched.arrays().items()}
         scalars = {"format": FORMAT, "facts": self.facts.__dict__, "region_names": dict(self.region_names)}
+        if not self.organ_drawn:
+            scalars["organ_drawn"] = False
         out["scalars"] = np.frombuffer(json.dumps(scalars).encode(), dtype=np.uint8)
         return out
 
@@ -134,6 +138,7 @@ class IdentificationProblem:
             region_names={int(k): v for k, v in scalars["region_names"].items()},
             landmarks=np.asarray(data["landmarks"], dtype=float),
             matched=_matched(data),
+            organ_drawn=bool(scalars.get("organ_drawn", True)),
         )
 
     @classmethod

@@ -14,6 +14,7 @@ from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import state_rigid_offset
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
+from palpate.case.matched import wants_image
 from palpate.case.meshed import rigid_offset_of
 from palpate.case.missing import missing_structures
 from palpate.case.stated_files import further_states, is_body
@@ -44,14 +45,14 @@ class DiagnoseOptions:
     over.
 
     numbers : noise model, wall motion and decision rules. image : use the motion that the two CTs' images tell, where
-    the case has both.
+    the case has both; None leaves it to the case (`case.matched.wants_image`).
     """
 
     effects: Path | None = None
     seed: int = 1
     meshes: int = 1
     numbers: DiagnosisOptions = field(default_factory=DiagnosisOptions)
-    image: bool = False
+    image: bool | None = None
 
 
 def run(
@@ -73,7 +74,8 @@ def run(
     chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes, "inference": INFERENCE}
     if options.numbers != DiagnosisOptions():
         chosen["numbers"] = options.numbers.to_json()
-    if options.image and not body:
+    image = not body and wants_image(case, options.image)
+    if image:
         chosen["image"] = True
         match.run(case, progress=part(progress, 0.2, 0.3))
     made_from = DIAGNOSE.made_from(case, chosen)
@@ -84,10 +86,10 @@ def run(
         given = body_problem(case).arrays()
     else:
         others = remeshed(case, options.meshes - 1, part(progress, 0.3, 0.4))
-        given = arrays(replace(data_of(case, options.image), remeshed=others))
+        given = arrays(replace(data_of(case, image), remeshed=others))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    notes = [] if body else [*missing_structures(case), *rigid_offset_notes(case)]
+    notes = [] if body else [*missing_structures(case, image), *rigid_offset_notes(case)]
     record = _of_case(case, typed(answer, DiagnosisRecord, "the worker's answer", ""), notes)
     case.write_json(DIAGNOSIS, record)
     DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, record.where.map))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib import metadata
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
 from palpate.case.matched import FILE as MATCHED
+from palpate.case.matched import wants_image
 from palpate.case.missing import at_bounds, missing_structures
 from palpate.case.problem import noise_source
 from palpate.case.steps import match, mesh
@@ -56,6 +57,7 @@ def run(
     options = options or IdentifyOptions()
     if not case.has("mesh.json"):
         mesh.run(case, progress=part(progress, 0.0, 0.1))
+    options = replace(options, image=wants_image(case, options.image))
     chosen = {k: v for k, v in asdict(options).items() if k not in ("workers", "image")} | {"inference": INFERENCE}
     if options.image:
         match.run(case, progress=part(progress, 0.0, 0.1))
@@ -64,16 +66,16 @@ def run(
     if IDENTIFY.is_done(case, made_from):
         return read_result(case)
     folder = case.file("identify")
-    paths = _write_problems(case, folder, options.image)
+    paths = _write_problems(case, folder, bool(options.image))
     answer = do_job(_job(case, options, paths), lambda m: _tell(m, progress))
-    result = _of_case(case, typed(answer, IdentificationRecord, "the worker's answer", ""))
+    result = _of_case(case, typed(answer, IdentificationRecord, "the worker's answer", ""), bool(options.image))
     case.write_json("result.json", result)
     IDENTIFY.mark_done(case, made_from)
     progress(1.0, "stiffness found")
     return result
 
 
-def _of_case(case: CaseFolder, record: IdentificationRecord) -> ResultRecord:
+def _of_case(case: CaseFolder, record: IdentificationRecord, image: bool) -> ResultRecord:
     """The job's record completed by the case: versions, hashes of inputs, source of the contours' noise."""
     fields = {name: getattr(record, name) for name in record.__struct_fields__}
     misfit = msgspec.structs.replace(record.misfit, contour_noise_from=noise_source(case))
@@ -82,7 +84,7 @@ def _of_case(case: CaseFolder, record: IdentificationRecord) -> ResultRecord:
         versions=versions(),
         inputs_sha256=_input_hashes(case),
         simulated=True if case.facts.other.get("simulated") else UNSET,
-        missing=[*missing_structures(case), *at_bounds(record.parameters)],
+        missing=[*missing_structures(case, image), *at_bounds(record.parameters)],
         contour_errors_mm=StatedErrors(case).rms_mm() or UNSET,
     )
 

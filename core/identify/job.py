@@ -79,7 +79,7 @@ def _untold(problem: IdentificationProblem) -> NoInformation | None:
     pair = rigid_pair(problem)
     if pair.nothing_deformed:
         return moved_as_a_whole(problem, pair)
-    rough = contours_tell_nothing(problem, pair)
+    rough = contours_tell_nothing(problem, pair) if problem.organ_drawn else None
     if rough is not None:
         return rough
     return moved_by_its_surface(problem) if surface_is_all(problem) else None

@@ -21,7 +21,8 @@ class IdentifyOptions:
     reduced model where its own error estimate allows. stiffness_map : also map the stiffness within the organ (boundary "coupled" only).
     uneven : do not take regions for uniform: what a focus within one does at the surface counts as an error.
     split_mu : look for mu1 and mu2 of every region apart, instead of mu1 = mu2.
-    image : use, beside the contours, the motion that the two CTs' images tell, where the case has both.
+    image : use, beside the contours, the motion that the two CTs' images tell, where the case has both; None leaves it to the case
+    (`case.matched.wants_image`).
     Raises InputError for values out of range.
     """
 
@@ -37,7 +38,7 @@ class IdentifyOptions:
     stiffness_map: bool = True
     split_mu: bool = False
     uneven: bool = False
-    image: bool = False
+    image: bool | None = None
 
     def __post_init__(self) -> None:
         for name, value, allowed in (

@@ -24,8 +24,10 @@ from palpate.core.residual.noise_model_options import NoiseModelOptions
 
 @dataclass(frozen=True, eq=False)
 class DataVector:
-    """What one deformed state shows. modes (q, k) : orthonormal. n_marks : landmarks. bone : None where no bones are
-    seen. motion_covariance (m, m) : of the modes of the motion that the images tell, none without images."""
+    """What one deformed state shows. modes (q, k) : orthonormal, none where nobody drew the organ there. n_marks : landmarks.
+
+    bone : None where no bones are seen. motion_covariance (m, m) : of the modes of the motion that the images tell, none
+    without images."""
 
     modes: FloatArray
     n_marks: int
@@ -34,11 +36,15 @@ class DataVector:
 
     @classmethod
     def of(
-        cls, observation: SurfaceObservation, bone: BoneRegistration | None, options: NoiseModelOptions
+        cls,
+        observation: SurfaceObservation,
+        bone: BoneRegistration | None,
+        options: NoiseModelOptions,
+        organ_drawn: bool = True,
     ) -> DataVector:
-        """The modes of an observation's points."""
+        """The modes of an observation's points, where the deformed organ was drawn."""
         values, vectors = leading_eigenpairs(smooth_covariance(observation.points, 1.0, options.mode_length_mm))
-        modes = np.ascontiguousarray(vectors[:, values > options.mode_least * values[0]])
+        modes = np.ascontiguousarray(vectors[:, organ_drawn & (values > options.mode_least * values[0])])
         return cls(modes, len(observation.landmarks), bone, observation.motion.covariance)
 
     @property

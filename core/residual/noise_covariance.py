@@ -107,7 +107,7 @@ class NoiseParts:
             tuple(_contours(contours, rows, length) for length in options.lengths_mm),
             _contours(contours, rows, options.long_mm),
             apart([r.along for r in responses]),
-            _read_twice([np.eye(s.n)[:, : s.n_modes] for s in data_vectors]),
+            _read_twice(_of_modes(data_vectors)),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
             apart([_floor(s) for s in data_vectors]) + _voxels(contours, rows, options.voxel_length_mm),
             _read_twice([s.wider[:, None] for s in data_vectors]),
@@ -228,6 +228,12 @@ def _read_twice(responses: Sequence[FloatArray]) -> FloatArray:
     """
     common = np.vstack(responses)
     return np.asarray(0.5 * common @ common.T + 0.5 * apart([a @ a.T for a in responses]))
+
+
+def _of_modes(data_vectors: Sequence[DataVector]) -> list[FloatArray]:
+    """Responses (n, m) of each state's data to errors of the surface modes, of which a state without a drawn organ has none."""
+    most = max(data.n_modes for data in data_vectors)
+    return [np.eye(data.n, most) * (np.arange(data.n) < data.n_modes)[:, None] for data in data_vectors]
 
 
 def _of_marks(at_rest: Sequence[FloatArray], data_vectors: Sequence[DataVector]) -> list[FloatArray]:

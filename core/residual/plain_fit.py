@@ -26,13 +26,14 @@ from palpate.core.residual.exploration import posterior_of
 from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
 from palpate.core.residual.linearised_model import SolveCount
-from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
+from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes, organ_errors
 from palpate.core.residual.noise_estimation import NoiseGrid, fit_image_errors, fit_noise
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.optimum import Optimum, best_of, solved
 from palpate.core.residual.remeshing import Remeshed, left_by_all
 from palpate.core.residual.state_models import joint_model
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
+from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, part, silent
 
 # How often the better element's correction is taken anew where the fit has moved, at most, and the move of ln G, in its
@@ -90,9 +91,16 @@ class PlainFit:
 
     @property
     def noise_rms_mm(self) -> list[float]:
-        """What noise leaves on each state's surface, mm rms."""
-        variance, each = np.diag(self.weighting.covariance), zip(self.model.rows, self.model.data_vectors, strict=True)
-        return [float(np.sqrt(variance[r.start : r.start + d.n_modes].sum() / len(d.modes))) for r, d in each]
+        """What noise leaves on each state's surface, mm rms; what the surfaces say of themselves where the organ is no
+        datum."""
+        variance, out = np.diag(self.weighting.covariance), []
+        for rows, data, at in zip(self.model.rows, self.model.data_vectors, self.linearisation.each, strict=True):
+            if data.n_modes:
+                out.append(float(np.sqrt(variance[rows.start : rows.start + data.n_modes].sum() / len(data.modes))))
+            else:
+                errors = organ_errors(at.scene, at.equilibrium.u)
+                out.append(rms(np.hypot(errors.rest, errors.deformed)))
+        return out
 
     @cached_property
     def log_evidence(self) -> float:

@@ -41,7 +41,8 @@ def joint_model(
         only = ContactForceScene(geometry) if how.boundary == "contact-force" else None
         observation = geometry.observation if only is None else only.observation
         if found is None:
-            data = DataVector.of(observation, _registration(problem, bones, options), options)
+            registration = _registration(problem, bones, options)
+            data = DataVector.of(observation, registration, options, problem.organ_drawn)
         else:
             data = found.data(observation)
         none = ElementCorrection.none(data.n)

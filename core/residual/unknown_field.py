@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.sensitivity import response_to_forces
+from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_noise import noise_modes
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.joint_states import JointLinearisation, apart
@@ -50,9 +51,9 @@ class ForceFields:
         for j, mode in enumerate(modes.T):
             for axis in range(3):
                 fields[3 * j + axis, near, axis] = mode * share[near]
-        response = data.response(scene, linearisation.equilibrium.u, response_to_forces(linearisation.tangent, fields))
-        q = len(organ)
-        size = float(np.sqrt((response[: data.n_modes] ** 2).sum() / q))
+        moves = response_to_forces(linearisation.tangent, fields)
+        response = data.response(scene, linearisation.equilibrium.u, moves)
+        size = _surface_rms(scene, data, response, moves)
         scale = options.force_typical_mm / max(size, 1e-30)
         return cls(fields * scale, response * scale, contour_shapes(organ, data, options), share)
 
@@ -84,6 +85,15 @@ class UnknownDiscrepancy:
     def free(self) -> FloatArray:
         """Response (n, k + m) of the residual to forces and shapes."""
         return np.hstack([self.response, apart([f.shapes for f in self.each])])
+
+
+def _surface_rms(scene: CompositionScene, data: DataVector, response: FloatArray, moves: FloatArray) -> float:
+    """Motion of the organ's surface along its normal, mm rms, for independent unit amplitudes of moves (k, nodes, 3) mm."""
+    observation = scene.observation
+    if data.n_modes:
+        return float(np.sqrt((response[: data.n_modes] ** 2).sum() / len(observation.points)))
+    along = [((observation.operator @ move) * observation.normals).sum(axis=1) for move in moves]
+    return float(np.sqrt(np.square(along).sum() / len(observation.points)))
 
 
 def contour_shapes(organ: FloatArray, data: DataVector, options: NoiseModelOptions) -> FloatArray:

@@ -10,7 +10,7 @@ from phantoms import recorded, result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
-from palpate.case.missing import CARRIED_OVER, at_bounds, missing_structures
+from palpate.case.missing import CARRIED_BY_IMAGES, CARRIED_OVER, at_bounds, missing_structures
 from palpate.case.surface_errors import write_surface_errors
 from palpate.imaging.volume import Volume
 from palpate.segmentation.surface_error import SurfaceErrors
@@ -61,8 +61,9 @@ def test_contours_that_were_carried_over(tmp_path: Path) -> None:
     errors = {"deformed": {"prostate": SurfaceErrors(np.zeros((1, 3)), np.ones(1), 1.0)}}
     write_surface_errors(case, errors, ["prostate"])
     assert missing_structures(case) == [CARRIED_OVER]
+    assert missing_structures(case, image=True) == [CARRIED_BY_IMAGES]
     write_surface_errors(case, errors)
-    assert missing_structures(case) == []
+    assert missing_structures(case) == missing_structures(case, image=True) == []
 
 
 def test_a_bound_is_no_measurement() -> None:

@@ -109,7 +109,7 @@ class CaseRecord:
     def used_image(self) -> bool:
         """Whether the stiffness stands on the motion that the images tell, beside contours."""
         options = known(self.result.options)
-        return self.matched is not None and options is not None and options.image
+        return self.matched is not None and options is not None and bool(options.image)
 
     @property
     def noise_sd_mm(self) -> float | None:

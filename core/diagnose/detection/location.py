@@ -67,7 +67,7 @@ def discrepancy_maps(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRul
         observation.normals,
         observation.region,
         smooth,
-        smooth / sd,
+        smooth / np.where(sd > 0.0, sd, 1.0),
         nodes,
         density[near],
         peak,

@@ -24,6 +24,7 @@ from palpate.core.inference.posterior import prior_precision
 from palpate.core.inference.posterior import unknown as untold
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
+from palpate.core.statistics import rms
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +115,10 @@ def _moved(fit: PlainFit) -> bool:
     for linearisation, data, noise_mm in zip(
         fit.linearisation.each, fit.model.data_vectors, fit.noise_rms_mm, strict=True
     ):
-        still = data.residual(linearisation.scene, np.zeros_like(linearisation.equilibrium.u))[: data.n_modes]
-        if np.sqrt((still**2).sum() / len(data.modes)) > noise_mm:
+        still = data.residual(linearisation.scene, np.zeros_like(linearisation.equilibrium.u))
+        if np.sqrt((still[: data.n_modes] ** 2).sum() / len(data.modes)) > noise_mm:
+            return True
+        if not data.n_modes and rms(still[data.motion]) > 1.0:  # of unit variance
             return True
     return False
 

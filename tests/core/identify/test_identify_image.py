@@ -56,3 +56,23 @@ def test_motion_in_the_tissue_makes_both_values_surer_and_keeps_them_true(
         assert low < true < high
     assert beside["agreement"]["harmless"]  # the swarm's reduced model carries the points in the tissue too
     assert beside["misfit"]["weighted_from_noise"] > 20 + alone["misfit"]["weighted_from_noise"]
+
+
+def test_an_organ_that_nobody_drew_in_the_other_scan_is_no_datum(
+    contours: IdentificationProblem, tmp_path: Path
+) -> None:
+    """The motion alone tells the stiffness, wherever the surface is said to lie, and tells less than contours beside it."""
+    alone = replace(contours, matched=matched(), organ_drawn=False)
+    assert not IdentificationProblem.from_arrays(alone.arrays()).organ_drawn
+    surface = alone.organ.deformed
+    swollen = replace(surface, points=1.15 * surface.points)
+    elsewhere = replace(alone, organ=replace(alone.organ, deformed=swollen))
+    found, again = (_run(problem, tmp_path / name) for problem, name in ((alone, "alone"), (elsewhere, "swollen")))
+    beside = _run(replace(contours, matched=matched()), tmp_path / "image")
+    for name, true in TRUTH.items():
+        low, high = found["parameters"][name]["ci95_kpa"]
+        assert low < true < high
+        assert found["parameters"][name]["sd_ln_G"] > beside["parameters"][name]["sd_ln_G"]
+        assert again["parameters"][name]["G_kpa"] == pytest.approx(found["parameters"][name]["G_kpa"], rel=1e-6)
+    assert 0 < found["misfit"]["weighted_from_noise"] < beside["misfit"]["weighted_from_noise"]
+    assert again["misfit"]["rms_mm"] > 0.5  # said, although it is no datum

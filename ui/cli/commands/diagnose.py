@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number
+from palpate.ui.cli.arguments import IMAGE_HELP, add_case, no_points, random_seed, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 
@@ -21,7 +21,7 @@ _SHOWN = 4
 FALSE_ALARMS = "pairs without any hidden effect can raise such an alarm too: docs/gap.md says how often that was seen"
 # As `diagnose_step.DiagnoseOptions` has them, which is not loaded for a list of options.
 DEFAULT_MESHES = 1
-DEFAULT_IMAGE = False
+DEFAULT_IMAGE = None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="average the prediction over so many meshes of the same labels (default %(default)s)",
     )  # fmt: skip
     parser.add_argument("--image", action=argparse.BooleanOptionalAction, default=DEFAULT_IMAGE,
-                        help="use, beside the contours, the motion that the two CTs' images tell")  # fmt: skip
+                        help=IMAGE_HELP)  # fmt: skip
 
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.ui.cli.arguments import add_case, no_points, random_seed, whole_number, workers
+from palpate.ui.cli.arguments import IMAGE_HELP, add_case, no_points, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 from palpate.ui.words.number_words import three_figures
@@ -54,7 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        help="do not take a region for uniform: what a focus within it does at the surface counts as an error, which "
                        "keeps it out of the other regions' values and widens the intervals")  # fmt: skip
     group.add_argument("--image", action=argparse.BooleanOptionalAction, default=default.image,
-                       help="use, beside the contours, the motion that the two CTs' images tell")  # fmt: skip
+                       help=IMAGE_HELP)  # fmt: skip
     group.add_argument("--split-mu", action="store_true",
                        help="look for mu1 and mu2 of every region apart, and say whether this pair tells them")  # fmt: skip
 
