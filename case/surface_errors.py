@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -16,7 +17,9 @@ from palpate.core.arrays import FloatArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.surface import Surface
+from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.propagation.options import PropagationOptions
+from palpate.imaging.volume import Volume
 from palpate.segmentation.error_estimate import ErrorNumbers
 
 if TYPE_CHECKING:
@@ -26,14 +29,19 @@ if TYPE_CHECKING:
 _LEAST_MM, _MOST_MM = 1e-3, 50.0
 # A surface is called by what it is in the mesh.
 _SURFACES = {"prostate": "organ", "bladder": "bladder", "rectum": "rectum"}
+_LABELS = {"organ": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,)}
 
 
 def write_surface_errors(
-    case: CaseFolder, errors: Mapping[str, Mapping[str, SurfaceErrors]], one_drawing: Collection[str] = ()
+    case: CaseFolder,
+    errors: Mapping[str, Mapping[str, SurfaceErrors]],
+    one_drawing: Collection[str] = (),
+    labels: Mapping[str, Volume] | None = None,
 ) -> None:
     """Write surface_errors.npz. errors : by state and organ; organs that a person contoured are absent.
 
-    one_drawing : organs whose contours were drawn in one state and carried over to the other.
+    one_drawing : organs whose contours were drawn in one state and carried over to the other. labels : of both states, as they
+    are written; what somebody corrects in them later is no longer one drawing.
     """
     numbers, arrays = ErrorNumbers(), dict[str, NumberArray]()
     for state, organs in errors.items():
@@ -41,7 +49,10 @@ def write_surface_errors(
             arrays[f"{state}/{_SURFACES[organ]}/points"] = found.points
             arrays[f"{state}/{_SURFACES[organ]}/sd_mm"] = found.sd_mm
     for organ in one_drawing:
-        arrays[f"{_SURFACES[organ]}/one_drawing"] = np.array(True)
+        name = _SURFACES[organ]
+        arrays[f"{name}/one_drawing"] = np.array(True)
+        if labels is not None:
+            arrays[f"{name}/voxels"] = _digest(labels, name)
     arrays["common_share"] = np.array(numbers.common_share)
     every = {organ for organs in errors.values() for organ in organs}
     length = (
@@ -59,6 +70,7 @@ class StatedErrors:
 
     def __init__(self, case: CaseFolder) -> None:
         stated = case.facts.boundary_noise_sd_mm is not None or measured_noise(case) is not None
+        self._case = case
         self._arrays = {} if stated or not case.has(ERRORS_FILE) else case.read_npz(ERRORS_FILE)
         for name, values in self._arrays.items():
             if not np.isfinite(values).all():
@@ -77,8 +89,14 @@ class StatedErrors:
         return any(name.endswith("/sd_mm") for name in self._arrays)
 
     def one_drawing(self, name: str) -> bool:
-        """Whether a surface was drawn in one scan and carried over to the other, and nobody drew it there since."""
-        return f"{name}/one_drawing" in self._arrays
+        """Whether a surface was drawn in one scan and carried over to the other, and nobody corrected it there since. Raises
+        InputError when a label volume cannot be read."""
+        if f"{name}/one_drawing" not in self._arrays:
+            return False
+        written = self._arrays.get(f"{name}/voxels")
+        if written is None or not all(self._case.has_labels(state) for state in STATES):
+            return True
+        return np.array_equal(written, _digest({state: self._case.labels(state) for state in STATES}, name))
 
     def on(self, surface: Surface, state: str, name: str) -> Surface:
         """The surface with its errors: of the nearest point that the segmentation gave one. name : "organ", "bladder" or
@@ -115,6 +133,14 @@ class StatedErrors:
                 if sd is not None and len(sd):
                     out.setdefault(state, {})[name] = float(np.sqrt((sd**2).mean()))
         return out
+
+
+def _digest(labels: Mapping[str, Volume], name: str) -> NumberArray:
+    """SHA-256 (32,) of the voxels of a surface's organ in both states."""
+    found = hashlib.sha256()
+    for state in STATES:
+        found.update(np.packbits(np.isin(labels[state].array, _LABELS[name])).tobytes())
+    return np.frombuffer(found.digest(), dtype=np.uint8)
 
 
 def _refused(case: CaseFolder, name: str) -> InputError:

@@ -51,7 +51,13 @@ def run(case: CaseFolder, path: Path, progress: Progress = silent) -> Reidentifi
     progress(0.1, "reading the labels")
     labels = second_contours(case, "deformed", path)
     progress(0.4, "the organ's surface")
-    problem = _with_organ(IdentificationProblem.load(case.file("identify") / "problem.npz"), labels)
+    earlier = IdentificationProblem.load(case.file("identify") / "problem.npz")
+    if not earlier.organ_drawn:
+        raise InputError(
+            f"{case.file('identify')}: the prostate was drawn in one scan only, so that its contour was no datum; give the labels to "
+            "`palpate import --deformed-labels` and identify"
+        )
+    problem = _with_organ(earlier, labels)
     progress(0.7, "stiffness")
     began = time.perf_counter(), time.process_time()
     limits = one_thread()

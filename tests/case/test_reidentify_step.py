@@ -111,6 +111,11 @@ def test_another_scene_and_labels_without_an_organ_are_refused(
     other.remove("identify/again.npz")
     with pytest.raises(InputError, match="holds no reduced model of this scene"):
         reidentify.run(other, labels)
+    other.write_npz("identify/problem.npz", **replace(problem, organ_drawn=False).arrays())
+    other.save_facts(identified.facts)
+    shutil.copy(identified.file("identify/again.npz"), other.file("identify/again.npz"))
+    with pytest.raises(InputError, match="its contour was no datum"):
+        reidentify.run(other, labels)
     write_labels(tmp_path / "empty.nii.gz", Volume(np.full((4, 4, 4), 3, np.uint8), np.eye(4)))
     with pytest.raises(InputError, match="holds no prostate"):
         reidentify.run(identified, tmp_path / "empty.nii.gz")

@@ -18,7 +18,9 @@ from palpate.case.surface_errors import StatedErrors, write_surface_errors
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.problem import SurfacePair
+from palpate.imaging.labels import RECTUM
 from palpate.imaging.propagation.options import PropagationOptions
+from palpate.imaging.volume import Volume
 from palpate.segmentation.error_estimate import ErrorNumbers
 from palpate.segmentation.surface_error import SurfaceErrors
 
@@ -63,6 +65,22 @@ def test_one_drawing_in_both_scans_errs_by_what_carried_it_over_alone(case: Case
     for state in STATES:
         case.file(f"{state}_ct").mkdir()
     assert wants_image(case, None) and not wants_image(case, False)
+
+
+def test_a_prostate_that_somebody_corrected_is_no_longer_one_drawing(case: CaseFolder) -> None:
+    labels = {state: Volume(np.full((6, 5, 4), 3, dtype=np.uint8), np.eye(4)) for state in STATES}
+    for state in STATES:
+        labels[state].array[1:4, 1:4, 1:3] = 1
+        case.write_labels(state, labels[state])
+    there = SurfaceErrors(np.zeros((1, 3)), np.ones(1), 1.0)
+    write_surface_errors(case, {"deformed": {"prostate": there}}, ["prostate"], labels)
+    assert StatedErrors(case).one_drawing("organ")
+    labels["deformed"].array[5, 4, 3] = RECTUM
+    case.write_labels("deformed", labels["deformed"])
+    assert StatedErrors(case).one_drawing("organ")  # another organ
+    labels["deformed"].array[4, 2, 2] = 1
+    case.write_labels("deformed", labels["deformed"])
+    assert not StatedErrors(case).one_drawing("organ") and bool(StatedErrors(case))
 
 
 def test_a_stated_or_measured_error_comes_first(case: CaseFolder) -> None:
