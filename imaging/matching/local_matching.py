@@ -18,7 +18,13 @@ import numpy as np
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.imaging.matching.scan_pair import Motion, ScanPair
 from palpate.imaging.matching.scores import Compared
-from palpate.imaging.matching.window_errors import less_sure, one_step, texture_and_precision, variance_left
+from palpate.imaging.matching.window_errors import (
+    less_sure,
+    one_step,
+    precision_of_step,
+    texture_and_precision,
+    variance_left,
+)
 from palpate.imaging.matching.window_fits import NormalEquations, equations_under, shifts, smooth_field
 from palpate.imaging.matching.window_sums import Windows
 from palpate.imaging.volume import Volume
@@ -53,7 +59,8 @@ class MatchOptions:
 class LocalMatches:
     """points : (n, 3) mm in the first scan, each where its window's texture lies. displacement : (n, 3) mm to where they lie in the second.
 
-    precision : (n, 3, 3) 1/mm2 of each displacement; a direction without texture has none. shift : (n, 3) mm from the
+    precision : (n, 3, 3) 1/mm2 of each displacement; a direction without texture has none. cautious : (n, 3, 3) 1/mm2, the same less
+    what noise may feign by chance, by which points are rejected. shift : (n, 3) mm from the
     predicted to the matched motion. left_hu : (n,) standard deviation of the difference that is left in the window.
     correlation_mm : distance over which errors of neighbouring points go along, as exp(-(d / correlation_mm)^2). beyond :
     smooth motion (mi, mj, mk, 3) mm beyond the predicted one, from which the points' own shifts are counted. windows :
@@ -63,6 +70,7 @@ class LocalMatches:
     points: FloatArray
     displacement: FloatArray
     precision: FloatArray
+    cautious: FloatArray
     shift: FloatArray
     left_hu: FloatArray
     correlation_mm: float
@@ -92,13 +100,14 @@ def match(
     at = equations_under(small, *small.moved(beyond.at(nodes.reshape(-1, 3)).reshape(nodes.shape)))
     keep = _control_points(small, at, options, bright)
     variance = variance_left(small, at)
-    texture, precision = texture_and_precision(small, at, variance)
+    texture, cautious, score = (field[keep] for field in texture_and_precision(small, at, variance))
     centre = centre_of_texture(small, at, keep)
-    shift = beyond.at(centre) + one_step(texture[keep], at.right[keep], precision[keep])
-    precision = less_sure(precision[keep], uneven.at(centre))
+    shift = beyond.at(centre) + one_step(texture, at.right[keep], cautious)
+    precision = precision_of_step(texture, score, cautious)
+    cautious = less_sure(cautious, uneven.at(centre))
     compared = Compared(small, at, lambda points: predicted(points) + beyond.at(points))
     return LocalMatches(
-        centre, predicted(centre) + shift, precision, shift, np.sqrt(variance[keep]), 2.0 * options.window_mm, beyond,
+        centre, predicted(centre) + shift, precision, cautious, shift, np.sqrt(variance[keep]), 2.0 * options.window_mm, beyond,
         np.argwhere(keep), compared,
     )  # fmt: skip
 

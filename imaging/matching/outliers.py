@@ -29,7 +29,7 @@ def reasons(found: LocalMatches, back: FloatArray) -> IntArray:
 
 
 def _not_back(found: LocalMatches, back: FloatArray) -> BoolArray:
-    return np.asarray(np.einsum("ni,nij,nj->n", back, found.precision, back) > _BACK)
+    return np.asarray(np.einsum("ni,nij,nj->n", back, found.cautious, back) > _BACK)
 
 
 def _left_too_much(found: LocalMatches) -> BoolArray:
@@ -40,12 +40,12 @@ def _left_too_much(found: LocalMatches) -> BoolArray:
 
 
 def _unlike_neighbours(found: LocalMatches) -> BoolArray:
-    """Against the affine motion that fits a point's neighbours, each weighed by its precision and the unevenness."""
+    """Against the affine motion that fits a point's neighbours, each weighed by its cautious precision and the unevenness."""
     count = min(_ASKED + 1, len(found.points))
     if count < _ASKED // 2:
         return np.zeros(len(found.points), dtype=bool)
     _, near = cKDTree(found.points).query(found.points, k=count)
-    P = found.precision @ np.linalg.inv(np.eye(3) + _UNEVEN_MM**2 * found.precision)
+    P = found.cautious @ np.linalg.inv(np.eye(3) + _UNEVEN_MM**2 * found.cautious)
     square = np.empty(len(found.points))
     for i, others in enumerate(near[:, 1:]):
         away = (found.points[others] - found.points[i]) / 10.0

@@ -72,18 +72,23 @@ def inverse_of(motion: Motion, points: FloatArray) -> FloatArray:
 
 def _judged(found: LocalMatches, back: FloatArray) -> MatchedMotion:
     why = reasons(found, back)
-    precision = less_sure(found.precision, back)
-    told = np.linalg.eigvalsh(precision)[:, -1] > _TOLD
+    told = np.linalg.eigvalsh(less_sure(found.cautious, back))[:, -1] > _TOLD
     good, bad = told & (why == 0), told & (why > 0)
     rejected = np.hstack([found.points[bad], found.displacement[bad]])
     scores = window_scores(found.compared, found.windows[why == 0]) if (why == 0).any() else None
     return MatchedMotion(
-        found.points[good], found.displacement[good], precision[good], found.correlation_mm, rejected, why[bad], scores
+        found.points[good],
+        found.displacement[good],
+        found.precision[good],
+        found.correlation_mm,
+        rejected,
+        why[bad],
+        scores,
     )
 
 
 def _chosen(found: LocalMatches, keep: BoolArray) -> LocalMatches:
-    names = ("points", "displacement", "precision", "shift", "left_hu", "windows")
+    names = ("points", "displacement", "precision", "cautious", "shift", "left_hu", "windows")
     return replace(found, **{name: getattr(found, name)[keep] for name in names})
 
 

@@ -29,14 +29,17 @@ def variance_left(pair: ScanPair, at: NormalEquations) -> FloatArray:
     return np.asarray(np.maximum(square - mean**2, 1e-6), dtype=np.float64)
 
 
-def texture_and_precision(pair: ScanPair, at: NormalEquations, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Texture of the picture alone (mi, mj, mk, 3, 3) HU2/mm2, A less what noise adds to it on average, and precision
-    A M^-1 A (mi, mj, mk, 3, 3) 1/mm2 of the shift, with A less what noise may add to it by chance."""
+def texture_and_precision(
+    pair: ScanPair, at: NormalEquations, variance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Texture of the picture alone (mi, mj, mk, 3, 3) HU2/mm2, A less what noise adds to it on average; a cautious precision
+    A M^-1 A (mi, mj, mk, 3, 3) 1/mm2 of the shift, with A less what noise may add to it by chance; and M (mi, mj, mk, 3, 3)."""
     noise = measured_correlation(at.difference, at.weight > 0.5)
     M = _score_covariance(pair, at, variance, noise)
     texture, A = (_without_noise(pair, at, variance, noise, chance) for chance in (0.0, CHANCE))
     floor = 1e-9 * np.maximum(np.trace(M, axis1=-2, axis2=-1), 1e-12)
-    return texture, np.asarray(A @ np.linalg.solve(M + floor[..., None, None] * np.eye(3), A))
+    M = M + floor[..., None, None] * np.eye(3)
+    return texture, np.asarray(A @ np.linalg.solve(M, A)), M
 
 
 def one_step(texture: FloatArray, score: FloatArray, precision: FloatArray) -> FloatArray:
@@ -48,6 +51,20 @@ def one_step(texture: FloatArray, score: FloatArray, precision: FloatArray) -> F
     value, vector = np.linalg.eigh(precision)
     told = np.einsum("...ij,...i->...j", vector, step) * (value > LEAST_PRECISION)
     return np.asarray(np.einsum("...ij,...j->...i", vector, told))
+
+
+def precision_of_step(texture: FloatArray, score: FloatArray, cautious: FloatArray) -> FloatArray:
+    """Precision (..., 3, 3) 1/mm2 of `one_step`, which goes only where a cautious precision (..., 3, 3) tells something.
+
+    texture (..., 3, 3) : of the picture alone, on average. score (..., 3, 3) : covariance of the scores.
+    """
+    value, vector = np.linalg.eigh(texture)
+    inverse = np.einsum("...ij,...j,...kj->...ik", vector, 1.0 / np.maximum(value, DAMPING), vector)
+    value, vector = np.linalg.eigh(cautious)
+    told = (value > LEAST_PRECISION)[..., None, :] * np.eye(3)
+    turned = np.swapaxes(vector, -1, -2)
+    within = told @ (turned @ inverse @ score @ inverse @ vector) @ told
+    return np.asarray(vector @ (np.linalg.inv(within + np.eye(3) - told) - (np.eye(3) - told)) @ turned)
 
 
 def less_sure(precision: FloatArray, bias: FloatArray) -> FloatArray:

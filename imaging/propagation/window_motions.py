@@ -49,7 +49,7 @@ def window_motions(smooth: SmoothMotion, window_mm: float, apart_mm: float) -> W
     nodes = pair.windows.nodes
     at = equations_under(pair, *pair.moved(smooth.motion.at(nodes.reshape(-1, 3)).reshape(nodes.shape)))
     keep = pair.windows.sum(at.weight) > _FULL
-    texture, precision = texture_and_precision(pair, at, variance_left(pair, at))
+    texture, precision, _ = texture_and_precision(pair, at, variance_left(pair, at))
     centre = centre_of_texture(pair, at, keep)
     moved = smooth.motion.at(centre) + one_step(texture[keep], at.right[keep], precision[keep])
     value, vector = np.linalg.eigh(precision[keep])

@@ -8,6 +8,7 @@ from scipy import ndimage
 
 from palpate.imaging.matching.local_matching import LocalMatches, MatchOptions, match
 from palpate.imaging.matching.noise import measured_correlation
+from palpate.imaging.matching.window_errors import one_step, precision_of_step
 from palpate.imaging.volume import Volume
 
 SPACING, SHAPE = np.array([1.2, 1.2, 2.5]), (56, 56, 26)
@@ -161,3 +162,19 @@ def test_the_correlation_of_noise_is_measured() -> None:
     assert found.kernels[0][middle] == pytest.approx(1.0)
     assert found.kernels[1][middle + 1] == pytest.approx(np.exp(-1.0 / (4.0 * sigma**2)), abs=0.03)
     assert found.kernels[2][middle + 2] == pytest.approx(np.exp(-4.0 / (4.0 * sigma**2)), abs=0.03)
+
+
+def test_the_stated_precision_is_that_of_the_step_that_is_taken() -> None:
+    """Steps that noise alone causes, in a window whose third direction has no texture."""
+    random = np.random.default_rng(3)
+    axes = np.linalg.qr(random.standard_normal((3, 3)))[0]
+    lobules, cautious = (axes * [900.0, 300.0, 0.1]) @ axes.T, (axes * [40.0, 8.0, 0.0]) @ axes.T
+    root = np.tril(random.standard_normal((3, 3))) + 3.0 * np.eye(3)
+    noise = random.standard_normal((20_000, 3)) @ root.T
+    steps = one_step(np.broadcast_to(lobules, (len(noise), 3, 3)), noise, np.broadcast_to(cautious, (len(noise), 3, 3)))
+    precision = precision_of_step(lobules, root @ root.T, cautious)
+    np.testing.assert_allclose(precision @ axes[:, 2], 0.0, atol=1e-9)
+    told = axes[:, :2]
+    expected = np.linalg.inv(told.T @ precision @ told)
+    np.testing.assert_allclose(told.T @ np.cov(steps.T) @ told, expected, rtol=0.05, atol=0.02 * expected.max())
+    assert np.abs(steps @ axes[:, 2]).max() < 1e-9
