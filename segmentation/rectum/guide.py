@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.segmentation.rectum.tracking import ANGLES, USUAL_MM, Track
+from palpate.segmentation.rectum.outlines import ANGLES, USUAL_MM, Track
 
 # How far a point may be off, mm, and a usual radius, mm. How sharply the line may bend: the spread of the change of its slope
 # over one mm of height; so it turns by half a radian over 40 mm, as flexures do.
