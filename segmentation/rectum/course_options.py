@@ -1,4 +1,7 @@
-"""What is known of a rectum's course before it is seen."""
+"""What is known of a rectum's course before it is seen.
+
+What reads "Chosen" was looked at on twelve variants of two CTs and the phantom, on which no figure is quoted.
+"""
 
 from __future__ import annotations
 
