@@ -47,11 +47,11 @@ FurtherErrors = Callable[[JointModel, JointLinearisation], FloatArray]
 class PlainFit:
     """The plain model where it fits best.
 
-    model : of all deformed states. linearisation : at the best fit of the quick element, residuals corrected by
-    the mean of what the better element changes on `meshes` (the fewest of any state). on_own_mesh (n,) : mm that it
-    changes on the case's own mesh, None where it has no equilibrium. scatter_mm : rms along the surface of one mesh about
-    that mean in the first state, NaN for one mesh. noise : all sizes that it may
-    have. sizes : estimated ones. weighting : of the data vector. posterior : of theta.
+    model : of all deformed states. linearisation : at the best fit of the quick element, corrected by the mean of what the
+    better element changes on `meshes` (the fewest of any state). on_own_mesh (n,) : mm that it changes on the case's own
+    mesh, None where it has no equilibrium. scatter_mm : rms along the surface of one mesh about that mean in the first
+    state, NaN for one mesh. noise : all sizes that it may have. sizes : estimated ones. weighting : of the data vector.
+    posterior : of theta.
     """
 
     model: JointModel
