@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from palpate.core.arrays import Float32Array, FloatArray
+from palpate.core.arrays import FloatArray
 from palpate.imaging.volume import Volume
+from palpate.segmentation.bladder.core import ABOVE_HU, best_core, core_at
 from palpate.segmentation.bladder.urine import urine_of, urine_region
 from palpate.segmentation.methods.optimal_surface import crossing, optimal_surface, region_cost
 from palpate.segmentation.methods.subvoxel_edges import mask_to_edges
@@ -16,21 +17,12 @@ from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.working_grid import Mask, blurred, box_around, dilated, eroded, largest, opened
 
-# What urine without contrast medium can be, and how far above its own median it still counts.
-LOWEST_HU, ABOVE_HU = -24.0, 15.0
-TRIED_HU = (8.0, 16.0, 24.0, 32.0)
-# With medium it is brighter than muscle by so much at least, a little or a lot, and at most; how much less likely that is than plain urine.
-MEDIUM_HU, MEDIUM_SHARE = ((10.0, 100.0), (60.0, 1000.0)), 0.8
-# By so much plain urine stands out from muscle.
-PLAIN_HU = 40.0
-# Erosion that parts the bladder from partial volume between fat and muscle, which has the same HU.
-CORE_MM = 4.0
 # Wall that is added where nothing tells it from its neighbour, and the most that is looked for against fat.
 WALL_MM, THICKEST_MM = 0.0, 2.0
 # The same where medium, brighter than muscle, shows the wall's inner side: a filled bladder's wall is about 3 mm thick.
 MEDIUM_WALL_MM, MEDIUM_THICKEST_MM = 3.0, 5.0
 INWARD_MM, STEP_MM, STIFFNESS = 4.0, 0.5, 0.4
-SMALLEST_CC, ENOUGH_CC, LEAST_CC = 6.0, 80.0, 1.0
+SMALLEST_CC, LEAST_CC = 6.0, 1.0
 # Notches of this depth in the wall's outer surface are noise. Points and boxes are given this exactly.
 # About points there is room to see how far a surface overshoots them all.
 NOTCH_MM, BOX_MM, ROOM_MM = 1.0, 1.0, 6.0
@@ -63,7 +55,7 @@ def _drawn(scene: Scene, prompts: Prompts, blocked: Mask) -> tuple[Mask, float] 
     smooth = blurred(scene.filled, 2.0, scene.step)
     allowed = _allowed(scene, prompts) & ~blocked
     point = prompts.point("bladder")
-    core = _best_core(scene, smooth, allowed) if point is None else _core_at(scene, smooth, allowed, point)
+    core = best_core(scene, smooth, allowed) if point is None else core_at(scene, smooth, allowed, point)
     if core is None:
         return None
     urine = urine_of(scene, core)
@@ -100,53 +92,6 @@ def _allowed(scene: Scene, prompts: Prompts) -> Mask:
     _, y, z = scene.axes()
     front = scene.pelvis.symphysis
     return near & (z > front[0, 2]) & (y > front[0, 1] - 20.0) & (y < front[1, 1] + 95.0)
-
-
-def _best_core(scene: Scene, smooth: Float32Array, allowed: Mask) -> Mask | None:
-    """The inner part of the region most like a bladder: large, low in HU or brighter than muscle, homogeneous, at the midline."""
-    best, best_score = None, 0.0
-    tried = [(LOWEST_HU, high, 1.0 - high / 80.0) for high in TRIED_HU]
-    tried += [(scene.muscle + least, scene.muscle + most, MEDIUM_SHARE) for least, most in MEDIUM_HU]
-    for low, high, likely in tried:
-        inner = eroded((smooth > low) & (smooth < high) & allowed, CORE_MM, scene.step)
-        parts, count = ndimage.label(inner)
-        sizes = np.bincount(parts.ravel(), minlength=count + 1)
-        sizes[0] = 0
-        for number in np.argsort(sizes)[::-1][:6]:
-            if sizes[number] * scene.step**3 < 1000.0:
-                break
-            part = parts == number
-            # Medium may be as much less even as it stands out more.
-            above = max(float(np.median(smooth[part])) - scene.muscle, PLAIN_HU)
-            score = _score(scene, part, float(smooth[part].std()) * PLAIN_HU / above) * likely
-            if score > best_score:
-                best, best_score = part, score
-    return best
-
-
-def _score(scene: Scene, part: Mask, spread: float) -> float:
-    x, y, z = scene.grid.to_lps(np.argwhere(part).mean(axis=0)[None])[0]
-    off = x - scene.pelvis.midline_x(y, z)
-    size = min(scene.cc(part), ENOUGH_CC) / ENOUGH_CC
-    top = scene.pelvis.symphysis[1, 2]
-    high = max(0.0, abs(z - top - 15.0) - 35.0)
-    return float(size * np.exp(-0.5 * (off / 25.0) ** 2 - 0.5 * (high / 20.0) ** 2) / (1.0 + (spread / 10.0) ** 2))
-
-
-def _core_at(scene: Scene, smooth: Float32Array, allowed: Mask, point: FloatArray) -> Mask | None:
-    """The inner part of the homogeneous region about a point."""
-    at = scene.index(point)
-    around = scene.box_mask(np.array([point, point]), 4.0) & allowed
-    if not around.any():
-        return None
-    urine = float(np.median(smooth[around]))
-    inner = eroded((np.abs(smooth - urine) < ABOVE_HU) & allowed, CORE_MM, scene.step)
-    parts, count = ndimage.label(inner)
-    if count == 0:
-        return None
-    far, nearest = ndimage.distance_transform_edt(parts == 0, sampling=scene.step, return_indices=True)
-    number = parts[tuple(nearest[(slice(None), *at)])]
-    return np.asarray(parts == number) if far[at] < 15.0 else None
 
 
 def _outer(scene: Scene, shell: Shell, urine: float) -> tuple[Shell, float]:

@@ -65,12 +65,14 @@ def _calm(urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask, step: f
     """What is certainly bladder: of its HU, no rougher than it, and hanging together with where it was found."""
     # However noisy a scan is, what is nearer to muscle than to urine is none.
     like = np.abs(smooth - urine.hu) < max(min(LIKE_SD * urine.noise, urine.half_way), LIKE_HU)
-    calm = opened((urine.rough < ROUGHER * urine.noise) & like & allowed, SMOOTH_MM, step) | core
+    # A nearly empty bladder holds no large ball.
+    least = ROUND_SHARE * _deepest(core, step)
+    calm = opened((urine.rough < ROUGHER * urine.noise) & like & allowed, min(SMOOTH_MM, least), step) | core
     parts, _ = ndimage.label(calm)
     calm &= np.isin(parts, np.unique(parts[core]))
-    trunk = opened(calm, float(np.clip(ROUND_SHARE * _deepest(calm, step), *ROUND_MM)), step)
+    trunk = opened(calm, float(np.clip(ROUND_SHARE * _deepest(calm, step), min(ROUND_MM[0], least), ROUND_MM[1])), step)
     # Corridors of the core, along vessels and at corners where fat and muscle mix to urine's HU, hold no ball.
-    kept = opened(calm & dilated(trunk, BULGE_MM, step), CORRIDOR_MM, step) | trunk
+    kept = opened(calm & dilated(trunk, BULGE_MM, step), min(CORRIDOR_MM, least), step) | trunk
     return np.asarray(ndimage.binary_fill_holes(largest(kept)))
 
 
