@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,10 @@ PLAIN_HU = 40.0
 # Erosion that parts the bladder from partial volume between fat and muscle, which has the same HU; and the one that leaves a core of a
 # nearly empty bladder, which is tried where nothing was found that scores so much.
 CORE_MM, SMALL_CORE_MM, SURE_SCORE = 4.0, 2.5, 0.2
+# Urine with a little medium has muscle's HU, give or take so much: nothing but its evenness, and fat on nearly all sides of it, tells it.
+# It is tried where nothing else is sure, with an erosion that parts it from prostate and muscles, and must score so much. Chosen between
+# 0.5, the best of what was none on nine variants, and 0.9, a bladder's.
+DILUTE_HU, DILUTE_CORE_MM, DILUTE_SCORE = 15.0, 6.0, 0.7
 # Cores smaller than this are noise. Larger bladders than the second are no likelier than it; a smaller one is, as the root of its volume.
 LEAST_CORE_CC, ENOUGH_CC, TRIED_PARTS = 0.3, 80.0, 6
 # A fluid is even: HU by which it may vary beyond the scan's noise. Noise is told where soft tissue is smoothest, this share of it.
@@ -51,10 +56,14 @@ def best_core(scene: Scene, smooth: Float32Array, allowed: Mask) -> Mask | None:
         return None
     near = box_around(allowed, (SMALL_CORE_MM + AROUND_MM[1]) / scene.step)
     picture = _Picture(scene, near, smooth[near], allowed[near], _noise(scene, smooth))
-    best, score = _best_of(picture, CORE_MM)
+    best, score = _best_of(picture, CORE_MM, _tried(scene.muscle))
     if score < SURE_SCORE:
-        small, small_score = _best_of(picture, SMALL_CORE_MM)
+        dilute, dilute_score = _best_of(
+            picture, DILUTE_CORE_MM, [(scene.muscle - DILUTE_HU, scene.muscle + DILUTE_HU, 1.0)]
+        )
+        small, small_score = _best_of(picture, SMALL_CORE_MM, _tried(scene.muscle))
         best = small if small_score > score else best
+        best = dilute if dilute_score > DILUTE_SCORE else best
     if best is None:
         return None
     found = np.zeros(allowed.shape, dtype=bool)
@@ -78,12 +87,18 @@ def core_at(scene: Scene, smooth: Float32Array, allowed: Mask, point: FloatArray
     return np.asarray(parts == number) if far[at] < 15.0 else None
 
 
-def _best_of(picture: _Picture, erosion_mm: float) -> tuple[Mask | None, float]:
-    """The best core of all ranges of HU after an erosion, and its score."""
+def _tried(muscle: float) -> list[tuple[float, float, float]]:
+    """Ranges of HU in which urine may lie, plain or with medium, and how likely each is."""
+    plain = [(LOWEST_HU, high, 1.0 - high / 80.0) for high in TRIED_HU]
+    return plain + [(muscle + least, muscle + most, MEDIUM_SHARE) for least, most in MEDIUM_HU]
+
+
+def _best_of(
+    picture: _Picture, erosion_mm: float, tried: Sequence[tuple[float, float, float]]
+) -> tuple[Mask | None, float]:
+    """The best core of all ranges of HU after an erosion, and its score. tried : lowest and highest HU, and how likely."""
     best, best_score = None, 0.0
-    muscle, voxel_cc = picture.scene.muscle, picture.scene.step**3 / 1000.0
-    tried = [(LOWEST_HU, high, 1.0 - high / 80.0) for high in TRIED_HU]
-    tried += [(muscle + least, muscle + most, MEDIUM_SHARE) for least, most in MEDIUM_HU]
+    voxel_cc = picture.scene.step**3 / 1000.0
     for low, high, likely in tried:
         like = (picture.smooth > low) & (picture.smooth < high) & picture.allowed
         parts, count = ndimage.label(eroded(like, erosion_mm, picture.scene.step))

@@ -47,6 +47,16 @@ def test_a_bladder_of_twenty_cc_is_found_whole() -> None:
     assert dice(np.asarray(bladder.mask), true) > 0.85
 
 
+def test_a_bladder_as_dense_as_muscle_is_found_by_the_fat_about_it() -> None:
+    scene, bladder = full()
+    contents = ndimage.distance_transform_edt(bladder, sampling=scene.step) > 1.5
+    noise = np.random.default_rng(1).normal(0.0, 8.0, contents.shape)
+    hu = np.where(contents, scene.muscle + noise, scene.hu).astype(np.float32)
+    found = find_bladder(replace(scene, hu=hu, filled=np.where(contents, hu, scene.filled)), Prompts())
+    assert found is not None
+    assert dice(np.asarray(found.mask), bladder) > 0.8
+
+
 @cache
 def full() -> tuple[Scene, Mask]:
     """The phantom's scene and its bladder."""
