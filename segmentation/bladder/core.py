@@ -40,7 +40,7 @@ ROUND = 0.4
 
 @dataclass(frozen=True, eq=False)
 class _Picture:
-    """A part of the scene: HU blurred by 2 mm, where the bladder may be, gas, and the noise of the blurred picture, HU."""
+    """A part of the scene: HU blurred by 2 mm, where the bladder may be, and the noise of the blurred picture, HU."""
 
     scene: Scene
     near: tuple[slice, ...]
