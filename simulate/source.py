@@ -45,18 +45,33 @@ class Source(Protocol):
 
 
 @dataclass(frozen=True)
+class RoundedBox:
+    """A superellipsoid: semi_axes_mm about centre_mm, which is about the prostate's centroid."""
+
+    semi_axes_mm: tuple[float, float, float]
+    centre_mm: tuple[float, float, float]
+    power: float
+
+
+# What a case of labels holds: its edge is the body's end for the simulation and for who analyses the labels.
+LABELLED = RoundedBox((58.0, 64.0, 67.0), (0.0, 8.0, 15.0), 4.0)
+# What moves where scans are made: all that an analysis crops from them, and some 10 mm more, so that the edge at which the
+# body is held is not the one that the analysis holds. A body that is rigid inside that edge is like no patient.
+SCANNED = RoundedBox((75.0, 84.0, 80.0), (0.0, 4.0, 8.0), 8.0)
+
+
+@dataclass(frozen=True)
 class PhantomSource:
     """The analytic pelvis.
 
-    voxel_mm : of its CT and labels. low_mm, high_mm : the CT's field of view about the anatomy's zero. region_mm :
-    semi-axes of the modelled region, a rounded box around ``region_centre_mm`` about the prostate's centroid.
+    voxel_mm : of its CT and labels. low_mm, high_mm : the CT's field of view about the anatomy's zero. region :
+    what of it is modelled; held still at its edge.
     """
 
     voxel_mm: tuple[float, float, float] = (1.2, 1.2, 2.0)
     low_mm: tuple[float, float, float] = (-174.0, -101.0, -60.0)
     high_mm: tuple[float, float, float] = (177.0, 128.0, 74.0)
-    region_mm: tuple[float, float, float] = (58.0, 64.0, 67.0)
-    region_centre_mm: tuple[float, float, float] = (0.0, 8.0, 15.0)
+    region: RoundedBox = LABELLED
     model_voxel_mm: float = 1.25
     scanner: Scanner = field(default_factory=Scanner)
     name: str = "phantom"
@@ -78,7 +93,7 @@ class PhantomSource:
 
     def labels(self, points: FloatArray) -> LabelArray:
         """See `Source.labels`."""
-        reach = (np.abs(points - self._centre) / np.array(self.region_mm)) ** 4
+        reach = (np.abs(points - self._centre) / np.array(self.region.semi_axes_mm)) ** self.region.power
         return np.where(reach.sum(axis=1) < 1.0, phantom.labels(points), OUTSIDE).astype(np.uint8)
 
     def scan(self, to_rest: ToRest | None, grid: Volume | None, seed: int) -> Volume:
@@ -88,10 +103,10 @@ class PhantomSource:
 
     @property
     def _centre(self) -> FloatArray:
-        return np.add(phantom.prostate_centroid(), self.region_centre_mm)
+        return np.add(phantom.prostate_centroid(), self.region.centre_mm)
 
     def _region_grid(self, voxel_mm: tuple[float, float, float]) -> Volume:
-        reach = np.array(self.region_mm) + 2.0 * np.array(voxel_mm)
+        reach = np.array(self.region.semi_axes_mm) + 2.0 * np.array(voxel_mm)
         return _grid(self._centre - reach, self._centre + reach, voxel_mm)
 
 

@@ -36,16 +36,28 @@ _KEPT, _STEP_MM = 0.9, 1e-3
 
 @dataclass(frozen=True)
 class ImageErrorSizes:
-    """edge, local : standard deviations per axis, mm. length : correlation length of the local error, mm."""
+    """edge : standard deviation per axis, mm. local : (correlation length, standard deviation per axis), mm, of each part of
+    the local error."""
 
     edge: float
-    local: float
-    length: float
+    local: tuple[tuple[float, float], ...]
 
     @classmethod
     def of(cls, options: NoiseModelOptions) -> ImageErrorSizes:
         """Sizes before the case's own are estimated."""
-        return cls(options.edge_mm, options.local_mm, options.local_length_mm)
+        return cls(options.edge_mm, ((options.local_length_mm, options.local_mm),))
+
+    @classmethod
+    def mean(cls, tried: Sequence[ImageErrorSizes], weights: FloatArray) -> ImageErrorSizes:
+        """The sizes whose covariance is the mean of those of several sizes, by their weights (k,), which sum to 1."""
+        edge = float(weights @ np.array([sizes.edge**2 for sizes in tried]))
+        local: dict[float, float] = {}
+        for sizes, weight in zip(tried, weights.tolist(), strict=True):
+            for length, size in sizes.local:
+                local[length] = local.get(length, 0.0) + weight * size**2
+        return cls(
+            float(np.sqrt(edge)), tuple((length, float(np.sqrt(variance))) for length, variance in local.items())
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +89,12 @@ class ImageErrors:
         return bool(self.alignment.any() or self.local[0].any())
 
     def covariance(self, sizes: ImageErrorSizes) -> FloatArray:
-        """Covariance (n, n) mm2; the local error's length is the nearest of `options.local_lengths_mm`."""
-        nearest = int(np.argmin(np.abs(np.array(self.options.local_lengths_mm) - sizes.length)))
-        return np.asarray(self.alignment + sizes.edge**2 * self.edge + sizes.local**2 * self.local[nearest])
+        """Covariance (n, n) mm2; a local error's length is the nearest of `options.local_lengths_mm`."""
+        out = self.alignment + sizes.edge**2 * self.edge
+        for length, size in sizes.local:
+            nearest = int(np.argmin(np.abs(np.array(self.options.local_lengths_mm) - length)))
+            out = out + size**2 * self.local[nearest]
+        return np.asarray(out)
 
 
 def _edge(at: Linearisation, data: DataVector, options: NoiseModelOptions) -> FloatArray:

@@ -124,14 +124,14 @@ def fit_image_errors(
     """Sizes of what the model errs by where images show the motion, by the restricted likelihood; those of `start` where no
     state has matched motion.
 
-    discretisation (n, m) mm : see `NoiseParts.covariance`. r, J, gap, free : see `fit_noise`. The sizes are root mean
-    squares over the grid; the length is the likeliest.
+    discretisation (n, m) mm : see `NoiseParts.covariance`. r, J, gap, free : see `fit_noise`. The covariance is the mean over
+    the grid, lengths included: where the data hardly tell them apart, the likeliest one hangs on the last digits.
     """
     if not parts.image.any:
         return start.image
     options = parts.options
     tried = [
-        ImageErrorSizes(edge, local, length)
+        ImageErrorSizes(edge, ((length, local),))
         for edge in options.edge_sizes_mm
         for local in options.local_sizes_mm
         for length in options.local_lengths_mm
@@ -140,9 +140,7 @@ def fit_image_errors(
     fixed = fixed + sum((S @ S.T for S in free), np.zeros_like(fixed))
     others = [fixed + size**2 * gap @ gap.T for size in options.gap_sizes]
     logs = [logsumexp([restricted(C + parts.image.covariance(s), r, J) for C in others]) for s in tried]
-    weight = softmax(np.array(logs))
-    edge, local = (float(np.sqrt(weight @ np.square([getattr(s, k) for s in tried]))) for k in ("edge", "local"))
-    return replace(tried[int(np.argmax(weight))], edge=edge, local=local)
+    return ImageErrorSizes.mean(tried, softmax(np.array(logs)))
 
 
 def _prior(factor: float, sd: float) -> float:

@@ -25,7 +25,7 @@ from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.scanner import Scanner
 from palpate.simulate.solve import solve_deformed
-from palpate.simulate.source import PhantomSource, Source, labels_on
+from palpate.simulate.source import LABELLED, SCANNED, PhantomSource, Source, labels_on
 from palpate.simulate.walls import moved_walls
 
 GRAVITY_SUPINE = (0.0, 9.81, 0.0)
@@ -69,7 +69,8 @@ def _source(spec: SimulationSpec) -> Source:
         drawn = ct_source(spec.source) if isinstance(spec.source, CtSource) else case_source(spec.source)
         return replace(drawn, changes=spec.scan.changes).on_voxels_of_its_own(np.random.default_rng([spec.seed, 1]))
     scan = spec.scan
-    return PhantomSource(voxel_mm=scan.voxel_mm, scanner=Scanner(scan.blur_mm, scan.noise_hu))
+    region = SCANNED if spec.output == "dicom" else LABELLED
+    return PhantomSource(voxel_mm=scan.voxel_mm, region=region, scanner=Scanner(scan.blur_mm, scan.noise_hu))
 
 
 def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mesh_cache: Path | None) -> SimulatedPair:

@@ -12,6 +12,9 @@ from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.diagnosis_record import RegionGapRecord
 from palpate.core.inference.evidence import projected
 from palpate.core.observe.contour_noise import Weighting
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.linearised_model import Linearisation
+from palpate.core.residual.noise_covariance import organ_errors
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.residual.unknown_field import ForceFields, UnknownDiscrepancy
 
@@ -51,8 +54,8 @@ def discrepancy_maps(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRul
     weighting = Weighting(fit.weighting.covariance[rows, rows])
     observation = linearisation.scene.observation
     k = data.n_modes
-    smooth = data.modes @ linearisation.residual[:k]
-    sd = np.sqrt(np.einsum("qi,ij,qj->q", data.modes, weighting.covariance[:k, :k], data.modes))
+    smooth = _on_the_organ(data, linearisation)
+    sd = _sd_on_the_organ(data, linearisation, weighting.covariance[:k, :k])
     r, J = weighting.whiten(linearisation.residual), weighting.whiten(linearisation.in_theta)
     R = projected(J, weighting.whiten(forces.response))
     inverse = np.linalg.solve(R.T @ R + np.eye(R.shape[1]), R.T)
@@ -77,9 +80,24 @@ def discrepancy_maps(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRul
 
 def residuals(fit: PlainFit) -> list[FloatArray]:
     """Residuals (q,) mm of the plain model on the organ's surface, for each deformed state, smoothed like contour
-    noise."""
-    each = zip(fit.model.each, fit.linearisation.each, strict=True)
-    return [model.data.modes @ linearisation.residual[: model.data.n_modes] for model, linearisation in each]
+    noise; where nobody drew the organ there, against the surface that the images put in its place."""
+    each = zip(fit.model.data_vectors, fit.linearisation.each, strict=True)
+    return [_on_the_organ(data, linearisation) for data, linearisation in each]
+
+
+def _on_the_organ(data: DataVector, linearisation: Linearisation) -> FloatArray:
+    if data.n_modes:
+        return data.modes @ linearisation.residual[: data.n_modes]
+    scene = linearisation.scene
+    return scene.observation.residual_and_normal(scene.seen(linearisation.equilibrium.u))[0]
+
+
+def _sd_on_the_organ(data: DataVector, linearisation: Linearisation, covariance: FloatArray) -> FloatArray:
+    """Standard deviations (q,) mm of these residuals. covariance (k, k) : of the data's surface modes."""
+    if data.n_modes:
+        return np.sqrt(np.einsum("qi,ij,qj->q", data.modes, covariance, data.modes))
+    errors = organ_errors(linearisation.scene, linearisation.equilibrium.u)
+    return np.hypot(errors.rest, errors.deformed)
 
 
 def regions(maps: DiscrepancyMaps, names: dict[int, str]) -> list[RegionGapRecord]:

@@ -8,7 +8,7 @@ from palpate.core.forward.effect import Effect, Parameter, Surroundings, Variant
 
 
 def _variants(around: Surroundings) -> list[Variant]:
-    return [Variant(_offset)]
+    return [Variant(_offset)] if around.problem.organ_drawn else []
 
 
 def _offset(composition: Composition, phi: FloatArray) -> Composition:

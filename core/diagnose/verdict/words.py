@@ -7,6 +7,7 @@ import numpy as np
 from palpate.core.diagnose.detection.location import residuals
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
+from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.statistics import rms
 
 _MORE = "a deformed scan in which bladder or rectum moves the organ farther, or contours that err less"
@@ -15,18 +16,21 @@ _GENERAL = "another deformed scan with another bladder and rectum filling, and m
 
 def sentence(diagnosis: Diagnosis) -> str:
     """Outcome of the diagnosis for a reader who knows stiffness, not statistics."""
-    missed = rms(np.concatenate(residuals(diagnosis.fit)))
+    missed = f"{rms(np.concatenate(residuals(diagnosis.fit))):.1f} mm"
+    told_by, organ = "contours", "organ"
+    if not organ_is_datum(diagnosis.fit):
+        told_by, organ = "images", "organ, where the images put it,"
     verdict = diagnosis.verdict.verdict
     if verdict == NONE:
         return (
-            f"The model predicts the deformed organ as well as the contours allow ({missed:.1f} mm): nothing in "
+            f"The model predicts the deformed {organ} as well as the {told_by} allow ({missed}): nothing in "
             "these scans "
             "says that it leaves anything out."
         )
     said = {s.effect.id: s.effect.words for s in diagnosis.screened}
     if verdict == UNKNOWN:
         return (
-            f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself "
+            f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself "
             "shows, and nothing in the "
             "library explains it: the stiffness given here may be wrong."
         )
@@ -38,15 +42,20 @@ def sentence(diagnosis: Diagnosis) -> str:
     words = [said[name] for name in diagnosis.verdict.candidates]
     if verdict == AMBIGUOUS:
         return (
-            f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows. "
+            f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows. "
             + (f"It could be that {' or that '.join(words)}: these scans cannot tell." if len(words) > 1 else
                f"It may be that {words[0]}, but these scans do not settle it: {diagnosis.verdict.why}.")
         )  # fmt: skip
     return (
-        f"The model misses the deformed organ by {missed:.1f} mm, more than the noise that this pair itself shows, "
+        f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows, "
         f"because {words[0]}; "
         "the stiffness with this taken into account is given beside the one without."
     )
+
+
+def organ_is_datum(fit: PlainFit) -> bool:
+    """Whether somebody drew the deformed organ in any state. Where nobody did, the images alone are data."""
+    return any(data.n_modes > 0 for data in fit.model.data_vectors)
 
 
 def next_measurement(diagnosis: Diagnosis) -> str | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_case import problem
+from synthetic_case import matched, problem
 
 from palpate.core.diagnose.diagnose import diagnose
 from palpate.core.diagnose.effects import library
@@ -85,6 +85,18 @@ def test_a_restored_fit_is_the_fit(
     )
     b = np.random.default_rng(1).normal(size=(len(was.scene.assembler.kept), 2))
     np.testing.assert_array_equal(was.tangent.solve(b), now.tangent.solve(b))
+
+
+def test_a_fit_to_images_is_restored_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = replace(problem(), matched=matched())
+    np.savez(tmp_path / "problem.npz", **arrays_of_state(seen, None))
+    options = IdentifyOptions(method="gauss-newton", stiffness_map=False)
+    before = identify(tmp_path, [tmp_path / "problem.npz"], options, "a job", Reporter(lambda message: None)).fit
+    monkeypatch.setattr(FitQuestion, "fit", no_fit)
+    after, notes = kept(seen, tmp_path / FILE)
+    assert notes == []
+    assert after.sizes == before.sizes and len(after.sizes.image.local) > 1
+    np.testing.assert_array_equal(after.weighting.covariance, before.weighting.covariance)
 
 
 def shifted(posed: IdentificationProblem) -> IdentificationProblem:

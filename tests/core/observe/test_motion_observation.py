@@ -155,7 +155,7 @@ def test_what_the_model_cannot_predict_reaches_contours_and_images_alike(
 ) -> None:
     options = NoiseModelOptions()
     errors = ImageErrors.of([solved], [model.data], options)
-    local = errors.covariance(ImageErrorSizes(0.0, 1.0, 10.0)) - errors.alignment
+    local = errors.covariance(ImageErrorSizes(0.0, ((10.0, 1.0),))) - errors.alignment
     rows = model.data.motion
     # A point known to 0.2 mm along each axis: 1 mm of error is 5 of its standard deviations, in all its modes together.
     data = model.geometry.observation.motion.rows
@@ -165,6 +165,14 @@ def test_what_the_model_cannot_predict_reaches_contours_and_images_alike(
     np.testing.assert_allclose(local[rows, rows], reader @ share @ reader.T, rtol=1e-9, atol=1e-9)
     assert np.abs(local[: model.data.n_modes, rows]).max() > 0.1
     assert np.linalg.eigvalsh(local).min() > -1e-9
+    tried = [
+        ImageErrorSizes(0.5, ((10.0, 1.0),)),
+        ImageErrorSizes(2.0, ((25.0, 0.3),)),
+        ImageErrorSizes(0.0, ((25.0, 0.1),)),
+    ]
+    weights = np.array([0.5, 0.3, 0.2])
+    mean = sum(w * errors.covariance(sizes) for w, sizes in zip(weights, tried, strict=True))
+    np.testing.assert_allclose(errors.covariance(ImageErrorSizes.mean(tried, weights)), mean, rtol=1e-12, atol=1e-12)
     without = replace(model, data=replace(model.data, motion_covariance=np.zeros((0, 0))))
     assert not ImageErrors.of([solved], [without.data], options).any
 
