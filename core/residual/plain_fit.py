@@ -90,6 +90,11 @@ class PlainFit:
         return self.linearisation.first.scene.parameters.bounds
 
     @property
+    def organ_drawn(self) -> bool:
+        """Whether somebody drew the deformed organ in any state. Where nobody did, the images alone are data."""
+        return any(data.n_modes > 0 for data in self.model.data_vectors)
+
+    @property
     def noise_rms_mm(self) -> list[float]:
         """What noise leaves on each state's surface, mm rms; what the surfaces say of themselves where the organ is no
         datum."""

@@ -21,7 +21,8 @@ from palpate.segmentation.prostate.halves import midline_normal, split_plane
 from palpate.segmentation.tissue import region_of_interest
 from palpate.simulate.source import VolumeSource
 
-# A body that is held still where the analysis holds it too would test that no error comes from there, and none could.
+# How much farther from the prostate the simulated body reaches, along each axis, than an analysis models. Were both held at
+# the same edge, a simulation could not show the error that comes from holding it.
 BEYOND_MM = 12.0
 
 
@@ -33,10 +34,8 @@ class CtSource:
     labels: Path
 
 
-def ct_source(source: CtSource, beyond_mm: float = BEYOND_MM, progress: Progress = silent) -> VolumeSource:
+def ct_source(source: CtSource, progress: Progress = silent) -> VolumeSource:
     """Modelled region of a CT. Contoured structures are taken as they are; bone and missing structures are segmented.
-
-    beyond_mm : how much farther from the prostate the region reaches, along each axis, than an analysis models.
 
     Raises InputError, naming the file, when the CT or the contours cannot be read or hold no prostate.
     """
@@ -47,5 +46,5 @@ def ct_source(source: CtSource, beyond_mm: float = BEYOND_MM, progress: Progress
     part = SegmentedState(segmentation, contours, contours.volume)
     normal, origin = midline_normal(segmentation.scene.pelvis)
     plane = split_plane(part.prostate, normal, origin, None)
-    region = region_of_interest(part.prostate, np.array(SegmentOptions().margin_mm) + beyond_mm)
+    region = region_of_interest(part.prostate, np.array(SegmentOptions().margin_mm) + BEYOND_MM)
     return VolumeSource(source.ct.name, labels_of(part, plane, region), ct)

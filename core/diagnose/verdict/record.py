@@ -25,7 +25,7 @@ from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.model_average import model_average, plain_stiffness
 from palpate.core.diagnose.verdict.shrinkage import shrinkage
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
-from palpate.core.diagnose.verdict.words import next_measurement, organ_is_datum, sentence
+from palpate.core.diagnose.verdict.words import next_measurement, sentence
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.statistics import rms
 
@@ -49,7 +49,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         verdict=diagnosis.verdict.verdict,
         candidates=list(diagnosis.verdict.candidates),
         ranking=_ranking(diagnosis),
-        shrinkage=shrinkage(diagnosis, best) if best is not None and organ_is_datum(diagnosis.fit) else None,
+        shrinkage=shrinkage(diagnosis, best) if best is not None and diagnosis.fit.organ_drawn else None,
         stiffness=StiffnessRecord(
             without_effect=_plain_stiffness(diagnosis),
             with_effect=None if shown is None else _stiffness(diagnosis, *model_average(diagnosis)),

@@ -7,7 +7,6 @@ import numpy as np
 from palpate.core.diagnose.detection.location import residuals
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
-from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.statistics import rms
 
 _MORE = "a deformed scan in which bladder or rectum moves the organ farther, or contours that err less"
@@ -18,7 +17,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     """Outcome of the diagnosis for a reader who knows stiffness, not statistics."""
     missed = f"{rms(np.concatenate(residuals(diagnosis.fit))):.1f} mm"
     told_by, organ = "contours", "organ"
-    if not organ_is_datum(diagnosis.fit):
+    if not diagnosis.fit.organ_drawn:
         told_by, organ = "images", "organ, where the images put it,"
     verdict = diagnosis.verdict.verdict
     if verdict == NONE:
@@ -51,11 +50,6 @@ def sentence(diagnosis: Diagnosis) -> str:
         f"because {words[0]}; "
         "the stiffness with this taken into account is given beside the one without."
     )
-
-
-def organ_is_datum(fit: PlainFit) -> bool:
-    """Whether somebody drew the deformed organ in any state. Where nobody did, the images alone are data."""
-    return any(data.n_modes > 0 for data in fit.model.data_vectors)
 
 
 def next_measurement(diagnosis: Diagnosis) -> str | None:
