@@ -58,7 +58,7 @@ class ScanPair:
         places = grid.to_lps(active.astype(float))
         return cls(
             grid, Windows.of(grid, window_mm), smooth, counts, active, places + predicted(places),
-            second.with_array(ndimage.spline_filter(other, order=3, output=np.float32)),
+            second.with_array(ndimage.spline_filter(other, order=3, output=np.float32, mode="nearest")),
             second.with_array(usable[1].astype(np.float32)),
         )  # fmt: skip
 

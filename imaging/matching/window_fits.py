@@ -21,7 +21,8 @@ class NormalEquations:
 
     mixed : (..., 2, 3) 1/mm, share of brightness and of contrast in each gradient, which is taken out of A and the
     right-hand side. gradient : three of (ni, nj, nk) HU/mm, of the mean of both scans, which has half the noise of one.
-    nuisance : brightness and contrast, two of (ni, nj, nk). difference, weight : (ni, nj, nk).
+    nuisance : brightness and contrast, two of (ni, nj, nk); contrast is that of the mean of both scans as well, for the noise
+    of one scan is part of the difference, and would pass for a contrast that is not there. difference, weight : (ni, nj, nk).
     """
 
     A: FloatArray
@@ -64,8 +65,8 @@ def equations_under(
     """
     mean = 0.5 * (pair.first + moved)
     g = [np.gradient(mean, pair.grid.spacing[a], axis=a).astype(np.float32) for a in range(3)]
-    level = np.float32((moved * weight).sum() / max(float(weight.sum()), 1.0))
-    fields = [*g, np.ones_like(moved), moved - level]
+    level = np.float32((mean * weight).sum() / max(float(weight.sum()), 1.0))
+    fields = [*g, np.ones_like(mean), mean - level]
     difference = pair.first - moved
     target = difference
     if shift is not None:

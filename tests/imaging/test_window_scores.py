@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.linalg import cholesky, solve_triangular
 from test_local_matching import ALL, inner, motion, pair
 
 from palpate.core.window_scores import WindowScores
 from palpate.imaging.matching.local_matching import match
+from palpate.imaging.matching.scan_pair import ScanPair
 from palpate.imaging.matching.scores import window_scores
+from palpate.imaging.matching.window_fits import equations_under
+from palpate.imaging.volume import Volume
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +77,21 @@ def test_the_covariance_holds_where_windows_lie_close_together() -> None:
     C = window_scores(found.compared, found.windows).covariance
     assert len(C) > 100
     assert np.linalg.eigvalsh(C).min() > -1e-4
+
+
+def test_noise_beside_an_edge_moves_nothing() -> None:
+    """Two scans of one body that did not move: over many draws of noise no window's score has a mean but by chance."""
+    shape, draws, still = (36, 16, 16), 60, np.zeros
+    body = ndimage.gaussian_filter(np.where(np.arange(36.0) > 18.0, 50.0, -100.0), 1.0)[:, None, None]
+    everywhere, random = np.ones(shape, dtype=bool), np.random.default_rng(0)
+
+    def scan() -> Volume:
+        rough = ndimage.gaussian_filter(random.standard_normal(shape), 0.7)
+        return Volume((body + 40.0 * rough / rough.std()).astype(np.float32), np.eye(4))
+
+    found = []
+    for _ in range(draws):
+        two = ScanPair.of(scan(), scan(), (everywhere, everywhere), lambda p: still(p.shape), 0.9, 3.0)
+        found.append(equations_under(two, *two.moved(still(two.windows.nodes.shape))).right)
+    mean, sd = np.mean(found, axis=0), np.std(found, axis=0, ddof=1)
+    assert np.sqrt((draws * (mean / sd) ** 2).mean()) < 1.5
