@@ -30,6 +30,17 @@ class CorrelatedNoise:
             result = ndimage.correlate1d(result, kernel.astype(np.float32), axis=axis, mode="nearest")
         return result
 
+    def in_windows(self, sigma_mm: float, spacing: FloatArray) -> CorrelatedNoise:
+        """The correlation times what the weights of two voxels of a Gaussian window have less than the square of that between
+        them: exp(-d^2 / (4 sigma^2)) for a distance d."""
+        lags = [np.arange(len(k)) - len(k) // 2 for k in self.kernels]
+        return CorrelatedNoise(
+            tuple(
+                k * np.exp(-0.25 * (lag * h / sigma_mm) ** 2)
+                for k, lag, h in zip(self.kernels, lags, spacing, strict=True)
+            )
+        )
+
     @property
     def together(self) -> float:
         """Voxels that one independent value of the noise stands for."""

@@ -138,6 +138,7 @@ def _roots(fine: Windows, at: NormalEquations, noise: CorrelatedNoise) -> FloatA
     """Symmetric roots (k, 5, 5) of the covariance of noise of unit variance with gradient, brightness and contrast, summed
     about the nodes of a lattice."""
     weighted: list[Float32Array] = [at.weight * f for f in (*at.gradient, *at.nuisance)]
+    noise = noise.in_windows(fine.sigma_mm, fine.spacing)
     spread = [noise.applied(f) for f in weighted]
     half = np.float32(0.5)
     sums = {(i, j): half * fine.gathered(weighted[i] * spread[j] + weighted[j] * spread[i]) for i, j in pairs(5)}

@@ -100,6 +100,7 @@ def _without_noise(
 
 def _score_covariance(pair: ScanPair, at: NormalEquations, variance: FloatArray, noise: CorrelatedNoise) -> FloatArray:
     weighted = [at.weight * f for f in at.gradient]
+    noise = noise.in_windows(pair.windows.sigma_mm, pair.windows.spacing)
     spread = [noise.applied(f) for f in weighted]
     parts = {
         (i, j): 0.5 * pair.windows.sum_of_squared_weights(weighted[i] * spread[j] + weighted[j] * spread[i])

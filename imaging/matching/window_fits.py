@@ -13,6 +13,8 @@ from palpate.imaging.matching.window_sums import pairs, symmetric
 # The most that a window moves in one step, over its standard deviation; and what is added to A, HU2/mm2, so that a
 # direction without texture stays where it is.
 STEP, DAMPING = 0.3, 1.4
+# Standard deviation below which a scan shows nothing that its contrast could be told from, HU.
+LEAST_SPREAD_HU = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,8 @@ class NormalEquations:
     mixed : (..., 2, 3) 1/mm, share of brightness and of contrast in each gradient, which is taken out of A and the
     right-hand side. gradient : three of (ni, nj, nk) HU/mm, of the mean of both scans, which has half the noise of one.
     nuisance : brightness and contrast, two of (ni, nj, nk); contrast is that of the mean of both scans as well, for the noise
-    of one scan is part of the difference, and would pass for a contrast that is not there. difference, weight : (ni, nj, nk).
+    of one scan is part of the difference, and would pass for a contrast that is not there. difference, weight : (ni, nj,
+    nk); the second scan has the first's brightness and contrast on the whole.
     """
 
     A: FloatArray
@@ -63,6 +66,7 @@ def equations_under(
     shift (..., 3) mm : the part of the motion that the windows' shifts are counted without; None counts them from the
     whole motion.
     """
+    moved = _alike(moved, pair.first, weight)
     mean = 0.5 * (pair.first + moved)
     g = [np.gradient(mean, pair.grid.spacing[a], axis=a).astype(np.float32) for a in range(3)]
     level = np.float32((mean * weight).sum() / max(float(weight.sum()), 1.0))
@@ -82,6 +86,18 @@ def equations_under(
     return NormalEquations(
         A, np.asarray(score, dtype=np.float64), np.asarray(mixed, dtype=np.float64), g, fields[3:], difference, weight
     )
+
+
+def _alike(moved: Float32Array, first: Float32Array, weight: Float32Array) -> Float32Array:
+    """The second scan, moved (ni, nj, nk) HU, with the mean and the standard deviation of the first where weights are."""
+    total = max(float(weight.sum()), 1.0)
+    ours, theirs = (float((weight * scan).sum(dtype=np.float64)) / total for scan in (first, moved))
+    spread, other = (
+        float(np.sqrt((weight * (scan - mean) ** 2).sum(dtype=np.float64) / total))
+        for scan, mean in ((first, ours), (moved, theirs))
+    )
+    gain = spread / other if min(spread, other) > LEAST_SPREAD_HU else 1.0
+    return np.asarray(ours + gain * (moved - theirs), dtype=np.float32)
 
 
 def smooth_field(pair: ScanPair, shift: FloatArray, A: FloatArray) -> FloatArray:
