@@ -106,8 +106,11 @@ class PhantomSource:
         return np.add(phantom.prostate_centroid(), self.region.centre_mm)
 
     def _region_grid(self, voxel_mm: tuple[float, float, float]) -> Volume:
+        """Voxels about the region; the plane between the halves lies midway between centres, so that none lies on it."""
         reach = np.array(self.region.semi_axes_mm) + 2.0 * np.array(voxel_mm)
-        return _grid(self._centre - reach, self._centre + reach, voxel_mm)
+        low, split = self._centre - reach, phantom.prostate_centroid()[0]
+        low[0] = split - (np.ceil((split - low[0]) / voxel_mm[0] - 0.5) + 0.5) * voxel_mm[0]
+        return _grid(low, self._centre + reach, voxel_mm)
 
 
 @dataclass(frozen=True, eq=False)
