@@ -20,7 +20,7 @@ from palpate.core.matched_motion import MatchedMotion
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import IdentificationProblem
 from palpate.core.worker.progress import Progress, silent
-from palpate.imaging.matching.local_matching import MatchOptions
+from palpate.imaging.matching.local_matching import MATCHING, MatchOptions
 from palpate.imaging.matching.scan_pair import Motion
 from palpate.imaging.matching.two_scans import LabelledScan, matched_motion
 from palpate.imaging.volume import Volume
@@ -33,13 +33,13 @@ def run(case: CaseFolder, options: MatchOptions | None = None, progress: Progres
     """Write matched_motion.npz of a meshed case and return it; None where the case does not hold both CTs.
 
     Matching starts from the model's own prediction at the middle of the stiffness's bounds. Nothing is done when scans,
-    labels, mesh and options are those of the last run. Raises InputError when an earlier step has not been run, or when
-    the scans do not overlap about the organ.
+    labels, mesh, options and the matching's form are those of the last run. Raises InputError when an earlier step has not
+    been run, or when the scans do not overlap about the organ.
     """
     if not has_both_scans(case):
         return None
     options = options or MatchOptions()
-    made_from = MATCH.made_from(case, asdict(options))
+    made_from = MATCH.made_from(case, asdict(options) | {"matching": MATCHING})
     if MATCH.is_done(case, made_from):
         return read_matched_motion(case)
     progress(0.0, "motion that the model predicts")

@@ -29,6 +29,9 @@ from palpate.imaging.matching.window_fits import NormalEquations, equations_unde
 from palpate.imaging.matching.window_sums import Windows
 from palpate.imaging.volume import Volume
 
+# Number of the matching's form: motion that another one found is out of date.
+MATCHING = 2
+
 
 @dataclass(frozen=True)
 class Level:
