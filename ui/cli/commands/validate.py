@@ -3,6 +3,7 @@
 forward: how wrong each element is and how long it takes, and the reduced model beside the full one.
 gap: the blind check of the diagnosis; answers are sealed by hash before any case is diagnosed.
 matching: how far local matching of two CTs finds a known motion, and whether its stated errors hold.
+images: stiffness and diagnosis with and without the images, on real CTs whose second state is simulated.
 calibration: ranks of the true stiffness among draws of what is said of it, for stiffnesses drawn from the prior.
 meshing: angles, volumes and surfaces of meshes of contoured scans.
 robustness: does every particle end in a stable equilibrium, or in a reason? Random scenes and stiffnesses.
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from palpate.validate.blind.study import BlindTable
     from palpate.validate.calibration.records import CalibrationTable
     from palpate.validate.forward.study import ForwardTable
+    from palpate.validate.images.records import ImagesTable
     from palpate.validate.matching.study import MatchTable
     from palpate.validate.meshing_study import MeshingTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
@@ -88,18 +90,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bounds", type=float, nargs=2, default=(5.0, 500.0), metavar=("LOW", "HIGH"),
                         help="calibration: the prior, even in the logarithm of G between these, kPa (default 5 500)")  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
-                        help="gap, calibration: for cases, answers, ledger; the same command goes on (default %(default)s)")  # fmt: skip
+                        help="gap, calibration, images: cases, answers, ledger; goes on (default %(default)s)")  # fmt: skip
     parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
                         help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
-                        help="matching, meshing, segmentation: DICOM folder and contours, several times (default: phantom)")  # fmt: skip
+                        help="images, matching, meshing, segmentation: CT folder, contours; several times (default: phantom)")  # fmt: skip
     add_roi(parser, "meshing, segmentation: which structures of CONTOURS are an organ, e.g. rectum=RettoAno")
     parser.add_argument("--variants", type=whole_number(1, 10_000), default=0, metavar="N",
                         help="segmentation: N variants of scans and phantom in turn, with other noise, slices, HU, field, fat")  # fmt: skip
     parser.add_argument("--dice-only", action="store_true",
                         help="segmentation: no estimate of the variants' surface errors, in half the time")  # fmt: skip
     parser.add_argument("--pairs", type=whole_number(1, 1000), default=2, metavar="N",
-                        help="matching: how many simulated pairs of the scans (default %(default)s)")  # fmt: skip
+                        help="images, matching: how many simulated pairs of the scans (default %(default)s)")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -263,6 +265,22 @@ def _matching_text(found: MatchTable) -> str:
     return matching_text(found)
 
 
+def _images(args: argparse.Namespace, progress: Progress) -> ImagesTable:
+    from palpate.validate.images.records import ImagesOptions
+    from palpate.validate.images.study import run as images
+
+    if not args.scan:
+        raise UsageError("images: give --scan CT CONTOURS, a CT whose texture is real; a phantom has none")
+    scans = tuple((ct, contours) for ct, contours in args.scan)
+    return images(args.folder, ImagesOptions(scans, args.pairs, random_seed(args), args.workers or 1), progress)
+
+
+def _images_text(found: ImagesTable) -> str:
+    from palpate.validate.images.study import images_text
+
+    return images_text(found)
+
+
 STUDIES: dict[str, Study[Any]] = {
     "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
     "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
@@ -281,4 +299,5 @@ STUDIES: dict[str, Study[Any]] = {
     "robustness": Study(_robustness),
     "segmentation": Study(_segmentation, _segmentation_text),
     "matching": Study(_matching, _matching_text),
+    "images": Study(_images, _images_text),
 }

@@ -1,0 +1,147 @@
+"""The study of what images add: sealed pairs, three ways to an answer, a table that tells what holds and what raises an alarm."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.simulate.spec import parse_spec
+from palpate.core.errors import ConvergenceError, InputError
+from palpate.ui.cli import main as cli
+from palpate.ui.cli.main import arguments
+from palpate.validate.images import pairs, study
+from palpate.validate.images.pairs import STIFFNESS_KPA, drawn_spec, make_pair
+from palpate.validate.images.records import ImagesOptions
+from palpate.validate.images.study import images_text, run
+from palpate.validate.images.ways import WAYS
+
+SCANS = ((Path("/a/ct"), Path("/a/contours.dcm")), (Path("/b/ct"), Path("/b/contours.dcm")))
+TRUE = {"prostate_left": 20.0, "prostate_right": 60.0}
+
+
+def test_every_way_runs_commands_that_the_program_has(tmp_path: Path) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def note(at: Path, words: tuple[str, ...]) -> None:
+        asked.append(words)
+        arguments([*words, "--quiet", "--workers", "1"])
+        if words[0] == "mesh":
+            CaseFolder.create(at / words[1], CaseFacts(words[1])).write_json("result.json", {})
+            (at / words[1] / "mesh.npz").write_bytes(b"")
+
+    for way in WAYS.values():
+        way(tmp_path, note)
+    told = [" ".join(words) for words in asked]
+    assert [line for line in told if line.startswith(("identify", "diagnose"))] == [
+        "identify contours --no-map --no-image",
+        "diagnose contours --no-image",
+        "identify images --no-map --image",
+        "diagnose images --image",
+        "identify one_scan --no-map --image",
+        "diagnose one_scan --image",
+    ]
+    assert [line for line in told if "deformed-labels" in line] == [told[0]]
+    assert (tmp_path / "images" / "mesh.npz").exists()
+    assert not (tmp_path / "images" / "result.json").exists()
+
+
+def test_images_need_the_mesh_of_contours(tmp_path: Path) -> None:
+    (tmp_path / "contours").mkdir()
+    asked: list[tuple[str, ...]] = []
+    WAYS["images"](tmp_path, lambda at, words: asked.append(words))
+    assert not asked
+
+
+def test_a_specification_is_one_that_simulate_takes() -> None:
+    spec = parse_spec(drawn_spec(*SCANS[0], np.array([20.0, 60.0]), np.random.default_rng(1)))
+    assert list(spec.stiffness.organ.values()) == [20.0, 60.0]
+    assert spec.contour_noise_sd_mm == pairs.CONTOUR_SD_MM
+
+
+def test_a_motion_that_folds_is_drawn_anew_and_the_stiffness_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Mapping[str, object]] = []
+
+    def simulate(spec: Mapping[str, object], case: Path, answers: Path) -> Mapping[str, object]:
+        tried.append(spec)
+        if len(tried) < 3:
+            raise ConvergenceError("the tissue folds")
+        return {"true_G_kpa": spec["stiffness_kpa"]}
+
+    monkeypatch.setattr(pairs, "run_simulate", simulate)
+    options = ImagesOptions(SCANS, 2, 7)
+    assert make_pair(options, 1, tmp_path)
+    assert len({json.dumps(spec["stiffness_kpa"]) for spec in tried}) == 1
+    assert len({json.dumps(spec["walls"]) for spec in tried}) == 3
+    assert {json.dumps(spec["source"]) for spec in tried} == {json.dumps({"ct": "/b/ct", "labels": "/b/contours.dcm"})}
+    G = json.loads((tmp_path / "answers" / "pair_0001.json").read_text())["true_G_kpa"]
+    assert all(STIFFNESS_KPA[0] <= value <= STIFFNESS_KPA[1] for value in G.values())
+    assert make_pair(options, 1, tmp_path)
+    assert len(tried) == 3  # made already
+    tried.clear()
+    monkeypatch.setattr(pairs, "ATTEMPTS", 2)
+    assert not make_pair(options, 0, tmp_path)
+    assert not (tmp_path / "answers" / "pair_0000.json").exists()
+
+
+def _made(options: ImagesOptions, number: int, folder: Path) -> bool:
+    if number == 2:
+        return False
+    (folder / "cases" / f"pair_{number:04d}").mkdir(parents=True, exist_ok=True)
+    (folder / "answers").mkdir(exist_ok=True)
+    (folder / "answers" / f"pair_{number:04d}.json").write_text(json.dumps({"true_G_kpa": TRUE}))
+    return True
+
+
+def _analysed(pair: Path, timeout_s: float) -> None:
+    """Contours are right within an sd of 0.4; images a standard deviation of 0.1 too soft on the left, and raise an alarm on pair 0."""
+    assert pair.name in json.loads((pair.parents[1] / "ledger.json").read_text())["answers"]
+    for way, sd in (("contours", 0.4), ("images", 0.1)):
+        case = CaseFolder.create(pair / way, CaseFacts(way))
+        found = {
+            name: {
+                "G_kpa": G * (np.exp(-3.0 * sd) if (way, name) == ("images", "prostate_left") else 1.0),
+                "sd_ln_G": sd,
+            }
+            for name, G in TRUE.items()
+        }
+        case.write_json("result.json", {"parameters": found})
+        alarm = way == "images" and pair.name == "pair_0000"
+        case.write_json(
+            "diagnosis.json", {"verdict": "ambiguous" if alarm else "none", "gap": {"p_value": 0.01 if alarm else 0.6}}
+        )
+    (pair / "done.json").write_text("{}")
+
+
+def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "make_pair", _made)
+    monkeypatch.setattr(study, "analyse", _analysed)
+    found = run(tmp_path, ImagesOptions(SCANS, 3, 5))
+    assert found["short"] == 1
+    contours, images, one_scan = found["rows"]
+    assert contours["halves"] is not None
+    assert images["halves"] is not None
+    assert [contours["halves"]["intervals"][-1]["holds"], images["halves"]["intervals"][-1]["holds"]] == [1.0, 0.5]
+    assert images["sd_ratio"] == pytest.approx(0.25)
+    assert (contours["alarms"], images["alarms"]) == (0.0, 0.5)
+    assert images["p_values"] == [0.01, 0.6]
+    assert (one_scan["halves"], one_scan["failed"]) == (None, 2)
+    left = [row for row in found["halves"] if row["way"] == "images" and row["half"] == "prostate_left"]
+    assert [row["z"] for row in left] == [-3.0, -3.0]
+    text = images_text(found)
+    assert "images: 2 of 4 intervals hold" in text
+    assert "one_scan: no answer on any pair" in text
+    with pytest.raises(InputError, match="was made with --seed 5"):
+        run(tmp_path, ImagesOptions(SCANS, 3, 6))
+
+
+def test_the_command_wants_real_scans(capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["validate", "images", "--quiet"]) == 2
+    assert "give --scan CT CONTOURS" in capfd.readouterr().err

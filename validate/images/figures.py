@@ -1,0 +1,90 @@
+"""Reads what every way said of every pair, and makes the table's rows of it."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from palpate.core.arrays import FloatArray
+from palpate.validate.calibration.posterior import Marginal, posteriors_of
+from palpate.validate.calibration.ranks import calibration, rank
+from palpate.validate.images.records import HalfRow, PairTruth, WayRow
+
+
+@dataclass(frozen=True)
+class Said:
+    """What one way said of one pair. posteriors, truths : ln G (kPa) by half. verdict : "" without a diagnosis."""
+
+    pair: str
+    way: str
+    posteriors: Mapping[str, Marginal]
+    truths: Mapping[str, float]
+    verdict: str
+    p_value: float | None
+
+
+def said_of(case: Path, answer: Path, way: str) -> Said | None:
+    """What a case holds; None where it holds no stiffness."""
+    if not (case / "result.json").exists():
+        return None
+    truth: PairTruth = json.loads(answer.read_text(encoding="utf-8"))
+    truths = {half: float(np.log(G)) for half, G in truth["true_G_kpa"].items()}
+    verdict, p = "", None
+    if (case / "diagnosis.json").exists():
+        found = json.loads((case / "diagnosis.json").read_text(encoding="utf-8"))
+        verdict, p = str(found["verdict"]), float(found["gap"]["p_value"])
+    return Said(answer.stem, way, posteriors_of(case, "result.json"), truths, verdict, p)
+
+
+def half_rows(said: Said) -> list[HalfRow]:
+    """One row a half."""
+    rows: list[HalfRow] = []
+    for half, posterior in said.posteriors.items():
+        low, high = np.exp(posterior.interval(0.95))
+        truth = said.truths[half]
+        rows.append(
+            {
+                "pair": said.pair,
+                "way": said.way,
+                "half": half,
+                "true_kpa": round(float(np.exp(truth)), 2),
+                "found_kpa": round(float(np.exp(posterior.mean)), 2),
+                "interval_kpa": (round(float(low), 2), round(float(high), 2)),
+                "sd_ln_G": round(posterior.sd, 3),
+                "z": round((posterior.mean - truth) / posterior.sd, 2),
+                "verdict": said.verdict,
+                "p_value": said.p_value,
+            }
+        )
+    return rows
+
+
+def way_row(way: str, said: Sequence[Said], pairs: int, plain: Mapping[tuple[str, str], float], seed: int) -> WayRow:
+    """The row of a way. pairs : how many there are. plain : standard deviations of ln G of contours alone, by pair and half."""
+    rng = np.random.default_rng([seed, 86])
+    halves = [
+        (posterior, of.truths[half], rank(posterior, of.truths[half], rng), plain.get((of.pair, half)))
+        for of in said
+        for half, posterior in of.posteriors.items()
+    ]
+    ratios: FloatArray = np.array([posterior.sd / sd for posterior, _, _, sd in halves if sd is not None])
+    diagnosed = [of for of in said if of.verdict]
+    return {
+        "way": way,
+        "halves": calibration([(posterior, truth, at) for posterior, truth, at, _ in halves]) if halves else None,
+        "failed": pairs - len(said),
+        "sd_ratio": round(float(np.median(ratios)), 3) if len(ratios) else None,
+        "verdicts": dict(Counter(of.verdict for of in diagnosed)),
+        "alarms": sum(of.verdict != "none" for of in diagnosed) / len(diagnosed) if diagnosed else None,
+        "p_values": sorted(round(of.p_value, 3) for of in diagnosed if of.p_value is not None),
+    }
+
+
+def sd_by_half(said: Sequence[Said]) -> dict[tuple[str, str], float]:
+    """Standard deviation of ln G by pair and half."""
+    return {(of.pair, half): posterior.sd for of in said for half, posterior in of.posteriors.items()}

@@ -1,0 +1,81 @@
+"""Pairs of scans for a study of images: a real CT, its second state simulated, everything that is not the anatomy drawn at random."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from palpate.case.steps.simulate.step import run_simulate
+from palpate.core.arrays import FloatArray
+from palpate.core.errors import ConvergenceError
+from palpate.core.files.atomic import atomic_path
+from palpate.validate.images.records import ImagesOptions, Specification
+
+# Limits between which each is drawn, evenly (stiffness in the logarithm): kPa; growth of the rectum's radius and its shift towards the
+# back, mm (it empties: filled, it would crush the thin tissue before it); half the length that moves; how the patient lies.
+STIFFNESS_KPA, INFLATE_MM, PUSH_MM, HALF_LENGTH_MM = (15.0, 100.0), (-4.5, -3.0), (3.0, 5.0), (55.0, 65.0)
+SHIFT_MM, TURN_DEG, ASIDE_MM = 3.0, 0.7, 1.0
+# Standard deviation of the contours' error along the normal, mm, which is what the program takes where nobody states one; and over which
+# distances on the surface it changes. Edge of the simulation's cells on the organ, mm; their element is
+# not the program's.
+CONTOUR_SD_MM, CORRELATION_MM, EDGE_MM = 0.4, (6.0, 12.0), 6.5
+# Another wall motion is drawn where the tissue folds, so many times.
+ATTEMPTS = 3
+
+
+def name_of(number: int) -> str:
+    """Name of a pair."""
+    return f"pair_{number:04d}"
+
+
+def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
+    """FOLDER/cases/NAME/scans and FOLDER/answers/NAME.json; whether the pair could be made. Nothing is done where the answer is there.
+
+    The stiffness is drawn once: whether a wall's motion has an equilibrium must not select it. Raises InputError for scans or contours
+    that cannot be read.
+    """
+    name, answers = name_of(number), folder / "answers"
+    if (answers / f"{name}.json").exists():
+        return True
+    ct, labels = options.scans[number % len(options.scans)]
+    rng = np.random.default_rng([options.seed, number, 85])
+    low, high = np.log(STIFFNESS_KPA)
+    stiffness = np.exp(rng.uniform(low, high, 2)).round(1)
+    for _ in range(ATTEMPTS):
+        spec = drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng)
+        shutil.rmtree(folder / "cases" / name, ignore_errors=True)
+        try:
+            truth = run_simulate(spec, folder / "cases" / name / "scans", folder / "truths" / name)
+        except ConvergenceError:
+            shutil.rmtree(folder / "cases" / name, ignore_errors=True)
+            continue
+        with atomic_path(answers / f"{name}.json") as temporary:
+            temporary.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+        return True
+    return False
+
+
+def drawn_spec(ct: Path, labels: Path, stiffness: FloatArray, rng: np.random.Generator) -> Specification:
+    """A specification of `palpate simulate`. stiffness : (2,) kPa, left and right."""
+    aside = [float(rng.uniform(-ASIDE_MM, ASIDE_MM)), float(rng.uniform(*PUSH_MM)), 0.0]
+    rectum = {
+        "inflate_mm": float(rng.uniform(*INFLATE_MM)),
+        "push_mm": aside,
+        "half_length_mm": float(rng.uniform(*HALF_LENGTH_MM)),
+    }
+    return {
+        "source": {"ct": str(ct), "labels": str(labels)},
+        "stiffness_kpa": {"prostate_left": float(stiffness[0]), "prostate_right": float(stiffness[1])},
+        "walls": {"contact": "gliding", "rectum": rectum},
+        "contour_noise_sd_mm": CONTOUR_SD_MM,
+        "noise_correlation_mm": float(rng.uniform(*CORRELATION_MM)),
+        "mesh": {"edge_mm": EDGE_MM},
+        "scan": {
+            "shift_mm": rng.uniform(-SHIFT_MM, SHIFT_MM, 3).tolist(),
+            "rotation_deg": rng.uniform(-TURN_DEG, TURN_DEG, 3).tolist(),
+        },
+        "seed": int(rng.integers(1, 2**31 - 1)),
+    }

@@ -1,0 +1,116 @@
+"""What the second scan's image adds: stiffness and diagnosis on pairs of real CTs whose second state is simulated, nothing hidden.
+
+The truth is sealed before any pair is analysed, see `validate.sealed`.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from pathlib import Path
+
+from palpate.core.errors import InputError
+from palpate.core.worker.progress import Progress, part, silent
+from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half, way_row
+from palpate.validate.images.pairs import make_pair, name_of
+from palpate.validate.images.records import ImagesOptions, ImagesTable
+from palpate.validate.images.ways import DONE, WAYS, analyse
+from palpate.validate.sealed import Kind, SealedStudy
+
+# The way with whose standard deviations those of the others are compared.
+_PLAIN = "contours"
+
+
+def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> ImagesTable:
+    """Make pairs in folder/cases, answers in folder/answers, the ledger in folder/ledger.json; return the figures.
+
+    A run that was stopped goes on. Raises InputError for scans that cannot be read, and when the folder holds another study.
+    """
+    sealed = SealedStudy(folder, DONE)
+    kind = _kind(options)
+    sealed.begin(kind, kind, _flags)
+    _make_all(folder, options, part(progress, 0.0, 0.3))
+    names = sealed.made([name_of(k) for k in range(options.pairs)])
+    if not names:
+        raise InputError(f"no pair of {folder} could be simulated; give another --seed")
+    sealed.seal(names)
+    sealed.analyse(names, partial(_analysed, options.timeout_s), options.workers, part(progress, 0.3, 0.99))
+    sealed.check_unchanged()
+    return table(sealed, options, names)
+
+
+def table(sealed: SealedStudy, options: ImagesOptions, names: list[str]) -> ImagesTable:
+    """The figures of the pairs that were analysed."""
+    by_way = {way: [found for name in names if (found := _said(sealed, name, way))] for way in WAYS}
+    plain = sd_by_half(by_way[_PLAIN])
+    return {
+        "study": "images",
+        "seed": options.seed,
+        "rows": [way_row(way, said, len(names), plain, options.seed) for way, said in by_way.items()],
+        "halves": [row for said in by_way.values() for of in said for row in half_rows(of)],
+        "short": options.pairs - len(names),
+        "ledger": str(sealed.ledger_path),
+    }
+
+
+def images_text(found: ImagesTable) -> str:
+    """The table for a person."""
+    lines = [
+        f"{'pair':11}{'way':10}{'half':16}{'true':>7}{'found':>8}{'95 % interval':>18}{'sd ln G':>9}{'z':>7}  verdict"
+    ]
+    for h in found["halves"]:
+        interval = f"{h['interval_kpa'][0]:.1f} to {h['interval_kpa'][1]:.1f}"
+        p = "" if h["p_value"] is None else f" (p {h['p_value']:.2g})"
+        lines.append(
+            f"{h['pair']:11}{h['way']:10}{h['half']:16}{h['true_kpa']:7.1f}{h['found_kpa']:8.1f}{interval:>18}"
+            f"{h['sd_ln_G']:9.2f}{h['z']:+7.2f}  {h['verdict']}{p}"
+        )
+    for row in found["rows"]:
+        halves = row["halves"]
+        if halves is None:
+            lines.append(f"{row['way']}: no answer on any pair")
+            continue
+        held = halves["intervals"][-1]
+        told = ", ".join(f"{verdict} {count}" for verdict, count in sorted(row["verdicts"].items()))
+        lines.append(
+            f"{row['way']}: {round(held['holds'] * halves['cases'])} of {halves['cases']} intervals hold; z mean {halves['z_mean']:+.2f}, "
+            f"rms {halves['z_rms']:.2f}; sd of ln G {halves['sd_ln_G']:.2f}, {row['sd_ratio'] or 0:.2f} of that of contours alone; "
+            f"{row['failed']} without an answer; verdicts: {told or 'none made'}"
+        )
+    lines.append(f"{found['short']} pairs could not be simulated")
+    return "\n".join(lines)
+
+
+def _said(sealed: SealedStudy, name: str, way: str) -> Said | None:
+    return said_of(sealed.cases / name / way, sealed.answers / f"{name}.json", way)
+
+
+def _analysed(timeout_s: float, pair: Path) -> None:
+    analyse(pair, timeout_s)
+
+
+def _make_all(folder: Path, options: ImagesOptions, progress: Progress) -> None:
+    numbers = range(options.pairs)
+    if options.workers < 2:
+        for k in numbers:
+            progress(k / options.pairs, f"simulating {name_of(k)}")
+            make_pair(options, k, folder)
+        return
+    with ProcessPoolExecutor(options.workers) as pool:
+        running = [pool.submit(make_pair, options, k, folder) for k in numbers]
+        for k, done in enumerate(as_completed(running)):
+            done.result()
+            progress((k + 1) / options.pairs, f"simulated {k + 1} of {options.pairs}")
+
+
+def _kind(options: ImagesOptions) -> Kind:
+    return {
+        "seed": options.seed,
+        "scans": [[str(ct.absolute()), str(labels.absolute())] for ct, labels in options.scans],
+    }
+
+
+def _flags(kind: Kind) -> str:
+    scans = kind["scans"]
+    assert isinstance(scans, list)
+    return f"--seed {kind['seed']} " + " ".join(f"--scan {ct} {labels}" for ct, labels in scans)

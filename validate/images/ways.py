@@ -1,0 +1,81 @@
+"""Ways to an answer on one pair of scans: contours alone, images beside them, and images where the organ was drawn in one scan only.
+
+Every command runs in a process of its own that is given paths in the pair's folder alone.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from palpate.core.files.atomic import atomic_path
+from palpate.validate.sealed import run_alone
+
+_COMMAND = (sys.executable, "-m", "palpate.ui.cli")
+# File of the pair that says that all ways were gone.
+DONE, LOG = "done.json", "analysis.log"
+# What a copied case does not take along.
+_ANSWERS = ("identify", "diagnose", "result.json", "diagnosis.json", "mesh.vtu")
+
+# Runs one command of the program: the pair's folder, its words.
+Run = Callable[[Path, tuple[str, ...]], None]
+
+
+def contours(pair: Path, run: Run) -> None:
+    """Organs drawn in both scans, the images not looked at."""
+    _imported(pair, "contours", ("rest", "deformed"), run)
+    for command in ("segment", "mesh"):
+        run(pair, (command, "contours"))
+    _answered(pair, "contours", "--no-image", run)
+
+
+def images(pair: Path, run: Run) -> None:
+    """The same contours and mesh, and the motion that both images tell."""
+    source, case = pair / "contours", pair / "images"
+    if not (source / "mesh.npz").exists():
+        return
+    if not case.exists():
+        begun = pair / "images.begun"
+        shutil.rmtree(begun, ignore_errors=True)  # of a run that was stopped
+        shutil.copytree(source, begun, ignore=shutil.ignore_patterns(*_ANSWERS))
+        begun.rename(case)
+    _answered(pair, "images", "--image", run)
+
+
+def one_scan(pair: Path, run: Run) -> None:
+    """Organs drawn at rest only; carried over, and their motion from the images."""
+    _imported(pair, "one_scan", ("rest",), run)
+    for command in ("segment", "mesh"):
+        run(pair, (command, "one_scan"))
+    _answered(pair, "one_scan", "--image", run)
+
+
+# By name, in the order in which they are gone: `images` starts from the case of `contours`.
+WAYS: Mapping[str, Callable[[Path, Run], None]] = {"contours": contours, "images": images, "one_scan": one_scan}
+
+
+def analyse(pair: Path, timeout_s: float) -> None:
+    """All ways on a pair. What the commands say goes to analysis.log; a case without result.json is a way that failed."""
+    pair = pair.resolve()
+
+    def run(at: Path, words: tuple[str, ...]) -> None:
+        run_alone([*_COMMAND, *words, "--quiet", "--workers", "1"], at, LOG, timeout_s)
+
+    for way in WAYS.values():
+        way(pair, run)
+    with atomic_path(pair / DONE) as temporary:
+        temporary.write_text('{"ways": ["' + '", "'.join(WAYS) + '"]}\n', encoding="utf-8")
+
+
+def _imported(pair: Path, case: str, drawn: tuple[str, ...], run: Run) -> None:
+    if (pair / case / "case.json").exists():  # of a run that was stopped
+        return
+    labels = [word for state in drawn for word in (f"--{state}-labels", f"scans/contours/{state}.nii.gz")]
+    run(pair, ("import", "scans/rest_ct", "scans/deformed_ct", "-o", case, *labels))
+
+
+def _answered(pair: Path, case: str, image: str, run: Run) -> None:
+    run(pair, ("identify", case, "--no-map", image))
+    run(pair, ("diagnose", case, image))
