@@ -11,27 +11,43 @@ import pytest
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 
-# Files whose tests take longest, in falling order of processor seconds as measured. `./run test` hands out whole files: these are begun
+# Files whose tests take longest, in falling order of seconds as measured with two processes. `./run test` hands out whole files: these are begun
 # first, so that no process is left alone at the end with a long one.
 LONGEST = (
+    "tests/ui/desktop/test_desktop_xvfb.py",
+    "tests/ui/desktop/test_desktop_step_job.py",
+    "tests/core/diagnose/test_bench_patches.py",
     "tests/core/diagnose/test_joint_states.py",
+    "tests/case/test_rigid_offset.py",
+    "tests/plugin/test_plugin_logic.py",
+    "tests/core/identify/test_identify_image.py",
     "tests/ui/cli/test_killed_anywhere.py",
     "tests/core/diagnose/test_diagnose.py",
-    "tests/benchmarks/test_bench.py",
-    "tests/ui/export/test_contours_round_trip.py",
-    "tests/core/identify/test_identify.py",
-    "tests/ui/desktop/test_desktop_step_job.py",
-    "tests/validate/test_silicone_beam.py",
-    "tests/ui/export/test_dicom_export.py",
-    "tests/core/diagnose/test_bench_bodies.py",
+    "tests/segmentation/test_organs_pointed.py",
+    "tests/segmentation/test_organs_step.py",
+    "tests/case/test_surface_pair.py",
+    "tests/ui/desktop/test_desktop_window.py",
+    "tests/case/test_mesh_step.py",
     "tests/case/test_deformed_states.py",
+    "tests/benchmarks/test_bench.py",
+    "tests/core/identify/test_identify.py",
+    "tests/imaging/test_two_scans.py",
+    "tests/core/diagnose/test_kept_fit.py",
+    "tests/core/identify/test_several_states.py",
+    "tests/segmentation/test_bladder_core.py",
+    "tests/ui/desktop/test_organ_jobs.py",
     "tests/case/test_plan.py",
-    "tests/validate/test_paper_figures.py",
-    "tests/validate/test_element_rates.py",
+    "tests/core/diagnose/test_bench_bodies.py",
+    "tests/imaging/test_local_matching.py",
+    "tests/python/test_from_python.py",
+    "tests/plugin/test_plugin_panel.py",
+    "tests/meshing/test_meshing.py",
     "tests/validate/test_paper_tables.py",
-    "tests/core/identify/test_batch.py",
-    "tests/simulate/test_simulate.py",
-    "tests/ui/cli/test_cli.py",
+    "tests/validate/test_paper_figures.py",
+    "tests/core/diagnose/test_organ_not_drawn.py",
+    "tests/ui/desktop/test_screen_sizes.py",
+    "tests/imaging/test_propagation.py",
+    "tests/ui/desktop/test_touch_window.py",
 )
 
 TABLE = pytest.StashKey[list[str]]()

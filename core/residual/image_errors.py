@@ -131,10 +131,19 @@ def _local(at: Linearisation, data: DataVector, length: float) -> FloatArray:
     """Covariance (n, n) of a state's data for a displacement of 1 mm an axis that the model lacks."""
     if not data.n_motion:
         return np.zeros((data.n, data.n))
-    points = at.scene.observation.every_place
-    near = np.exp(-0.5 * (cdist(points, points) / length) ** 2)
-    rows = data.per_place(at.scene, at.equilibrium.u)
-    return sum((rows[:, :, a] @ near @ rows[:, :, a].T for a in range(3)), np.zeros((data.n, data.n)))
+    points, rows = at.scene.observation.every_place, data.per_place(at.scene, at.equilibrium.u)
+    motion = np.zeros(data.n, dtype=bool)
+    motion[data.motion] = True
+    # A row of matched motion looks at its own places only, the last ones, and no other row looks there.
+    first = len(points) - len(at.scene.observation.motion.rows.places)
+    groups = [(~motion, slice(0, first)), (motion, slice(first, None))]
+    out = np.zeros((data.n, data.n))
+    for k, (theirs, there) in enumerate(groups):
+        for ours, here in groups[: k + 1]:
+            near = np.exp(-0.5 * (cdist(points[here], points[there]) / length) ** 2)
+            block = sum(rows[ours, here, a] @ near @ rows[theirs, there, a].T for a in range(3))
+            out[np.ix_(ours, theirs)], out[np.ix_(theirs, ours)] = block, block.T
+    return out
 
 
 def response_to_held(at: Linearisation, motions: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import FloatArray
@@ -151,7 +152,7 @@ def _prior(factor: float, sd: float) -> float:
 def _laplace(C: FloatArray, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
     """Log of the likelihood times the posterior's volume."""
     L = np.linalg.cholesky(C)
-    both = np.linalg.solve(L, np.column_stack([r, J]))
+    both = solve_triangular(L, np.column_stack([r, J]), lower=True, check_finite=False)
     rw, Jw = both[:, 0], both[:, 1:]
     volume = -0.5 * float(np.linalg.slogdet(Jw.T @ Jw + np.diag(precision))[1])
     return -0.5 * float(rw @ rw) - float(np.log(np.diag(L)).sum()) + volume

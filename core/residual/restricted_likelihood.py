@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from palpate.core.arrays import FloatArray
 
@@ -14,7 +15,7 @@ FLAT = 1e-3
 def restricted(C: FloatArray, r: FloatArray, J: FloatArray) -> float:
     """Log of the restricted likelihood of residuals r (n,) with covariance C (n, n), J (n, t) projected out."""
     L = np.linalg.cholesky(C)
-    both = np.linalg.solve(L, np.column_stack([r, J]))
+    both = solve_triangular(L, np.column_stack([r, J]), lower=True, check_finite=False)
     rw, Jw = both[:, 0], both[:, 1:]
     A = Jw.T @ Jw + FLAT * np.eye(J.shape[1])
     b = Jw.T @ rw

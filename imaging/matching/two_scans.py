@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,9 +56,15 @@ def matched_motion(
     near = distance < margin
     usable = usable_voxels(first.ct, first.labels) & near, usable_voxels(second.ct, second.labels)
     ours, theirs = (v.ct.with_array(np.clip(v.ct.array, *_HU).astype(np.float32)) for v in (first, second))
-    found = match(ours, theirs, usable, predicted, options, bright_spots(first.ct, first.labels))
+
+    def backwards(points: FloatArray) -> FloatArray:
+        return inverse_of(predicted, points)
+
+    with ThreadPoolExecutor(2) as both:  # most of the time goes to sampling, during which scipy lets other threads run
+        forth = both.submit(match, ours, theirs, usable, predicted, options, bright_spots(first.ct, first.labels))
+        back = match(theirs, ours, (usable[1], usable[0]), backwards, options)
+        found = forth.result()
     found = _chosen(found, first.ct.with_array(distance).at(found.points) <= REACH_MM)
-    back = match(theirs, ours, (usable[1], usable[0]), lambda points: inverse_of(predicted, points), options)
     there = found.points + found.displacement
     return _judged(found, found.displacement + inverse_of(predicted, there) + back.beyond.at(there))
 

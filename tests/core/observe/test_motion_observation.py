@@ -164,6 +164,11 @@ def test_what_the_model_cannot_predict_reaches_contours_and_images_alike(
     share = np.where(data.place[:, None] == data.place, 1.0, near) * (data.as_a_whole @ data.as_a_whole.T)
     np.testing.assert_allclose(local[rows, rows], reader @ share @ reader.T, rtol=1e-9, atol=1e-9)
     assert np.abs(local[: model.data.n_modes, rows]).max() > 0.1
+    places = model.geometry.observation.every_place
+    every = np.exp(-0.5 * (np.linalg.norm(places[:, None] - places, axis=2) / 10.0) ** 2)
+    seen = model.data.per_place(solved.scene, solved.equilibrium.u)
+    whole = sum(seen[:, :, axis] @ every @ seen[:, :, axis].T for axis in range(3))
+    np.testing.assert_allclose(local, whole, rtol=1e-9, atol=1e-9)
     assert np.linalg.eigvalsh(local).min() > -1e-9
     tried = [
         ImageErrorSizes(0.5, ((10.0, 1.0),)),
