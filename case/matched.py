@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.meshed import ORGAN_NAME
-from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError
 from palpate.core.matched_motion import MatchedMotion
 
@@ -17,11 +15,8 @@ def has_both_scans(case: CaseFolder) -> bool:
 
 
 def wants_image(case: CaseFolder, asked: bool | None) -> bool:
-    """Whether a fit uses the motion that the images tell: as asked for; where nobody did (None), of a prostate that was drawn
-    in one scan only and carried over by the images. Raises InputError when surface_errors.npz is damaged."""
-    if asked is not None:
-        return asked
-    return has_both_scans(case) and StatedErrors(case).one_drawing(ORGAN_NAME)
+    """Whether a fit uses the motion that the images tell: as asked for; where nobody did (None), where the case holds both CTs."""
+    return has_both_scans(case) if asked is None else asked
 
 
 def read_matched_motion(case: CaseFolder) -> MatchedMotion | None:

@@ -11,8 +11,8 @@ import pytest
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 
-# Files whose tests take longest, in falling order of seconds as measured with two processes. `./run test` hands out whole files: these are begun
-# first, so that no process is left alone at the end with a long one.
+# Files whose tests take longest, in falling order of seconds as measured with two processes. `./run test` hands out whole files:
+# these are begun first, so that no process is left alone at the end with a long one.
 LONGEST = (
     "tests/ui/desktop/test_desktop_xvfb.py",
     "tests/ui/desktop/test_desktop_step_job.py",

@@ -14,6 +14,7 @@ from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import state_rigid_offset
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
+from palpate.case.identified import read_result
 from palpate.case.matched import wants_image
 from palpate.case.meshed import rigid_offset_of
 from palpate.case.missing import missing_structures
@@ -45,7 +46,7 @@ class DiagnoseOptions:
     over.
 
     numbers : noise model, wall motion and decision rules. image : use the motion that the two CTs' images tell, where
-    the case has both; None leaves it to the case (`case.matched.wants_image`).
+    the case has both; None: as `identify` did, and where it did not run, as it would (`case.matched.wants_image`).
     """
 
     effects: Path | None = None
@@ -74,7 +75,7 @@ def run(
     chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes, "inference": INFERENCE}
     if options.numbers != DiagnosisOptions():
         chosen["numbers"] = options.numbers.to_json()
-    image = not body and wants_image(case, options.image)
+    image = not body and wants_image(case, _as_identified(case) if options.image is None else options.image)
     if image:
         chosen["image"] = True
         match.run(case, progress=part(progress, 0.2, 0.3))
@@ -94,6 +95,12 @@ def run(
     case.write_json(DIAGNOSIS, record)
     DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, record.where.map))
     return record
+
+
+def _as_identified(case: CaseFolder) -> bool | None:
+    """Whether the stiffness in result.json stands on the images too; None where nothing was identified."""
+    options = read_result(case).options if case.has("result.json") else UNSET
+    return None if options is UNSET else options.image
 
 
 def _of_case(case: CaseFolder, record: DiagnosisRecord, flags: list[str]) -> DiagnosisRecord:

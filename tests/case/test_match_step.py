@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from phantoms import result
 from synthetic_case import HALF, problem, push
 
 from palpate.case.case_facts import CaseFacts
-from palpate.case.case_folder import CaseFolder
-from palpate.case.matched import FILE, read_matched_motion
-from palpate.case.steps import match
+from palpate.case.case_folder import STATES, CaseFolder
+from palpate.case.matched import FILE, read_matched_motion, wants_image
+from palpate.case.steps import diagnose, match
 from palpate.case.steps.declarations import DIAGNOSE
 from palpate.core.errors import InputError
 from palpate.core.matched_motion import MatchedMotion
@@ -26,6 +27,28 @@ def test_a_case_without_both_scans_is_not_matched(case: CaseFolder) -> None:
     case.file("rest_ct").mkdir()
     assert match.run(case) is None
     assert read_matched_motion(case) is None and not case.has(FILE)
+
+
+def test_images_are_used_where_both_scans_are_there_and_not_where_somebody_leaves_them_out(case: CaseFolder) -> None:
+    case.file("rest_ct").mkdir()
+    assert not wants_image(case, None)
+    case.file("deformed_ct").mkdir()
+    assert wants_image(case, None)
+    assert not wants_image(case, False)
+
+
+def test_a_diagnosis_stands_on_what_the_stiffness_stands_on(case: CaseFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[CaseFolder] = []
+    monkeypatch.setattr(match, "run", lambda case, progress: asked.append(case))
+    case.write_json("mesh.json", {})
+    for state in STATES:
+        case.file(f"{state}_ct").mkdir()
+    for options, count in ((None, 1), ({"image": False}, 1), ({"image": True}, 2)):
+        if options is not None:
+            case.write_json("result.json", result() | {"options": options})
+        with pytest.raises(InputError):  # there is nothing to diagnose
+            diagnose.run(case)
+        assert len(asked) == count
 
 
 def test_the_file_holds_the_motion_and_is_an_input_of_the_diagnosis(case: CaseFolder) -> None:

@@ -11,7 +11,6 @@ from triangle_shapes import ball
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.matched import wants_image
 from palpate.case.problem import facts_of, noise_source
 from palpate.case.stated_files import ERRORS_FILE, further_files
 from palpate.case.surface_errors import StatedErrors, write_surface_errors
@@ -61,10 +60,6 @@ def test_one_drawing_in_both_scans_errs_by_what_carried_it_over_alone(case: Case
     np.testing.assert_allclose(np.diag(seen.covariance(seen, 10.0, True)), 0.36, rtol=0.02)
     planned = errors.planned(SurfacePair(surface, surface), "organ")
     assert planned.deformed.sd_mm is not None and planned.deformed.sd_mm.max() == 0.6
-    assert not wants_image(case, None)  # without the CTs
-    for state in STATES:
-        case.file(f"{state}_ct").mkdir()
-    assert wants_image(case, None) and not wants_image(case, False)
 
 
 def test_a_prostate_that_somebody_corrected_is_no_longer_one_drawing(case: CaseFolder) -> None:

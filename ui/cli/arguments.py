@@ -12,8 +12,7 @@ from typing import NoReturn, TypeVar
 N = TypeVar("N", int, float)
 # What `--image` does, and when it is done unasked.
 IMAGE_HELP = (
-    "use the motion that the two CTs' images tell, beside the contours (default: where the prostate was drawn in one scan only; it is "
-    "then the only thing that tells its motion)"
+    "use the motion that the two CTs' images tell, beside the contours (default: where the case holds both CTs)"
 )
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from palpate.case.matched import wants_image
 from palpate.case.steps import diagnose, identify
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.errors import Cancelled, ConvergenceError, InputError
@@ -36,6 +38,8 @@ def search_and_diagnose(
 
     A case that cannot be diagnosed keeps its stiffness. Raises what the search raises; the diagnosis is then stopped.
     """
+    if look is not None and look.image is None:  # both stand on the same data; an earlier result.json may say otherwise
+        look = replace(look, image=wants_image(case, search.image))
     if look is None or not side_by_side:
         found = _search(case, search, console, lambda: None)
         return found, None if look is None else _diagnose(case, look, console)

@@ -45,8 +45,7 @@ def motion_section(matched: MatchedMotion, pictures: Mapping[str, Picture], used
     text = (
         "The stiffness above comes from contours, landmarks and this motion together."
         if used
-        else "The stiffness above comes from contours and landmarks alone. A step that is asked for with --image uses this "
-        "motion beside them."
+        else "The stiffness above comes from contours and landmarks alone, as it was asked for (--no-image); this motion is not used."
     )
     blocks: list[Block] = [Paragraph(text), Table(("motion from the images", ""), rows)]
     return Section("Motion from the images", [*blocks, *([pictures[NAME]] if NAME in pictures else [])])
