@@ -45,6 +45,8 @@ def test_every_way_runs_commands_that_the_program_has(tmp_path: Path) -> None:
         "diagnose images --image",
         "identify one_scan --no-map --image",
         "diagnose one_scan --image",
+        "identify automatic --no-map --image",
+        "diagnose automatic --image",
     ]
     assert [line for line in told if "deformed-labels" in line] == [told[0]]
     assert (tmp_path / "images" / "mesh.npz").exists()
@@ -125,7 +127,7 @@ def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, mon
     monkeypatch.setattr(study, "analyse", _analysed)
     found = run(tmp_path, ImagesOptions(SCANS, 3, 5))
     assert found["short"] == 1
-    contours, images, one_scan = found["rows"]
+    contours, images, one_scan, _ = found["rows"]
     assert contours["halves"] is not None
     assert images["halves"] is not None
     assert [contours["halves"]["intervals"][-1]["holds"], images["halves"]["intervals"][-1]["holds"]] == [1.0, 0.5]

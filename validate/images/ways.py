@@ -1,4 +1,4 @@
-"""Ways to an answer on one pair of scans: contours alone, images beside them, and images where the organ was drawn in one scan only.
+"""Ways to an answer on one pair of scans: contours alone, images beside them, images with contours of one scan, and nothing drawn.
 
 Every command runs in a process of its own that is given paths in the pair's folder alone.
 """
@@ -52,8 +52,21 @@ def one_scan(pair: Path, run: Run) -> None:
     _answered(pair, "one_scan", "--image", run)
 
 
+def automatic(pair: Path, run: Run) -> None:
+    """Two CTs and nothing else."""
+    _imported(pair, "automatic", (), run)
+    for command in ("segment", "mesh"):
+        run(pair, (command, "automatic"))
+    _answered(pair, "automatic", "--image", run)
+
+
 # By name, in the order in which they are gone: `images` starts from the case of `contours`.
-WAYS: Mapping[str, Callable[[Path, Run], None]] = {"contours": contours, "images": images, "one_scan": one_scan}
+WAYS: Mapping[str, Callable[[Path, Run], None]] = {
+    "contours": contours,
+    "images": images,
+    "one_scan": one_scan,
+    "automatic": automatic,
+}
 
 
 def analyse(pair: Path, timeout_s: float) -> None:
