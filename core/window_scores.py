@@ -63,13 +63,18 @@ class WindowScores:
         return np.asarray(there / np.maximum(every, 1e-12))
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """For numpy.savez; `from_arrays` is the inverse."""
+        """For numpy.savez; `from_arrays` is the inverse.
+
+        Columns rise within a row. In any other order scipy would sort them in place at their first use, and the same scores would
+        have another hash before and after a fit.
+        """
+        response = self.response.sorted_indices()
         return {
             "middles": self.middles,
             "nodes": self.nodes,
-            "response": self.response.data.astype(np.float32),
-            "columns": self.response.indices.astype(np.int32),
-            "starts": self.response.indptr.astype(np.int64),
+            "response": response.data.astype(np.float32),
+            "columns": response.indices.astype(np.int32),
+            "starts": response.indptr.astype(np.int64),
             "value": self.value,
             "pairs": self.pairs,
             "blocks": self.blocks,
