@@ -13,6 +13,10 @@ import synthetic_case
 from palpate.core.files.json_types import plain
 from palpate.core.identify.job import run
 from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.fit_options import FitOptions
+from palpate.core.residual.joint_states import JointLinearisation
+from palpate.core.residual.likely_slip import likely_slips
+from palpate.core.residual.plain_fit import fit_plain
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 
@@ -65,3 +69,20 @@ def test_an_organ_that_nobody_drew_in_the_other_scan_is_no_datum(
         assert again["parameters"][name]["G_kpa"] == pytest.approx(found["parameters"][name]["G_kpa"], rel=1e-6)
     assert 0 < found["misfit"]["weighted_from_noise"] < beside["misfit"]["weighted_from_noise"]
     assert again["misfit"]["rms_mm"] > 0.5  # said, although it is no datum
+
+
+def test_images_alone_do_not_slide_the_walls_of_the_state_that_is_shown(contours: IdentificationProblem) -> None:
+    """What they say of a slip holds together with what they say of edge, alignment and local error, which no scene shows."""
+    fit = fit_plain([(replace(contours, matched=synthetic_case.matched()), None)], how=FitOptions(starts=1))
+    at, data = fit.linearisation.each[0], fit.model.data_vectors[0]
+
+    def halves(rows: slice, by: float) -> list[np.ndarray]:
+        residual = at.residual.copy()
+        residual[rows] += by * np.linspace(-1.0, 1.0, rows.stop - rows.start)
+        other = replace(fit, linearisation=JointLinearisation((replace(at, residual=residual),)))
+        return [motion.slip.halves for motion in likely_slips(other, 0).values() if motion.slip is not None]
+
+    before = halves(data.motion, 0.0)
+    assert before
+    np.testing.assert_array_equal(halves(data.motion, 5.0), before)
+    assert np.abs(np.subtract(halves(slice(0, data.n_modes), 5.0), before)).max() > 1e-3
