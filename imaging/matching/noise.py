@@ -59,6 +59,7 @@ def measured_correlation(difference: Float32Array, usable: BoolArray, lags: int 
     for axis in range(3):
         values = [_at_lag(rough, usable, axis, lag) for lag in range(min(lags, difference.shape[axis] - 1) + 1)]
         positive = _until_none(np.array(values) / max(values[0], 1e-12))
+        positive[0] = 1.0  # also where the scans have no noise at all
         kernels.append(np.concatenate([positive[:0:-1], positive]))
     return CorrelatedNoise(tuple(kernels))
 

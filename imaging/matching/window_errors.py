@@ -19,6 +19,8 @@ from palpate.imaging.matching.window_sums import pairs, symmetric
 CHANCE = 3.0
 # Precision, 1/mm2, below which a direction stays where the smooth motion has it: a standard deviation of 3 mm.
 LEAST_PRECISION = 1.0 / 9.0
+# Variance of the difference of two scans in whole HU, HU2: each is rounded. Scans without noise have no less.
+ROUNDED_HU2 = 2.0 / 12.0
 
 
 def variance_left(pair: ScanPair, at: NormalEquations) -> FloatArray:
@@ -26,7 +28,7 @@ def variance_left(pair: ScanPair, at: NormalEquations) -> FloatArray:
     share = np.maximum(pair.windows.sum(at.weight), 1e-6)
     mean = pair.windows.sum(at.weight * at.difference) / share
     square = pair.windows.sum(at.weight * at.difference**2) / share
-    return np.asarray(np.maximum(square - mean**2, 1e-6), dtype=np.float64)
+    return np.asarray(np.maximum(square - mean**2, ROUNDED_HU2), dtype=np.float64)
 
 
 def texture_and_precision(

@@ -100,6 +100,17 @@ def test_a_motion_is_turned_round() -> None:
     np.testing.assert_allclose(there + inverse_of(motion, there), points, atol=1e-3)
 
 
+def test_scans_without_any_noise_are_matched() -> None:
+    """Made-up ones: nothing is left of their difference, so that the noise's correlation cannot be measured."""
+    scan = LabelledScan(Volume(np.round(texture(1)), GRID), organs(np.zeros(3)))
+    found = matched_motion(scan, scan, lambda points: np.zeros_like(points))
+    assert len(found.points) > 40
+    assert np.abs(found.moved).max() < 0.02
+    assert np.isfinite(found.precision).all()
+    assert found.scores is not None
+    assert np.linalg.eigvalsh(found.scores.covariance).min() > 0.0
+
+
 @pytest.mark.skipif(not LUNG.exists(), reason=f"{LUNG} is not there")
 def test_a_real_lung_is_matched_to_about_the_rounding_of_its_landmarks(tmp_path: Path) -> None:
     """From a shift alone, 10 landmarks given as whole voxels of 1.4 x 1.4 x 2.5 mm, whose rounding is 1.3 mm rms."""
