@@ -106,7 +106,7 @@ def test_scans_without_any_noise_are_matched() -> None:
     found = matched_motion(scan, scan, lambda points: np.zeros_like(points))
     assert len(found.points) > 40
     assert np.abs(found.moved).max() < 0.02
-    assert np.isfinite(found.precision).all()
+    assert np.linalg.eigvalsh(found.precision).max() < 1e8  # 1/mm2: rounding to whole HU is left
     assert found.scores is not None
     assert np.linalg.eigvalsh(found.scores.covariance).min() > 0.0
 
