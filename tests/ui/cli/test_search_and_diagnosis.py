@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from types import SimpleNamespace
+from pathlib import Path
 
 import pytest
 
+from palpate.case.case_facts import CaseFacts
+from palpate.case.case_folder import CaseFolder
+from palpate.case.steps.diagnose import DiagnoseOptions
 from palpate.core.errors import Cancelled, ConvergenceError
+from palpate.core.identify.options import IdentifyOptions
 from palpate.ui.cli import search_and_diagnosis
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.search_and_diagnosis import search_and_diagnose
@@ -19,8 +23,10 @@ LONG_S = 20.0
 class Steps:
     """Stand-ins of both steps, whose jobs are functions of this test. met : set when the diagnosis runs."""
 
-    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+    def __init__(self, patch: pytest.MonkeyPatch, folder: Path) -> None:
+        self.folder = CaseFolder.create(folder / "case", CaseFacts("made-up")).path
         self.met, self.order = threading.Event(), list[str]()
+        self.image: bool | None = None
         self.search: Callable[[Callable[[dict[str, object]], None]], object] = lambda tell: "stiffness"
         self.diagnosis: Callable[[threading.Event | None], object] = lambda stop: "gap"
         patch.setattr(search_and_diagnosis.identify, "run", self._identify)
@@ -34,17 +40,21 @@ class Steps:
 
     def _diagnose(self, case, options, progress, do_job):
         self.met.set()
+        self.image = options.image
         found = do_job(lambda _, stop: self.diagnosis(stop), lambda message: None)
         self.order.append("diagnosed")
         return found
 
-    def go(self, side_by_side: bool = True):
-        return search_and_diagnose(None, None, SimpleNamespace(), Console(quiet=True), side_by_side)
+    def go(self, side_by_side: bool = True, image: bool | None = None):
+        case = CaseFolder(self.folder)
+        return search_and_diagnose(
+            case, IdentifyOptions(image=image), DiagnoseOptions(), Console(quiet=True), side_by_side
+        )
 
 
 @pytest.fixture
-def steps(monkeypatch: pytest.MonkeyPatch) -> Steps:
-    return Steps(monkeypatch)
+def steps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Steps:
+    return Steps(monkeypatch, tmp_path)
 
 
 def test_the_diagnosis_runs_while_the_search_goes_on_from_the_kept_fit(steps: Steps) -> None:
@@ -93,3 +103,9 @@ def test_a_case_that_cannot_be_diagnosed_keeps_its_stiffness(steps: Steps, side_
 
     steps.diagnosis = diagnosis
     assert steps.go(side_by_side) == ("stiffness", "note    no diagnosis: folded cells")
+
+
+@pytest.mark.parametrize(("asked", "used"), [(None, False), (True, True), (False, False)])
+def test_the_diagnosis_uses_the_images_where_the_search_does(steps: Steps, asked: bool | None, used: bool) -> None:
+    steps.go(image=asked)
+    assert steps.image is used  # a case without CTs has none to use unasked
