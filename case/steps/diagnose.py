@@ -62,10 +62,11 @@ def run(
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
     The job starts from the plain fit that `identify` keeps in the case, or fits the same anew where there is none of
-    these inputs; result.json is neither read nor written. A case with labels and no mesh is meshed first. A body on a
-    bench (`bench_body`) has a job of its own. The step passes over a case whose inputs and options are those of the last
-    run. do_job : runs the job; a caller in a worker process gives `run_inline`. Raises InputError when labels are
-    missing, ConvergenceError when nothing could be solved, Cancelled.
+    these inputs. Of result.json only whether it stands on the images is read; it is not written. A case with labels and no
+    mesh is meshed first. A body on a bench (`bench_body`) has a job of its own. The step passes over a case whose inputs
+    and options are those of the last run. do_job : runs the job; a caller in a worker process gives `run_inline`. Raises
+    InputError when labels are missing or result.json is damaged, ConvergenceError when nothing could be solved,
+    Cancelled.
     """
     options = options or DiagnoseOptions()
     body = is_body(case)
