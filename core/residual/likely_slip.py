@@ -2,8 +2,8 @@
 
 In the fit the slip is an unknown with a normal prior that is marginalised: its response R is part of the covariance S
 of the data. Its posterior mean is -R' S^-1 r at the residual r of these data. Matched motion is left out: what it says of a slip
-holds together with what it says of the region's edge, the alignment and the local error, which no scene shows. On the sample pair
-that slip alone puts the organ's surface 0.86 mm off, rms, where the walls as they are put it 0.33 mm off.
+holds together with what it says of the region's edge, the alignment and the local error, which no scene shows. That slip alone would
+put the organ's surface farther from its contour than the fit has it.
 """
 
 from __future__ import annotations

@@ -123,6 +123,8 @@ def _analysed(pair: Path, timeout_s: float) -> None:
 
 
 def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[Path] = []
+    monkeypatch.setattr(study, "contoured_scan", lambda ct, contours, name: read.append(ct))
     monkeypatch.setattr(study, "make_pair", _made)
     monkeypatch.setattr(study, "analyse", _analysed)
     found = run(tmp_path, ImagesOptions(SCANS, 3, 5))
@@ -142,6 +144,23 @@ def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, mon
     assert "one_scan: no answer on any pair" in text
     with pytest.raises(InputError, match="was made with --seed 5"):
         run(tmp_path, ImagesOptions(SCANS, 3, 6))
+    assert read[:2] == [SCANS[0][0], SCANS[1][0]]
+
+
+def test_a_folder_that_holds_a_study_of_another_kind_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study, "contoured_scan", lambda ct, contours, name: None)
+    (tmp_path / "ledger.json").write_text(json.dumps({"seed": 5, "simulator": "blind", "effect": None}))
+    with pytest.raises(InputError, match="was made with another command"):
+        run(tmp_path, ImagesOptions(SCANS, 3, 5))
+
+
+def test_scans_that_cannot_be_read_begin_no_study(tmp_path: Path) -> None:
+    (tmp_path / "ct").mkdir()
+    with pytest.raises(InputError, match="ct"):
+        run(tmp_path / "study", ImagesOptions(((tmp_path / "ct", tmp_path / "contours.dcm"),), 1, 5))
+    assert not (tmp_path / "study").exists()
 
 
 def test_the_command_wants_real_scans(capfd: pytest.CaptureFixture[str]) -> None:

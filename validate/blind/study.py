@@ -9,7 +9,6 @@ import json
 import shutil
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
 from typing import TypedDict
@@ -26,6 +25,7 @@ from palpate.validate.blind.records import Diagnosis, Truth
 from palpate.validate.blind.score_table import Scores
 from palpate.validate.blind.scores import scores
 from palpate.validate.blind.simulator.strength import Hopeless, TooWeak
+from palpate.validate.making import make_each
 from palpate.validate.sealed import Kind as SealedKind
 from palpate.validate.sealed import SealedStudy, run_alone
 
@@ -75,16 +75,7 @@ def run(folder: Path, options: StudyOptions | None = None, progress: Progress = 
 def _make_all(folder: Path, recipes: Sequence[Recipe], workers: int, progress: Progress) -> None:
     """Cases that are not there; one of which no patient can be solved however easy is left out, and counted as missing by its absence."""
     todo = [r for r in recipes if not (folder / "answers" / f"{r.name}.json").exists()]
-    if workers < 2:
-        for k, recipe in enumerate(todo):
-            progress(k / len(todo), f"making {recipe.name}")
-            _made(recipe, folder)
-        return
-    with ProcessPoolExecutor(workers) as pool:
-        running = [pool.submit(_made, recipe, folder) for recipe in todo]
-        for k, done in enumerate(as_completed(running)):
-            done.result()
-            progress((k + 1) / len(todo), f"made {k + 1} of {len(todo)}")
+    make_each(partial(_made, folder=folder), todo, workers, progress)
 
 
 def _made(recipe: Recipe, folder: Path) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -22,6 +21,7 @@ from palpate.validate.calibration.patients import check, make_patient, name_of
 from palpate.validate.calibration.posterior import Marginal, posteriors_of
 from palpate.validate.calibration.ranks import by_region, calibration
 from palpate.validate.calibration.records import CalibrationOptions, CalibrationTable, CalibrationTruth
+from palpate.validate.making import make_each
 from palpate.validate.sealed import Kind, SealedStudy, run_alone
 
 Ranked = tuple[Marginal, float, int]
@@ -74,7 +74,7 @@ def run(
     estimator = estimator or (IDENTIFY if options.effect is None else DIAGNOSE)
     sealed = SealedStudy(folder, estimator.result)
     sealed.begin(_kind(options), _kind(CalibrationOptions()), _flags)
-    _make_all(folder, options, make, part(progress, 0.0, 0.5))
+    make_each(partial(_made, make, options, folder), range(options.cases), options.workers, part(progress, 0.0, 0.5))
     names = sealed.made([name_of(k) for k in range(options.cases)])
     if not names:
         raise InputError(f"no patient of {folder} could be simulated; give other --bounds or another --seed")
@@ -88,18 +88,8 @@ def _analysed(estimator: Estimator, timeout_s: float, case: Path) -> None:
     estimator.analyse(case, timeout_s)
 
 
-def _make_all(folder: Path, options: CalibrationOptions, make: Make, progress: Progress) -> None:
-    numbers = range(options.cases)
-    if options.workers < 2:
-        for k in numbers:
-            progress(k / options.cases, f"making {name_of(k)}")
-            make(options, k, folder)
-        return
-    with ProcessPoolExecutor(options.workers) as pool:
-        running = [pool.submit(make, options, k, folder) for k in numbers]
-        for k, done in enumerate(as_completed(running)):
-            done.result()
-            progress((k + 1) / options.cases, f"made {k + 1} of {options.cases}")
+def _made(make: Make, options: CalibrationOptions, folder: Path, number: int) -> None:
+    make(options, number, folder)
 
 
 def _table(

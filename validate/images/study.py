@@ -5,7 +5,6 @@ The truth is sealed before any pair is analysed, see `validate.sealed`.
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +14,9 @@ from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half
 from palpate.validate.images.pairs import make_pair, name_of
 from palpate.validate.images.records import ImagesOptions, ImagesTable
 from palpate.validate.images.ways import DONE, WAYS, analyse
+from palpate.validate.making import make_each
 from palpate.validate.sealed import Kind, SealedStudy
+from palpate.validate.segmentation.contoured_scan import contoured_scan
 
 # The way with whose standard deviations those of the others are compared.
 _PLAIN = "contours"
@@ -26,10 +27,13 @@ def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> Im
 
     A run that was stopped goes on. Raises InputError for scans that cannot be read, and when the folder holds another study.
     """
+    for ct, contours in options.scans:  # a study is not begun with what cannot be read
+        contoured_scan(ct, contours, ct.name)
     sealed = SealedStudy(folder, DONE)
-    kind = _kind(options)
-    sealed.begin(kind, kind, _flags)
-    _make_all(folder, options, part(progress, 0.0, 0.3))
+    sealed.begin(_kind(options), {"study": "another", "seed": None, "scans": []}, _flags)
+    make_each(
+        partial(make_pair, options, folder=folder), range(options.pairs), options.workers, part(progress, 0.0, 0.3)
+    )
     names = sealed.made([name_of(k) for k in range(options.pairs)])
     if not names:
         raise InputError(f"no pair of {folder} could be simulated; give another --seed")
@@ -89,22 +93,9 @@ def _analysed(timeout_s: float, pair: Path) -> None:
     analyse(pair, timeout_s)
 
 
-def _make_all(folder: Path, options: ImagesOptions, progress: Progress) -> None:
-    numbers = range(options.pairs)
-    if options.workers < 2:
-        for k in numbers:
-            progress(k / options.pairs, f"simulating {name_of(k)}")
-            make_pair(options, k, folder)
-        return
-    with ProcessPoolExecutor(options.workers) as pool:
-        running = [pool.submit(make_pair, options, k, folder) for k in numbers]
-        for k, done in enumerate(as_completed(running)):
-            done.result()
-            progress((k + 1) / options.pairs, f"simulated {k + 1} of {options.pairs}")
-
-
 def _kind(options: ImagesOptions) -> Kind:
     return {
+        "study": "images",
         "seed": options.seed,
         "scans": [[str(ct.absolute()), str(labels.absolute())] for ct, labels in options.scans],
     }
@@ -113,4 +104,6 @@ def _kind(options: ImagesOptions) -> Kind:
 def _flags(kind: Kind) -> str:
     scans = kind["scans"]
     assert isinstance(scans, list)
+    if kind["study"] != "images":
+        return "another command"
     return f"--seed {kind['seed']} " + " ".join(f"--scan {ct} {labels}" for ct, labels in scans)

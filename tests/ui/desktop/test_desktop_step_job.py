@@ -83,7 +83,7 @@ def start(case: CaseFolder, options: IdentifyOptions) -> JobControl:
 
 
 def wait_for_particles(jobs: JobControl) -> None:
-    end = time.monotonic() + 900.0
+    end = time.monotonic() + 120.0
     while jobs.state is not None and not jobs.state.swarm.particles:
         assert jobs.running and time.monotonic() < end, jobs.state.error
         jobs.poll()
