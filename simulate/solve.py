@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,17 +14,17 @@ from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
-from palpate.core.laws.linear import LINEAR, bulk_modulus
-from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, mooney_rivlin_parameters
 from palpate.core.worker.progress import Progress, silent
-from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.meshing.mesh_labels import MeshedCase
 from palpate.simulate.gliding_wall import Glide
+from palpate.simulate.hidden_effects import HiddenEffect, with_effects
+from palpate.simulate.hidden_figures import HiddenFigures, hidden_figures
+from palpate.simulate.stiffness import Stiffness
 from palpate.simulate.strain_figures import SolverFigures, organ_strain, smallest_volume_ratio, solver_figures
 from palpate.simulate.wall_motion import MovedWall
 
 ELEMENT = "p2"
-ORGAN_POISSON_RATIO = 0.495
 # Gliding walls have found their place when a round moves them by less (rms), mm.
 SETTLED_MM = 0.01
 ROUNDS = 30
@@ -33,37 +33,12 @@ ENOUGH_MM = 0.05
 _OPTIONS = NewtonOptions(rtol=1e-6, stability=False)
 
 
-@dataclass(frozen=True)
-class Stiffness:
-    """True shear moduli, kPa.
-
-    organ : label -> G. tissue, tissue_poisson_ratio : of the surrounding tissue. mu1_share : mu1 / (mu1 + mu2).
-    """
-
-    organ: Mapping[int, float]
-    tissue: float = 20.0
-    tissue_poisson_ratio: float = 0.49
-    mu1_share: float = 0.5
-
-    def materials(self) -> dict[int, Material]:
-        """Laws by region: Mooney-Rivlin organ (G = 2 (mu1 + mu2)), linear tissue."""
-        result = {
-            label: Material(
-                MOONEY_RIVLIN, mooney_rivlin_parameters(G, bulk_modulus(G, ORGAN_POISSON_RATIO), self.mu1_share)
-            )
-            for label, G in self.organ.items()
-        }
-        K = bulk_modulus(self.tissue, self.tissue_poisson_ratio)
-        result[SURROUNDING_TISSUE] = Material(LINEAR, np.array([self.tissue, K]))
-        return result
-
-
 @dataclass(frozen=True, eq=False)
 class DeformedState:
     """What the simulation found.
 
     space : of the mesh at rest. u : (n, 3) mm at its nodes. boundary : name -> its nodes. strain : see `organ_strain`.
-    solver : figures of the solve.
+    solver : figures of the solve. hidden : what hidden effects do, None where there are none.
     """
 
     space: Space
@@ -71,6 +46,7 @@ class DeformedState:
     boundary: Mapping[str, IntArray]
     strain: dict[str, float]
     solver: SolverFigures
+    hidden: HiddenFigures | None = None
 
 
 def solve_deformed(
@@ -80,13 +56,15 @@ def solve_deformed(
     contact: str = "gliding",
     element: str = ELEMENT,
     progress: Progress = silent,
+    hidden: Sequence[HiddenEffect] = (),
 ) -> DeformedState:
     """Equilibrium with bone and the region's edge fixed and the walls of hollow organs where their motions put them.
 
     contact : "tied", every wall point goes where its motion says, or "gliding", the wall's shape is that of the motion
-    but the tissue slides along it without friction, as along an organ that gas or liquid has filled.
+    but the tissue slides along it without friction, as along an organ that gas or liquid has filled. hidden : what no analysis is told.
 
-    Raises ConvergenceError when there is no equilibrium or the tissue would fold over itself.
+    Raises InputError where a hidden effect meets no cell, ConvergenceError when there is no equilibrium or the tissue would
+    fold over itself.
     """
     space = Space.of(meshed.mesh, element)
     nodes = {name: np.unique(space.face_nodes(faces)) for name, faces in meshed.boundary.items()}
@@ -94,18 +72,31 @@ def solve_deformed(
     free = np.ones((space.n_nodes, 3), dtype=bool)
     free[np.concatenate(list(nodes.values()))] = False
     assembler = Assembler(space, free.ravel())
+    materials = with_effects(meshed.mesh, stiffness.materials(), hidden)
     progress(0.0, f"solving {len(meshed.mesh.cells)} cells, walls tied")
-    found = solve_equilibrium(assembler, stiffness.materials(), prescribed.ravel(), options=_OPTIONS)
+    found = solve_equilibrium(assembler, materials, prescribed.ravel(), options=_OPTIONS)
     _require(found)
     figures = solver_figures(space, found)
     if contact == "gliding":
-        found, rounds, moved = _glide(meshed, space, nodes, stiffness, walls, found, progress)
+        moving = {name: wall for name, wall in walls.items() if name in nodes}
+        glides = [
+            Glide.of(space, space.face_nodes(meshed.boundary[name]), wall, found.u, stiffness.tissue)
+            for name, wall in moving.items()
+        ]
+        held = np.concatenate([points for name, points in nodes.items() if name not in moving])
+        assembler, found, rounds, moved = _glide(space, held, glides, materials, found, progress)
         figures |= {"glide_rounds": rounds, "glide_last_motion_mm": moved}
     F = assembler.deformation_gradients(found.u)
     near = {name: (space.nodes[nodes[name]], found.u[nodes[name]]) for name in walls if name in nodes}
     figures |= {"contact": contact, "smallest_volume_ratio": smallest_volume_ratio(meshed, F, near)}
     organ = np.isin(meshed.mesh.regions, ORGAN_LABELS)
-    return DeformedState(space, found.u, nodes, organ_strain(F[organ], assembler.weight[organ]), figures)
+    strain = organ_strain(F[organ], assembler.weight[organ])
+
+    def without(other: Mapping[int, Material]) -> Equilibrium:
+        return solve_equilibrium(assembler, other, prescribed.ravel(), State(found.u, found.p), _OPTIONS)
+
+    done = hidden_figures(meshed.mesh, found.u, stiffness, without) if hidden else None
+    return DeformedState(space, found.u, nodes, strain, figures, done)
 
 
 def _prescribed(space: Space, nodes: Mapping[str, IntArray], walls: Mapping[str, MovedWall]) -> FloatArray:
@@ -120,42 +111,37 @@ def _prescribed(space: Space, nodes: Mapping[str, IntArray], walls: Mapping[str,
 
 
 def _glide(
-    meshed: MeshedCase,
     space: Space,
-    nodes: Mapping[str, IntArray],
-    stiffness: Stiffness,
-    walls: Mapping[str, MovedWall],
+    held: IntArray,
+    glides: Sequence[Glide],
+    materials: Mapping[int, Material],
     tied: Equilibrium,
     progress: Progress,
-) -> tuple[Equilibrium, int, float]:
-    """From the state with tied walls, let the walls slide along their new shapes until they stay where they are."""
-    moving = {name: wall for name, wall in walls.items() if name in nodes}
-    held = np.concatenate([points for name, points in nodes.items() if name not in moving])
+) -> tuple[Assembler, Equilibrium, int, float]:
+    """From the state with tied walls, let the walls slide along their new shapes until they stay where they are. held : other nodes of
+    the boundary. Returns the assembler with the walls at that place, the state, rounds taken, and how far the last one moved, mm.
+    """
     free = np.ones((space.n_nodes, 3), dtype=bool)
     free[held] = False
-    glides = [
-        Glide.of(space, space.face_nodes(meshed.boundary[name]), wall, tied.u, stiffness.tissue)
-        for name, wall in moving.items()
-    ]
     assembler = Assembler(space, free.ravel(), glides)
     found, moved, pace, target = tied, np.inf, 1.0, tied.u
     for number in range(1, ROUNDS + 1):
         progress(
             number / (ROUNDS + 1),
-            f"solving {len(meshed.mesh.cells)} cells, walls gliding, round {number} of at most {ROUNDS}",
+            f"solving {len(space.mesh.cells)} cells, walls gliding, round {number} of at most {ROUNDS}",
         )
         assembler.terms = tuple(glide.linearised(target) for glide in glides)
-        found = solve_equilibrium(assembler, stiffness.materials(), start=State(found.u, found.p), options=_OPTIONS)
+        found = solve_equilibrium(assembler, materials, start=State(found.u, found.p), options=_OPTIONS)
         _require(found)
         change = found.u - target
         before, moved = moved, max(glide.sliding(change) for glide in glides)
         if moved < SETTLED_MM:
-            return found, number, float(moved)
+            return assembler, found, number, float(moved)
         if moved > 0.8 * before:
             pace = max(0.5 * pace, 0.2)  # the walls swing about their place: go part of the way
         target = target + pace * change
     if moved < ENOUGH_MM:
-        return found, ROUNDS, float(moved)
+        return assembler, found, ROUNDS, float(moved)
     raise ConvergenceError(
         f"the gliding walls still move by {moved:.2f} mm after {ROUNDS} rounds; make the walls move less or set contact to 'tied'"
     )

@@ -14,7 +14,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.pressure import FollowerPressure
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.simulate.solve import Stiffness
+from palpate.simulate.stiffness import Stiffness
 
 ELEMENT = "p2p1"
 # The first pressure, kPa; by how much it may grow at a time, how many are tried, and from which share on of what was drawn the wall has

@@ -18,8 +18,9 @@ from palpate.core.mesh import TetMesh
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
 from palpate.simulate.inverse_map import BackwardMap
-from palpate.simulate.solve import Stiffness, solve_deformed
+from palpate.simulate.solve import solve_deformed
 from palpate.simulate.source import PhantomSource
+from palpate.simulate.stiffness import Stiffness
 from palpate.simulate.wall_motion import MovedWall
 from palpate.simulate.walls import moved_walls
 from palpate.validate.blind.patient import Pose, carried_walls

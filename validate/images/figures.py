@@ -13,12 +13,17 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.validate.calibration.posterior import Marginal, posteriors_of
 from palpate.validate.calibration.ranks import calibration, rank
-from palpate.validate.images.records import HalfRow, PairTruth, WayRow
+from palpate.validate.images.records import FoundEffect, HalfRow, PairTruth, WayRow
+
+# Verdicts that name no effect.
+NOT_AN_EFFECT = frozenset({"none", "ambiguous", "unknown"})
 
 
 @dataclass(frozen=True)
 class Said:
-    """What one way said of one pair. posteriors, truths : ln G (kPa) by half. verdict : "" without a diagnosis."""
+    """What one way said of one pair. posteriors, truths : ln G (kPa) by half. verdict : "" without a diagnosis. hidden : the effect, ""
+    for none; left_mm : see `HalfRow`.
+    """
 
     pair: str
     way: str
@@ -26,6 +31,9 @@ class Said:
     truths: Mapping[str, float]
     verdict: str
     p_value: float | None
+    candidates: tuple[str, ...]
+    hidden: str
+    left_mm: float | None
 
 
 def said_of(case: Path, answer: Path, way: str) -> Said | None:
@@ -34,11 +42,13 @@ def said_of(case: Path, answer: Path, way: str) -> Said | None:
         return None
     truth: PairTruth = json.loads(answer.read_text(encoding="utf-8"))
     truths = {half: float(np.log(G)) for half, G in truth["true_G_kpa"].items()}
-    verdict, p = "", None
+    verdict, p, candidates = "", None, ()
     if (case / "diagnosis.json").exists():
         found = json.loads((case / "diagnosis.json").read_text(encoding="utf-8"))
-        verdict, p = str(found["verdict"]), float(found["gap"]["p_value"])
-    return Said(answer.stem, way, posteriors_of(case, "result.json"), truths, verdict, p)
+        verdict, p, candidates = str(found["verdict"]), float(found["gap"]["p_value"]), tuple(found["candidates"])
+    hidden, shown = "".join(truth["spec"].get("hidden", {})), truth["hidden"]
+    left = shown["left_mm"] if shown else None
+    return Said(answer.stem, way, posteriors_of(case, "result.json"), truths, verdict, p, candidates, hidden, left)
 
 
 def half_rows(said: Said) -> list[HalfRow]:
@@ -59,6 +69,9 @@ def half_rows(said: Said) -> list[HalfRow]:
                 "z": round((posterior.mean - truth) / posterior.sd, 2),
                 "verdict": said.verdict,
                 "p_value": said.p_value,
+                "candidates": list(said.candidates),
+                "hidden": said.hidden,
+                "left_mm": said.left_mm,
             }
         )
     return rows
@@ -74,14 +87,30 @@ def way_row(way: str, said: Sequence[Said], pairs: int, plain: Mapping[tuple[str
     ]
     ratios: FloatArray = np.array([posterior.sd / sd for posterior, _, _, sd in halves if sd is not None])
     diagnosed = [of for of in said if of.verdict]
+    plainly = [of for of in diagnosed if not of.hidden]
     return {
         "way": way,
         "halves": calibration([(posterior, truth, at) for posterior, truth, at, _ in halves]) if halves else None,
         "failed": pairs - len(said),
         "sd_ratio": round(float(np.median(ratios)), 3) if len(ratios) else None,
         "verdicts": dict(Counter(of.verdict for of in diagnosed)),
-        "alarms": sum(of.verdict != "none" for of in diagnosed) / len(diagnosed) if diagnosed else None,
-        "p_values": sorted(round(of.p_value, 3) for of in diagnosed if of.p_value is not None),
+        "alarms": sum(of.verdict != "none" for of in plainly) / len(plainly) if plainly else None,
+        "p_values": sorted(round(of.p_value, 3) for of in plainly if of.p_value is not None),
+        "found": {
+            effect: _found([of for of in diagnosed if of.hidden == effect], effect)
+            for effect in sorted({of.hidden for of in diagnosed} - {""})
+        },
+    }
+
+
+def _found(said: Sequence[Said], effect: str) -> FoundEffect:
+    names = NOT_AN_EFFECT | {effect}
+    return {
+        "pairs": len(said),
+        "candidate": sum(effect in (of.verdict, *of.candidates) for of in said),
+        "alone": sum(of.verdict == effect for of in said),
+        "alarm": sum(of.verdict != "none" for of in said),
+        "other": sum(of.verdict not in names for of in said),
     }
 
 

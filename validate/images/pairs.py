@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,11 @@ SHIFT_MM, TURN_DEG, ASIDE_MM = 3.0, 0.7, 1.0
 # distances on the surface it changes. Edge of the simulation's cells on the organ, mm; their element is
 # not the program's.
 CONTOUR_SD_MM, CORRELATION_MM, EDGE_MM = 0.4, (6.0, 12.0), 6.5
+# What may be hidden, each between limits: the factor of moduli (drawn evenly in the logarithm, a soft one in two of five), a
+# focus's radius, mm, and how far from its half's centroid it lies along each axis, how far from the organ's centroid tissue changes,
+# by how much softer the layer is in which the organ slides.
+FACTOR, RADIUS_MM, OFFSET_MM, FROM_MM, SOFTER = (3.0, 10.0), (7.0, 10.0), 5.0, (-3.0, 6.0), (10.0, 100.0)
+SOFT_SHARE = 0.4
 # Another wall motion is drawn where the tissue folds, so many times.
 ATTEMPTS = 3
 
@@ -34,8 +40,8 @@ def name_of(number: int) -> str:
 def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     """FOLDER/cases/NAME/scans and FOLDER/answers/NAME.json; whether the pair could be made. Nothing is done where the answer is there.
 
-    The stiffness is drawn once: whether a wall's motion has an equilibrium must not select it. Raises InputError for scans or contours
-    that cannot be read.
+    Stiffness and hidden effect are drawn once: whether a wall's motion has an equilibrium must not select them. Raises InputError
+    for scans or contours that cannot be read.
     """
     name, answers = name_of(number), folder / "answers"
     if (answers / f"{name}.json").exists():
@@ -44,8 +50,10 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     rng = np.random.default_rng([options.seed, number, 85])
     low, high = np.log(STIFFNESS_KPA)
     stiffness = np.exp(rng.uniform(low, high, 2)).round(1)
+    effect = options.hide[number % len(options.hide)] if options.hide else None
+    hidden = {} if effect is None else {effect: HIDE[effect](np.random.default_rng([options.seed, number, 87]))}
     for _ in range(ATTEMPTS):
-        spec = drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng)
+        spec = {**drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng), "hidden": hidden}
         shutil.rmtree(folder / "cases" / name, ignore_errors=True)
         try:
             truth = run_simulate(spec, folder / "cases" / name / "scans", folder / "truths" / name)
@@ -79,3 +87,38 @@ def drawn_spec(ct: Path, labels: Path, stiffness: FloatArray, rng: np.random.Gen
         },
         "seed": int(rng.integers(1, 2**31 - 1)),
     }
+
+
+def _inclusion(rng: np.random.Generator) -> Specification:
+    return {
+        "half": str(rng.choice(["prostate_left", "prostate_right"])),
+        "offset_mm": rng.uniform(-OFFSET_MM, OFFSET_MM, 3).tolist(),
+        "radius_mm": float(rng.uniform(*RADIUS_MM)),
+        "factor": _factor(rng),
+    }
+
+
+def _uneven_tissue(rng: np.random.Generator) -> Specification:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    return {
+        "towards": [float(np.cos(angle)), float(np.sin(angle)), 0.0],
+        "from_mm": float(rng.uniform(*FROM_MM)),
+        "factor": _factor(rng),
+    }
+
+
+def _sliding(rng: np.random.Generator) -> Specification:
+    return {"softer": float(np.exp(rng.uniform(*np.log(SOFTER))))}
+
+
+def _factor(rng: np.random.Generator) -> float:
+    size = float(np.exp(rng.uniform(*np.log(FACTOR))))
+    return 1.0 / size if rng.random() < SOFT_SHARE else size
+
+
+# Effects of `palpate simulate` that a pair can hide, by name.
+HIDE: Mapping[str, Callable[[np.random.Generator], Specification]] = {
+    "inclusion": _inclusion,
+    "tissue_heterogeneity": _uneven_tissue,
+    "interface_sliding": _sliding,
+}

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
+from palpate.simulate.hidden_figures import HiddenFigures
 from palpate.validate.calibration.ranks import Calibration
 
 
 @dataclass(frozen=True)
 class ImagesOptions:
     """scans : CT series and contours drawn on it, taken in turn. pairs : how many. seed : of everything random. timeout_s : for one
-    command on one pair.
+    command on one pair. hide : effects, one in each pair, taken in turn; none where it is empty. ways : to go, of `ways.WAYS`; all where
+    it is empty.
     """
 
     scans: tuple[tuple[Path, Path], ...]
@@ -21,18 +23,41 @@ class ImagesOptions:
     seed: int = 1
     workers: int = 1
     timeout_s: float = 3600.0
+    hide: tuple[str, ...] = ()
+    ways: tuple[str, ...] = ()
+
+
+class PairSpec(TypedDict, total=False):
+    """What it reads of the specification. hidden : by effect."""
+
+    hidden: dict[str, object]
 
 
 class PairTruth(TypedDict):
     """What a study reads of `Answers`, the truth of a simulated pair."""
 
     true_G_kpa: dict[str, float]
+    spec: PairSpec
+    hidden: HiddenFigures | None
+
+
+class FoundEffect(TypedDict):
+    """Diagnoses of pairs that hide one effect: how many, and in how many it is among the candidates, is the only name, an alarm is raised
+    at all, and another effect is the only name.
+    """
+
+    pairs: int
+    candidate: int
+    alone: int
+    alarm: int
+    other: int
 
 
 class WayRow(TypedDict):
     """One way to an answer, over all pairs. halves : of both halves of each pair; those of one pair are not independent. failed : pairs
     without an answer. sd_ratio : median of the standard deviations of ln G over those of contours alone, of the same halves.
-    verdicts : of the diagnoses, by how many. alarms : share that is not `none`; nothing is hidden, so all of them are false.
+    verdicts : of the diagnoses, by how many. alarms : share that is not `none` of pairs that hide nothing: all of them are false.
+    p_values : of these. found : by hidden effect.
     """
 
     way: str
@@ -42,10 +67,13 @@ class WayRow(TypedDict):
     verdicts: dict[str, int]
     alarms: float | None
     p_values: list[float]
+    found: dict[str, FoundEffect]
 
 
 class HalfRow(TypedDict):
-    """One half of one pair by one way: kPa, and how far ln G is off in its standard deviations."""
+    """One half of one pair by one way: kPa, and how far ln G is off in its standard deviations. hidden, left_mm : the pair's effect, and
+    what of it no change of stiffness shows on the organ's surface as well, rms mm.
+    """
 
     pair: str
     way: str
@@ -57,6 +85,9 @@ class HalfRow(TypedDict):
     z: float
     verdict: str
     p_value: float | None
+    candidates: list[str]
+    hidden: str
+    left_mm: float | None
 
 
 class ImagesTable(TypedDict):

@@ -1,4 +1,5 @@
-"""What the second scan's image adds: stiffness and diagnosis on pairs of real CTs whose second state is simulated, nothing hidden.
+"""What the second scan's image adds: stiffness and diagnosis on pairs of real CTs whose second state is simulated. Nothing is
+hidden, or one effect in each pair.
 
 The truth is sealed before any pair is analysed, see `validate.sealed`.
 """
@@ -30,7 +31,7 @@ def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> Im
     for ct, contours in options.scans:  # a study is not begun with what cannot be read
         contoured_scan(ct, contours, ct.name)
     sealed = SealedStudy(folder, DONE)
-    sealed.begin(_kind(options), {"study": "another", "seed": None, "scans": []}, _flags)
+    sealed.begin(_kind(options), {"study": "another", "seed": None, "scans": [], "hide": [], "ways": []}, _flags)
     make_each(
         partial(make_pair, options, folder=folder), range(options.pairs), options.workers, part(progress, 0.0, 0.3)
     )
@@ -38,7 +39,7 @@ def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> Im
     if not names:
         raise InputError(f"no pair of {folder} could be simulated; give another --seed")
     sealed.seal(names)
-    sealed.analyse(names, partial(_analysed, options.timeout_s), options.workers, part(progress, 0.3, 0.99))
+    sealed.analyse(names, partial(_analysed, options), options.workers, part(progress, 0.3, 0.99))
     sealed.check_unchanged()
     return table(sealed, options, names)
 
@@ -65,9 +66,11 @@ def images_text(found: ImagesTable) -> str:
     for h in found["halves"]:
         interval = f"{h['interval_kpa'][0]:.1f} to {h['interval_kpa'][1]:.1f}"
         p = "" if h["p_value"] is None else f" (p {h['p_value']:.2g})"
+        names = f": {', '.join(h['candidates'])}" if h["candidates"] else ""
+        hides = f"  hides {h['hidden']}, {h['left_mm'] or 0.0:.2f} mm" if h["hidden"] else ""
         lines.append(
             f"{h['pair']:11}{h['way']:10}{h['half']:16}{h['true_kpa']:7.1f}{h['found_kpa']:8.1f}{interval:>18}"
-            f"{h['sd_ln_G']:9.2f}{h['z']:+7.2f}  {h['verdict']}{p}"
+            f"{h['sd_ln_G']:9.2f}{h['z']:+7.2f}  {h['verdict']}{names}{p}{hides}"
         )
     for row in found["rows"]:
         halves = row["halves"]
@@ -81,6 +84,11 @@ def images_text(found: ImagesTable) -> str:
             f"rms {halves['z_rms']:.2f}; sd of ln G {halves['sd_ln_G']:.2f}, {row['sd_ratio'] or 0:.2f} of that of contours alone; "
             f"{row['failed']} without an answer; verdicts: {told or 'none made'}"
         )
+        lines += [
+            f"  {effect}: of {n['pairs']} pairs a candidate in {n['candidate']}, the only name in {n['alone']}, an alarm in {n['alarm']}, "
+            f"another name alone in {n['other']}"
+            for effect, n in row["found"].items()
+        ]
     lines.append(f"{found['short']} pairs could not be simulated")
     return "\n".join(lines)
 
@@ -89,8 +97,8 @@ def _said(sealed: SealedStudy, name: str, way: str) -> Said | None:
     return said_of(sealed.cases / name / way, sealed.answers / f"{name}.json", way)
 
 
-def _analysed(timeout_s: float, pair: Path) -> None:
-    analyse(pair, timeout_s)
+def _analysed(options: ImagesOptions, pair: Path) -> None:
+    analyse(pair, options.timeout_s, options.ways)
 
 
 def _kind(options: ImagesOptions) -> Kind:
@@ -98,12 +106,18 @@ def _kind(options: ImagesOptions) -> Kind:
         "study": "images",
         "seed": options.seed,
         "scans": [[str(ct.absolute()), str(labels.absolute())] for ct, labels in options.scans],
+        "hide": list(options.hide),
+        "ways": list(options.ways),
     }
 
 
 def _flags(kind: Kind) -> str:
-    scans = kind["scans"]
+    scans, hide, ways = kind["scans"], kind["hide"], kind["ways"]
     assert isinstance(scans, list)
+    assert isinstance(hide, list)
+    assert isinstance(ways, list)
     if kind["study"] != "images":
         return "another command"
-    return f"--seed {kind['seed']} " + " ".join(f"--scan {ct} {labels}" for ct, labels in scans)
+    words = [f"--seed {kind['seed']}", *(f"--scan {ct} {labels}" for ct, labels in scans)]
+    words += [f"--hide {effect}" for effect in hide] + [f"--way {way}" for way in ways]
+    return " ".join(words)

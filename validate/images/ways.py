@@ -14,7 +14,7 @@ from palpate.core.files.atomic import atomic_path
 from palpate.validate.sealed import run_alone
 
 _COMMAND = (sys.executable, "-m", "palpate.ui.cli")
-# File of the pair that says that all ways were gone.
+# File of the pair that says that its ways were gone.
 DONE, LOG = "done.json", "analysis.log"
 # What a copied case does not take along.
 _ANSWERS = ("identify", "diagnose", "result.json", "diagnosis.json", "mesh.vtu")
@@ -69,17 +69,21 @@ WAYS: Mapping[str, Callable[[Path, Run], None]] = {
 }
 
 
-def analyse(pair: Path, timeout_s: float) -> None:
-    """All ways on a pair. What the commands say goes to analysis.log; a case without result.json is a way that failed."""
+def analyse(pair: Path, timeout_s: float, ways: tuple[str, ...] = ()) -> None:
+    """These ways on a pair, all where none is named.
+
+    What the commands say goes to analysis.log; a case without result.json is a way that failed.
+    """
     pair = pair.resolve()
 
     def run(at: Path, words: tuple[str, ...]) -> None:
         run_alone([*_COMMAND, *words, "--quiet", "--workers", "1"], at, LOG, timeout_s)
 
-    for way in WAYS.values():
-        way(pair, run)
+    gone = [way for way in WAYS if way in (ways or WAYS)]
+    for way in gone:
+        WAYS[way](pair, run)
     with atomic_path(pair / DONE) as temporary:
-        temporary.write_text('{"ways": ["' + '", "'.join(WAYS) + '"]}\n', encoding="utf-8")
+        temporary.write_text('{"ways": ["' + '", "'.join(gone) + '"]}\n', encoding="utf-8")
 
 
 def _imported(pair: Path, case: str, drawn: tuple[str, ...], run: Run) -> None:

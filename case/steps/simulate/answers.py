@@ -16,7 +16,9 @@ from palpate.core.surfaces.surface import Surface
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
-from palpate.simulate.solve import DeformedState, Stiffness
+from palpate.simulate.hidden_figures import HiddenFigures
+from palpate.simulate.solve import DeformedState
+from palpate.simulate.stiffness import Stiffness
 from palpate.simulate.strain_figures import SolverFigures
 
 SURFACE_POINTS = 500
@@ -27,7 +29,7 @@ class Truth(TypedDict):
 
     true_G_kpa, true_mu1_kpa, true_mu2_kpa, volume_cc : by label name. organ_strain : `strain_figures.organ_strain`.
     divide : distance of the surface between left and right from the plane of `_divide`; empty where there is no such
-    surface. deformed_to_rest : (4, 4), LPS mm.
+    surface. deformed_to_rest : (4, 4), LPS mm. hidden : what effects do that the specification hides; None where it hides none.
     """
 
     true_G_kpa: dict[str, float]
@@ -42,6 +44,7 @@ class Truth(TypedDict):
     volume_cc: dict[str, dict[str, float]]
     deformed_to_rest: list[list[float]]
     solver: SolverFigures
+    hidden: HiddenFigures | None
 
 
 class Answers(Truth):
@@ -70,6 +73,7 @@ def truth_of(state: DeformedState, stiffness: Stiffness, deformed_to_rest: Float
         "volume_cc": _volumes(state),
         "deformed_to_rest": deformed_to_rest.tolist(),
         "solver": state.solver,
+        "hidden": state.hidden,
     }
 
 

@@ -9,6 +9,7 @@ Every key may be left out but ``stiffness_kpa`` and ``walls``; the example shows
      "walls": {"contact": "gliding",          or "tied": every point of a wall goes where the motion says
                "rectum": {"inflate_mm": 9, "bias": [0, 0], "push_mm": [0, 0, 0], "middle_mm": 0, "half_length_mm": 36},
                "bladder": {"balance": 0.9, "volume_change_cc": null, "push_mm": [0, 0, 0]}},
+     "hidden": {},                            what no analysis is told: "inclusion", "tissue_heterogeneity", "interface_sliding"
      "contour_noise_sd_mm": 0, "noise_correlation_mm": 8,
      "mesh": {"edge_mm": 3.7, "element": "p2"},
      "scan": {"shift_mm": [0, 0, 0], "rotation_deg": [0, 0, 0], "voxel_mm": [1.2, 1.2, 2], "noise_hu": 12, "blur_mm": 0.5},
@@ -28,12 +29,13 @@ from pathlib import Path
 from msgspec import UNSET, structs
 
 from palpate.case.steps.simulate.from_ct import CtSource
-from palpate.case.steps.simulate.spec_file import ScanFile, SpecFile
+from palpate.case.steps.simulate.spec_file import HiddenFile, ScanFile, SpecFile
 from palpate.core.errors import InputError
 from palpate.core.files.json_file import read_json
 from palpate.core.files.json_types import plain, refusal, typed
 from palpate.imaging.labels import LABEL_VALUES
-from palpate.simulate.solve import Stiffness
+from palpate.simulate.hidden_effects import HiddenEffect, Inclusion, SlidingOrgan, UnevenTissue
+from palpate.simulate.stiffness import Stiffness
 from palpate.simulate.walls import BladderSpec, RectumSpec
 
 _SOURCE = "simulation spec"
@@ -50,6 +52,7 @@ class SimulationSpec:
     rectum: RectumSpec | None
     bladder: BladderSpec | None
     contact: str = "gliding"
+    hidden: tuple[HiddenEffect, ...] = ()
     name: str | None = None
     contour_noise_sd_mm: float = 0.0
     noise_correlation_mm: float = 8.0
@@ -90,6 +93,7 @@ def parse_spec(data: Mapping[str, object], base: Path | None = None) -> Simulati
         rectum=None if walls.rectum is UNSET else RectumSpec(**structs.asdict(walls.rectum)),
         bladder=None if walls.bladder is UNSET else BladderSpec(**structs.asdict(walls.bladder)),
         contact=walls.contact,
+        hidden=_hidden(file.hidden),
         name=file.name,
         contour_noise_sd_mm=file.contour_noise_sd_mm,
         noise_correlation_mm=file.noise_correlation_mm,
@@ -100,6 +104,21 @@ def parse_spec(data: Mapping[str, object], base: Path | None = None) -> Simulati
         seed=int(file.seed),
         raw=dict(data),
     )
+
+
+def _hidden(file: HiddenFile) -> tuple[HiddenEffect, ...]:
+    found: list[HiddenEffect] = []
+    if file.inclusion is not UNSET:
+        ball = file.inclusion
+        found.append(Inclusion(LABEL_VALUES[ball.half], ball.offset_mm, ball.radius_mm, ball.factor))
+    if file.tissue_heterogeneity is not UNSET:
+        tissue = file.tissue_heterogeneity
+        if not any(tissue.towards):
+            raise InputError(f"{_SOURCE}: hidden.tissue_heterogeneity.towards is [0, 0, 0]; give a direction")
+        found.append(UnevenTissue(tissue.towards, tissue.from_mm, tissue.factor))
+    if file.interface_sliding is not UNSET:
+        found.append(SlidingOrgan(file.interface_sliding.layer_mm, file.interface_sliding.softer))
+    return tuple(found)
 
 
 def _source(file: SpecFile, base: Path) -> str | Path | CtSource:

@@ -13,6 +13,8 @@ _Push = Annotated[float, Meta(ge=-15.0, le=15.0)]
 _Shift = Annotated[float, Meta(ge=-50.0, le=50.0)]
 _Turn = Annotated[float, Meta(ge=-10.0, le=10.0)]
 _Voxel = Annotated[float, Meta(ge=0.5, le=6.0)]
+_Factor = Annotated[float, Meta(ge=0.02, le=50.0)]
+_Component = Annotated[float, Meta(ge=-1.0, le=1.0)]
 _Bias = Annotated[float, Meta(ge=-0.7, le=0.7)]
 
 
@@ -72,6 +74,38 @@ class ScanFile(_Part, frozen=True):
     changes: tuple[Literal["contrast", "kernel", "noise", "streaks"], ...] = ()
 
 
+class InclusionFile(_Part, frozen=True):
+    """As `Inclusion`."""
+
+    half: Literal["prostate_left", "prostate_right"]
+    factor: _Factor
+    offset_mm: tuple[_Push, _Push, _Push] = (0.0, 0.0, 0.0)
+    radius_mm: Annotated[float, Meta(ge=3.0, le=30.0)] = 8.0
+
+
+class UnevenTissueFile(_Part, frozen=True):
+    """As `UnevenTissue`."""
+
+    towards: tuple[_Component, _Component, _Component]
+    factor: _Factor
+    from_mm: Annotated[float, Meta(ge=-40.0, le=40.0)] = 0.0
+
+
+class SlidingFile(_Part, frozen=True):
+    """As `SlidingOrgan`."""
+
+    softer: Annotated[float, Meta(ge=1.0, le=200.0)]
+    layer_mm: Annotated[float, Meta(ge=1.0, le=10.0)] = 3.0
+
+
+class HiddenFile(_Part, frozen=True):
+    """What no analysis is told, by the name that the diagnosis has for it."""
+
+    inclusion: InclusionFile | UnsetType = UNSET
+    tissue_heterogeneity: UnevenTissueFile | UnsetType = UNSET
+    interface_sliding: SlidingFile | UnsetType = UNSET
+
+
 _Source = Annotated[
     Literal["phantom"] | dict[str, _Line],
     Meta(description='"phantom", {"case": FOLDER} or {"ct": FOLDER, "labels": FILE}'),
@@ -93,6 +127,7 @@ class SpecFile(_Part, frozen=True, kw_only=True):
     tissue_poisson_ratio: Annotated[float, Meta(ge=0.0, le=0.498)] = 0.49
     mu1_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.5
     walls: _Walls
+    hidden: HiddenFile = HiddenFile()
     contour_noise_sd_mm: Annotated[float, Meta(ge=0.0, le=3.0)] = 0.0
     noise_correlation_mm: Annotated[float, Meta(ge=2.0, le=50.0)] = 8.0
     mesh: MeshFile = MeshFile()

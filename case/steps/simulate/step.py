@@ -84,7 +84,7 @@ def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mes
     progress(0.05, "meshing")
     meshed = mesh_labels(labels, MeshOptions(edge_mm=spec.edge_mm), mesh_cache)
     state = solve_deformed(
-        meshed, spec.stiffness, walls, spec.contact, spec.element, lambda f, m: progress(0.3 + 0.3 * f, m)
+        meshed, spec.stiffness, walls, spec.contact, spec.element, lambda f, m: progress(0.3 + 0.3 * f, m), spec.hidden
     )
     warp = BackwardMap(state.space, state.u, state.boundary, {name: wall.motion for name, wall in walls.items()})
     centre = meshed.mesh.points[meshed.mesh.cells[np.isin(meshed.mesh.regions, ORGAN_LABELS)]].mean(axis=(0, 1))

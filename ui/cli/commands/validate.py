@@ -46,6 +46,11 @@ Found = TypeVar("Found", bound=Mapping[str, object])
 
 NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
 _DPI = 160
+# As in `validate.images`, which is not read to parse a command line.
+_HIDE, _WAYS = (
+    ("inclusion", "tissue_heterogeneity", "interface_sliding"),
+    ("contours", "images", "one_scan", "automatic"),
+)
 
 
 def _plain_text(found: Mapping[str, object]) -> str:
@@ -102,6 +107,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="segmentation: no estimate of the variants' surface errors, in half the time")  # fmt: skip
     parser.add_argument("--pairs", type=whole_number(1, 1000), default=2, metavar="N",
                         help="images, matching: how many simulated pairs of the scans (default %(default)s)")  # fmt: skip
+    parser.add_argument("--hide", action="append", default=[], choices=_HIDE, metavar="EFFECT",
+                        help=f"images: hide this in a pair, in turn where several are given: {', '.join(_HIDE)}")  # fmt: skip
+    parser.add_argument("--way", action="append", default=[], choices=_WAYS, metavar="WAY",
+                        help=f"images: go this way only, several times: {', '.join(_WAYS)} (default: all)")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -272,7 +281,12 @@ def _images(args: argparse.Namespace, progress: Progress) -> ImagesTable:
     if not args.scan:
         raise UsageError("images: give --scan CT CONTOURS, a CT whose texture is real; a phantom has none")
     scans = tuple((ct, contours) for ct, contours in args.scan)
-    return images(args.folder, ImagesOptions(scans, args.pairs, random_seed(args), args.workers or 1), progress)
+    if "images" in args.way and "contours" not in args.way:
+        raise UsageError("images: --way images goes on from the case of --way contours; give both")
+    options = ImagesOptions(
+        scans, args.pairs, random_seed(args), args.workers or 1, hide=tuple(args.hide), ways=tuple(args.way)
+    )
+    return images(args.folder, options, progress)
 
 
 def _images_text(found: ImagesTable) -> str:
