@@ -87,6 +87,9 @@ def test_walls_move_as_the_specification_says(simulated: tuple[CaseFolder, Path,
         ({"walls": {}}, "'rectum', 'bladder' or both"),
         ({"mesh": {"element": "p1"}}, "element"),
         ({"colour": 1}, "colour"),
+        ({"hidden": {"fog": {}}}, "fog"),
+        ({"hidden": {"inclusion": {"half": "prostate_left"}}}, "factor"),
+        ({"hidden": {"tissue_heterogeneity": {"towards": [0, 0, 0], "factor": 3}}}, "give a direction"),
     ],
 )
 def test_a_wrong_specification_is_refused_by_its_key(change: dict[str, Any], message: str) -> None:

@@ -14,8 +14,10 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.simulate.spec import parse_spec
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.ui.cli import main as cli
+from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.main import arguments
 from palpate.validate.images import pairs, study
+from palpate.validate.images.figures import Said, way_row
 from palpate.validate.images.pairs import STIFFNESS_KPA, drawn_spec, make_pair
 from palpate.validate.images.records import ImagesOptions
 from palpate.validate.images.study import images_text, run
@@ -93,16 +95,51 @@ def test_a_motion_that_folds_is_drawn_anew_and_the_stiffness_stays(
     assert not (tmp_path / "answers" / "pair_0000.json").exists()
 
 
+def test_a_pair_hides_its_effect_and_keeps_it_when_the_motion_is_drawn_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Mapping[str, object]] = []
+
+    def simulate(spec: Mapping[str, object], case: Path, answers: Path) -> Mapping[str, object]:
+        tried.append(spec)
+        if len(tried) == 1:
+            raise ConvergenceError("the tissue folds")
+        return {"true_G_kpa": spec["stiffness_kpa"]}
+
+    monkeypatch.setattr(pairs, "run_simulate", simulate)
+    options = ImagesOptions(SCANS, 4, 7, hide=tuple(pairs.HIDE))
+    for number in range(4):
+        assert make_pair(options, number, tmp_path)
+    assert len({json.dumps(spec["hidden"]) for spec in tried[:2]}) == 1
+    assert ["".join(spec["hidden"]) for spec in tried[1:]] == [*pairs.HIDE, next(iter(pairs.HIDE))]  # type: ignore[arg-type]
+    assert json.dumps(tried[1]["hidden"]) != json.dumps(tried[4]["hidden"])
+    for spec in tried:
+        assert len(parse_spec(spec).hidden) == 1
+    # What is not hidden is drawn as in a study that hides nothing.
+    plain = len(tried)
+    assert make_pair(ImagesOptions(SCANS, 4, 7), 3, tmp_path / "plain")
+    assert {**tried[plain], "hidden": None} == {**tried[4], "hidden": None}
+
+
+def _truth(options: ImagesOptions, number: int) -> Mapping[str, object]:
+    hides = options.hide[number % len(options.hide)] if options.hide else ""
+    return {
+        "true_G_kpa": TRUE,
+        "spec": {"hidden": {hides: {}} if hides else {}},
+        "hidden": {"shown_mm": 0.3, "left_mm": 0.2} if hides else None,
+    }
+
+
 def _made(options: ImagesOptions, number: int, folder: Path) -> bool:
     if number == 2:
         return False
     (folder / "cases" / f"pair_{number:04d}").mkdir(parents=True, exist_ok=True)
     (folder / "answers").mkdir(exist_ok=True)
-    (folder / "answers" / f"pair_{number:04d}.json").write_text(json.dumps({"true_G_kpa": TRUE}))
+    (folder / "answers" / f"pair_{number:04d}.json").write_text(json.dumps(_truth(options, number)))
     return True
 
 
-def _analysed(pair: Path, timeout_s: float) -> None:
+def _analysed(pair: Path, timeout_s: float, ways: tuple[str, ...]) -> None:
     """Contours are right within an sd of 0.4; images a standard deviation of 0.1 too soft on the left, and raise an alarm on pair 0."""
     assert pair.name in json.loads((pair.parents[1] / "ledger.json").read_text())["answers"]
     for way, sd in (("contours", 0.4), ("images", 0.1)):
@@ -117,7 +154,12 @@ def _analysed(pair: Path, timeout_s: float) -> None:
         case.write_json("result.json", {"parameters": found})
         alarm = way == "images" and pair.name == "pair_0000"
         case.write_json(
-            "diagnosis.json", {"verdict": "ambiguous" if alarm else "none", "gap": {"p_value": 0.01 if alarm else 0.6}}
+            "diagnosis.json",
+            {
+                "verdict": "ambiguous" if alarm else "none",
+                "candidates": ["inclusion", "prestress"] if alarm else [],
+                "gap": {"p_value": 0.01 if alarm else 0.6},
+            },
         )
     (pair / "done.json").write_text("{}")
 
@@ -145,6 +187,46 @@ def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, mon
     with pytest.raises(InputError, match="was made with --seed 5"):
         run(tmp_path, ImagesOptions(SCANS, 3, 6))
     assert read[:2] == [SCANS[0][0], SCANS[1][0]]
+
+
+def test_the_table_tells_which_hidden_effects_were_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "contoured_scan", lambda ct, contours, name: None)
+    monkeypatch.setattr(study, "make_pair", _made)
+    monkeypatch.setattr(study, "analyse", _analysed)
+    found = run(tmp_path, ImagesOptions(SCANS, 2, 5, hide=("inclusion",), ways=("contours", "images")))
+    contours, images, *_ = found["rows"]
+    assert contours["found"]["inclusion"] == {"pairs": 2, "candidate": 0, "alone": 0, "alarm": 0, "other": 0}
+    assert images["found"]["inclusion"] == {"pairs": 2, "candidate": 1, "alone": 0, "alarm": 1, "other": 0}
+    assert (images["alarms"], images["p_values"]) == (None, [])  # none of these pairs can raise a false one
+    text = images_text(found)
+    assert "ambiguous: inclusion, prestress (p 0.01)  hides inclusion, 0.20 mm" in text
+    assert "inclusion: of 2 pairs a candidate in 1, the only name in 0, an alarm in 1" in text
+    with pytest.raises(InputError, match="--hide inclusion --way contours --way images"):
+        run(tmp_path, ImagesOptions(SCANS, 2, 5))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "counted"),
+    [
+        ("inclusion", {"candidate": 1, "alone": 1, "alarm": 1, "other": 0}),
+        ("prestress", {"candidate": 0, "alone": 0, "alarm": 1, "other": 1}),
+        ("unknown", {"candidate": 0, "alone": 0, "alarm": 1, "other": 0}),
+        ("none", {"candidate": 0, "alone": 0, "alarm": 0, "other": 0}),
+    ],
+)
+def test_a_verdict_counts_as_what_it_is(verdict: str, counted: Mapping[str, int]) -> None:
+    said = Said("pair_0000", "images", {}, {}, verdict, 0.01, (), "inclusion", 0.2)
+    assert way_row("images", [said], 1, {}, 1)["found"]["inclusion"] == {"pairs": 1, **counted}
+
+
+def test_the_options_name_what_there_is() -> None:
+    scan = ["--scan", "ct", "contours.dcm"]
+    ways = [word for way in WAYS for word in ("--way", way)]
+    hide = [word for effect in pairs.HIDE for word in ("--hide", effect)]
+    asked = arguments(["validate", "images", *scan, *ways, *hide])
+    assert (asked.way, asked.hide) == (list(WAYS), list(pairs.HIDE))
+    with pytest.raises(UsageError):
+        arguments(["validate", "images", *scan, "--hide", "fog"])
 
 
 def test_a_folder_that_holds_a_study_of_another_kind_is_refused(
