@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import msgspec
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.diagnosed import stands_otherwise
 from palpate.case.matched import FILE as MATCHED
 from palpate.case.stated_files import ERRORS_FILE, body_inputs, further_files, is_body
 from palpate.case.steps.step import Step
@@ -112,6 +113,7 @@ DIAGNOSE = Step(
     f"{_MORE}; `{MATCHED}`; of a body on a bench its surface and points files instead",
     has_job=True,
     inputs_of=_scene_or_body,
+    unlike=stands_otherwise,
 )
 PLAN = Step(
     "plan",

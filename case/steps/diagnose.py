@@ -93,6 +93,7 @@ def run(
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
     notes = [] if body else [*missing_structures(case, image), *rigid_offset_notes(case)]
     record = _of_case(case, typed(answer, DiagnosisRecord, "the worker's answer", ""), notes)
+    record = structs.replace(record, image=UNSET if body else image)
     case.write_json(DIAGNOSIS, record)
     DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, record.where.map))
     return record

@@ -24,6 +24,10 @@ def _no_program() -> str:
     return ""
 
 
+def _fits(case: CaseFolder) -> str:
+    return ""
+
+
 def _no_record(case: CaseFolder) -> Mapping[str, str] | None:
     return None
 
@@ -45,7 +49,8 @@ class Step:
     "palpate.module:name", imported on demand, because VTK takes seconds. reads_also : in words, files that only some
     cases have. has_job : whether `run` takes `do_job`. inputs_of : `reads` and further inputs of one case. program :
     identifier of the code that shows in the result. record : hashes of inputs in the result itself; they take
-    precedence over those of state.json.
+    precedence over those of state.json. unlike : why the result does not belong to the case's other results, beyond its files; "" where
+    it does.
     """
 
     name: str
@@ -59,6 +64,7 @@ class Step:
     inputs_of: Callable[[CaseFolder, tuple[str, ...]], tuple[str, ...]] = _reads_as_declared
     program: Callable[[], str] = _no_program
     record: Callable[[CaseFolder], Mapping[str, str] | None] = _no_record
+    unlike: Callable[[CaseFolder], str] = _fits
 
     @property
     def result(self) -> str:
@@ -112,7 +118,7 @@ class Step:
         """Reason why the result was not made from the files that are now in the case; "" where it was, None where that
         is unknown.
 
-        Options do not count. hash_of : hash of one file. Raises InputError for damaged files.
+        Options do not count but for what `unlike` tells. hash_of : hash of one file. Raises InputError for damaged files.
         """
         recorded = self._recorded(case)
         if recorded is None or not self.reads:
@@ -122,7 +128,7 @@ class Step:
             if now != recorded.get(name):
                 return f"{name} has been changed since"
         noted = case.step_record(self.name)
-        return "" if noted.get("program", "") == self.program() else "the program has been changed since"
+        return self.unlike(case) if noted.get("program", "") == self.program() else "the program has been changed since"
 
     def _recorded(self, case: CaseFolder) -> Mapping[str, str] | None:
         """Hashes by name of the files that the result was made from; None where unknown."""

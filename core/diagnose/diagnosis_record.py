@@ -174,7 +174,8 @@ class DiagnosisRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     verdict : "none", "ambiguous", "unknown" or the id of an effect. candidates : effects that cannot be told apart.
     probability_unknown : of an effect that the library does not have. options : the numbers in force. states,
-    remainder : of a body on a bench. simulated : present and true where the pair was computed.
+    remainder : of a body on a bench. simulated : present and true where the pair was computed. image : whether it stands on the
+    motion that the two images tell too; absent in records of earlier versions and of bodies on a bench.
     """
 
     case: str
@@ -195,3 +196,4 @@ class DiagnosisRecord(msgspec.Struct, frozen=True, kw_only=True):
     states: list[MarkersRecord] | UnsetType = UNSET
     remainder: RemainderRecord | UnsetType | None = UNSET
     simulated: bool | UnsetType = UNSET
+    image: bool | UnsetType = UNSET

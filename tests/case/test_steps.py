@@ -8,6 +8,8 @@ import typing
 from pathlib import Path
 
 import pytest
+from diagnoses import diagnosis
+from phantoms import result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
@@ -65,6 +67,29 @@ def test_what_only_some_cases_have_is_read_too(case: CaseFolder) -> None:
         case.path, CaseFacts("beam", other={"body": "b.stl", "states": [{"name": "x", "points": "x.csv"}]})
     )
     assert DIAGNOSE.inputs(body) == ("case.json", "b.stl", "x.csv")
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "gap", "wanted"),
+    [
+        (True, True, ""),
+        (False, False, ""),
+        (True, False, "the diagnosis stands on the contours alone, the stiffness on the images too"),
+        (False, True, "the stiffness stands on the contours alone, the diagnosis on the images too"),
+        (True, None, ""),  # of an earlier version
+        (None, True, ""),
+    ],
+)
+def test_a_diagnosis_is_that_of_the_stiffness_beside_it(
+    case: CaseFolder, stiffness: bool | None, gap: bool | None, wanted: str
+) -> None:
+    """`identify` was run anew with other evidence: none of the files that `diagnose` reads tells."""
+    case.write_json("result.json", result(**({} if stiffness is None else {"options": {"image": stiffness}})))
+    case.write_json("diagnosis.json", diagnosis("none", **({} if gap is None else {"image": gap})))
+    DIAGNOSE.mark_done(case, DIAGNOSE.made_from(case, {}), ("diagnosis.json",))
+    assert DIAGNOSE.out_of_date(case) == wanted
+    case.write_text("mesh.npz", "new")
+    assert DIAGNOSE.out_of_date(case) == "mesh.npz has been changed since"
 
 
 def test_an_import_reads_nothing_of_the_case_and_is_never_called_out_of_date(case: CaseFolder) -> None:

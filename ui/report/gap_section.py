@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from msgspec import UNSET
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
+from palpate.case.diagnosed import DIAGNOSIS, otherwise_words, read_diagnosis
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffnessRecord, ParameterRecord
 from palpate.core.files.json_types import known
 from palpate.ui.pictures.gap_pictures import force_planes, residual_views
@@ -64,6 +65,9 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     found = record.diagnosis
     assert found is not None
     blocks: list[Block] = [Paragraph(found.in_words, "lead")]
+    otherwise = otherwise_words(record.result, found)
+    if otherwise:
+        blocks.append(Notice(f"On this page {otherwise}: run `palpate diagnose` again, without a flag."))
     if gap_is_seen(found):
         blocks.append(Paragraph(FALSE_ALARMS))
     blocks.append(_figures(found))
@@ -88,6 +92,8 @@ def _figures(found: DiagnosisRecord) -> Table:
         ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{floor:.2f} mm rms"),
         ("chance of such a gap without any effect", chance(gap.p_value)),
     ]  # fmt: skip
+    if found.image is not UNSET:
+        rows.append(("it stands on", "contours and images" if found.image else "contours alone"))
     states = known(gap.states) or []
     if len(states) > 1:
         left = ", ".join(f"{state.rms_mm:.2f} (noise {state.noise_floor_mm:.2f})" for state in states)

@@ -15,7 +15,7 @@ from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffnessRecord
 from palpate.core.files.json_types import typed
 from palpate.ui.pictures.gap_pictures import VIEWS
-from palpate.ui.report.document import Paragraph, Table
+from palpate.ui.report.document import Notice, Paragraph, Table
 from palpate.ui.report.gap_section import gap_section, stiffness_interval
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.report_step import ReportOptions, run
@@ -58,6 +58,23 @@ def test_without_a_gap_there_is_neither_force_nor_ranking() -> None:
     section = gap_section(diagnosed("none"), {})
     kinds = [type(block).__name__ for block in section.blocks]
     assert kinds == ["Paragraph", "Table", "Bullets"]
+
+
+def test_the_page_says_what_a_diagnosis_stands_on_and_when_the_stiffness_does_not() -> None:
+    record = diagnosed("none")
+    assert record.diagnosis is not None
+    for image, other in ((True, False), (False, True)):
+        said = replace(
+            record,
+            result=recorded(result(options={"image": image})),
+            diagnosis=msgspec.structs.replace(record.diagnosis, image=image),
+        )
+        (table,) = (block for block in gap_section(said, {}).blocks if isinstance(block, Table))
+        assert ("it stands on", "contours and images" if image else "contours alone") in table.rows
+        assert not [block for block in gap_section(said, {}).blocks if isinstance(block, Notice)]
+        beside = replace(said, result=recorded(result(options={"image": other})))
+        (notice,) = (block for block in gap_section(beside, {}).blocks if isinstance(block, Notice))
+        assert "run `palpate diagnose` again" in notice.text
 
 
 def diagnosed(verdict: str, **stiffness: float) -> CaseRecord:
