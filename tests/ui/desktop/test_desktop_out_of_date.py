@@ -67,6 +67,18 @@ def test_a_copy_is_as_done_as_its_original_whatever_the_times_say(case: CaseFold
     assert out_of_date(copy) == {}
 
 
+def test_a_diagnosis_is_out_of_date_once_the_stiffness_stands_on_the_images(
+    case: CaseFolder, diagnosed: Diagnose
+) -> None:
+    """No file that `diagnose` reads has changed then."""
+    assert diagnosed(case).image is False
+    assert out_of_date(case) == {}
+    case.write_json("result.json", {**case.read_json("result.json"), "options": {"image": True}})
+    assert out_of_date(case) == {
+        "diagnose": "the diagnosis stands on the contours alone, the stiffness on the images too"
+    }
+
+
 def test_what_has_been_changed_is_told_by_what_was_made_from_it(case: CaseFolder) -> None:
     times = {p: p.stat().st_mtime_ns for p in case.path.iterdir()}
     case.write_labels("deformed", labels(case.labels("rest").affine, push_mm=6.0))
