@@ -121,11 +121,30 @@ def test_a_pair_hides_its_effect_and_keeps_it_when_the_motion_is_drawn_anew(
     assert {**tried[plain], "hidden": None} == {**tried[4], "hidden": None}
 
 
+def test_every_second_pair_of_each_scan_differs_in_more_than_its_motion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Mapping[str, object]] = []
+
+    def simulate(spec: Mapping[str, object], case: Path, answers: Path) -> Mapping[str, object]:
+        made.append(spec)
+        return {}
+
+    monkeypatch.setattr(pairs, "run_simulate", simulate)
+    for number in range(24):
+        make_pair(ImagesOptions(SCANS, 24, 7), number, tmp_path)
+    changes = [parse_spec(spec).scan.changes for spec in made]
+    assert not any(changes[k] for k in range(24) if k % 4 < 2)
+    drawn = [changes[k] for k in range(24) if k % 4 >= 2]
+    assert set().union(*drawn) == set(pairs.CHANGES)
+    assert len(set(drawn)) > 3
+
+
 def _truth(options: ImagesOptions, number: int) -> Mapping[str, object]:
     hides = options.hide[number % len(options.hide)] if options.hide else ""
     return {
         "true_G_kpa": TRUE,
-        "spec": {"hidden": {hides: {}} if hides else {}},
+        "spec": {"hidden": {hides: {}} if hides else {}, "scan": {"changes": ["contrast"] if number else []}},
         "hidden": {"shown_mm": 0.3, "left_mm": 0.2} if hides else None,
     }
 
@@ -200,6 +219,7 @@ def test_the_table_tells_which_hidden_effects_were_found(tmp_path: Path, monkeyp
     assert (images["alarms"], images["p_values"]) == (None, [])  # none of these pairs can raise a false one
     text = images_text(found)
     assert "ambiguous: inclusion, prestress (p 0.01)  hides inclusion, 0.20 mm" in text
+    assert "hides inclusion, 0.20 mm  changed: contrast" in text
     assert "inclusion: of 2 pairs a candidate in 1, the only name in 0, an alarm in 1" in text
     with pytest.raises(InputError, match="--hide inclusion --way contours --way images"):
         run(tmp_path, ImagesOptions(SCANS, 2, 5))

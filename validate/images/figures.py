@@ -34,6 +34,7 @@ class Said:
     candidates: tuple[str, ...]
     hidden: str
     left_mm: float | None
+    changes: tuple[str, ...] = ()
 
 
 def said_of(case: Path, answer: Path, way: str) -> Said | None:
@@ -48,7 +49,9 @@ def said_of(case: Path, answer: Path, way: str) -> Said | None:
         verdict, p, candidates = str(found["verdict"]), float(found["gap"]["p_value"]), tuple(found["candidates"])
     hidden, shown = "".join(truth["spec"].get("hidden", {})), truth["hidden"]
     left = shown["left_mm"] if shown else None
-    return Said(answer.stem, way, posteriors_of(case, "result.json"), truths, verdict, p, candidates, hidden, left)
+    changes = tuple(truth["spec"].get("scan", {}).get("changes", ()))
+    posteriors = posteriors_of(case, "result.json")
+    return Said(answer.stem, way, posteriors, truths, verdict, p, candidates, hidden, left, changes)
 
 
 def half_rows(said: Said) -> list[HalfRow]:
@@ -72,6 +75,7 @@ def half_rows(said: Said) -> list[HalfRow]:
                 "candidates": list(said.candidates),
                 "hidden": said.hidden,
                 "left_mm": said.left_mm,
+                "changes": list(said.changes),
             }
         )
     return rows

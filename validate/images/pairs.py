@@ -28,6 +28,8 @@ CONTOUR_SD_MM, CORRELATION_MM, EDGE_MM = 0.4, (6.0, 12.0), 6.5
 # by how much softer the layer is in which the organ slides.
 FACTOR, RADIUS_MM, OFFSET_MM, FROM_MM, SOFTER = (3.0, 10.0), (7.0, 10.0), 5.0, (-3.0, 6.0), (10.0, 100.0)
 SOFT_SHARE = 0.4
+# What else may differ in the second scan, in every second pair of each scan: each with this probability.
+CHANGES, CHANGE_SHARE = ("contrast", "kernel", "noise", "streaks"), 0.5
 # Another wall motion is drawn where the tissue folds, so many times.
 ATTEMPTS = 3
 
@@ -52,8 +54,9 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     stiffness = np.exp(rng.uniform(low, high, 2)).round(1)
     effect = options.hide[number % len(options.hide)] if options.hide else None
     hidden = {} if effect is None else {effect: HIDE[effect](np.random.default_rng([options.seed, number, 87]))}
+    changes = _changes(np.random.default_rng([options.seed, number, 88])) if number // len(options.scans) % 2 else ()
     for _ in range(ATTEMPTS):
-        spec = {**drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng), "hidden": hidden}
+        spec = {**drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng, changes), "hidden": hidden}
         shutil.rmtree(folder / "cases" / name, ignore_errors=True)
         try:
             truth = run_simulate(spec, folder / "cases" / name / "scans", folder / "truths" / name)
@@ -66,8 +69,10 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     return False
 
 
-def drawn_spec(ct: Path, labels: Path, stiffness: FloatArray, rng: np.random.Generator) -> Specification:
-    """A specification of `palpate simulate`. stiffness : (2,) kPa, left and right."""
+def drawn_spec(
+    ct: Path, labels: Path, stiffness: FloatArray, rng: np.random.Generator, changes: tuple[str, ...] = ()
+) -> Specification:
+    """A specification of `palpate simulate`. stiffness : (2,) kPa, left and right. changes : what else differs in the second scan."""
     aside = [float(rng.uniform(-ASIDE_MM, ASIDE_MM)), float(rng.uniform(*PUSH_MM)), 0.0]
     rectum = {
         "inflate_mm": float(rng.uniform(*INFLATE_MM)),
@@ -84,9 +89,14 @@ def drawn_spec(ct: Path, labels: Path, stiffness: FloatArray, rng: np.random.Gen
         "scan": {
             "shift_mm": rng.uniform(-SHIFT_MM, SHIFT_MM, 3).tolist(),
             "rotation_deg": rng.uniform(-TURN_DEG, TURN_DEG, 3).tolist(),
+            "changes": list(changes),
         },
         "seed": int(rng.integers(1, 2**31 - 1)),
     }
+
+
+def _changes(rng: np.random.Generator) -> tuple[str, ...]:
+    return tuple(change for change in CHANGES if rng.random() < CHANGE_SHARE)
 
 
 def _inclusion(rng: np.random.Generator) -> Specification:

@@ -27,10 +27,17 @@ class ImagesOptions:
     ways: tuple[str, ...] = ()
 
 
+class PairScan(TypedDict, total=False):
+    """changes : of `ScanFile`."""
+
+    changes: list[str]
+
+
 class PairSpec(TypedDict, total=False):
     """What it reads of the specification. hidden : by effect."""
 
     hidden: dict[str, object]
+    scan: PairScan
 
 
 class PairTruth(TypedDict):
@@ -72,7 +79,8 @@ class WayRow(TypedDict):
 
 class HalfRow(TypedDict):
     """One half of one pair by one way: kPa, and how far ln G is off in its standard deviations. hidden, left_mm : the pair's effect, and
-    what of it no change of stiffness shows on the organ's surface as well, rms mm.
+    what of it no change of stiffness shows on the organ's surface as well, rms mm. changes : what else differs in the
+    second scan.
     """
 
     pair: str
@@ -88,6 +96,7 @@ class HalfRow(TypedDict):
     candidates: list[str]
     hidden: str
     left_mm: float | None
+    changes: list[str]
 
 
 class ImagesTable(TypedDict):

@@ -67,10 +67,11 @@ def images_text(found: ImagesTable) -> str:
         interval = f"{h['interval_kpa'][0]:.1f} to {h['interval_kpa'][1]:.1f}"
         p = "" if h["p_value"] is None else f" (p {h['p_value']:.2g})"
         names = f": {', '.join(h['candidates'])}" if h["candidates"] else ""
+        changes = f"  changed: {', '.join(h['changes'])}" if h["changes"] else ""
         hides = f"  hides {h['hidden']}, {h['left_mm'] or 0.0:.2f} mm" if h["hidden"] else ""
         lines.append(
             f"{h['pair']:11}{h['way']:10}{h['half']:16}{h['true_kpa']:7.1f}{h['found_kpa']:8.1f}{interval:>18}"
-            f"{h['sd_ln_G']:9.2f}{h['z']:+7.2f}  {h['verdict']}{names}{p}{hides}"
+            f"{h['sd_ln_G']:9.2f}{h['z']:+7.2f}  {h['verdict']}{names}{p}{hides}{changes}"
         )
     for row in found["rows"]:
         halves = row["halves"]
