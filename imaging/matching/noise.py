@@ -12,6 +12,9 @@ from palpate.core.arrays import BoolArray, Float32Array, FloatArray
 
 # Lags, in voxels along each axis, at which the correlation of neighbours is measured; beyond them it is taken as none.
 LAGS = 4
+# What is less than this standard deviation of a filter across, in voxels, is fine detail, in which noise shows most. Numerical: no scan
+# has less than this share of the noise of both.
+FINE_VOXELS, LEAST_SHARE = 1.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +65,20 @@ def measured_correlation(difference: Float32Array, usable: BoolArray, lags: int 
         positive[0] = 1.0  # also where the scans have no noise at all
         kernels.append(np.concatenate([positive[:0:-1], positive]))
     return CorrelatedNoise(tuple(kernels))
+
+
+def noise_shares(first: Float32Array, second: Float32Array, weight: Float32Array) -> tuple[float, float]:
+    """Shares of two aligned scans (ni, nj, nk) HU in the variance of their difference's noise, where voxels have a weight.
+
+    Both show the same picture; what each has in fine detail beyond what both have is its noise. The scans' mean with the other's
+    share as weight is the surest one, and its noise goes with no difference of them.
+    """
+    fine = [scan - ndimage.gaussian_filter(scan, FINE_VOXELS, mode="nearest") for scan in (first, second)]
+    own, other, both = (float((weight * fine[a] * fine[b]).sum(dtype=np.float64)) for a, b in ((0, 0), (1, 1), (0, 1)))
+    ours, theirs = (max(size - both, 0.0) for size in (own, other))
+    share = ours / (ours + theirs) if ours + theirs > 0.0 else 0.5
+    share = min(max(share, LEAST_SHARE), 1.0 - LEAST_SHARE)
+    return share, 1.0 - share
 
 
 def _at_lag(rough: FloatArray, usable: BoolArray, axis: int, lag: int) -> float:

@@ -47,7 +47,8 @@ def window_scores(compared: Compared, windows: IntArray) -> WindowScores:
     noise = measured_correlation(at.difference, at.weight > 0.5)
     variance, middles = variance_left(pair, at)[index], pair.windows.nodes[index]
     lattice = Windows.of(pair.grid, pair.windows.sigma_mm, step_mm=NODES_MM)
-    response = _responses(pair, at, windows, lattice, variance[:, None] * noise_of_gradient(noise, pair.grid.spacing))
+    slope = noise_of_gradient(noise, pair.grid.spacing, at.noise_of_mean)
+    response = _responses(pair, at, windows, lattice, variance[:, None] * slope)
     used = np.unique(response.indices // 3)
     nodes = lattice.nodes.reshape(-1, 3)[used]
     response = response[:, (3 * used[:, None] + np.arange(3)).ravel()]

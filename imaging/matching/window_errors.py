@@ -76,11 +76,13 @@ def less_sure(precision: FloatArray, bias: FloatArray) -> FloatArray:
     return np.asarray(precision - along[..., :, None] * along[..., None, :] / share[..., None, None])
 
 
-def noise_of_gradient(noise: CorrelatedNoise, spacing: FloatArray) -> FloatArray:
-    """Variance (3,) 1/mm2 of the noise's slope along each axis, over that of the difference of both scans: a quarter of the
-    difference's own, as the mean of both scans has."""
+def noise_of_gradient(noise: CorrelatedNoise, spacing: FloatArray, noise_of_mean: float) -> FloatArray:
+    """Variance (3,) 1/mm2 of the slope of the mean's noise along each axis, over the variance of the difference of both scans.
+
+    noise_of_mean : see `NormalEquations`.
+    """
     two = np.array([k[len(k) // 2 + 2] if len(k) > 4 else 0.0 for k in noise.kernels])
-    return np.asarray(0.25 * (1.0 - two) / (2.0 * spacing**2))
+    return np.asarray(noise_of_mean * (1.0 - two) / (2.0 * spacing**2))
 
 
 def _without_noise(
@@ -94,7 +96,7 @@ def _without_noise(
     scatter = np.sqrt(2.0 * noise.together / pair.windows.independent_voxels)
     share = (1.0 + chance * scatter) * pair.windows.sum(at.weight)
     A = at.A.copy()
-    for axis, of_noise in enumerate(noise_of_gradient(noise, pair.windows.spacing)):
+    for axis, of_noise in enumerate(noise_of_gradient(noise, pair.windows.spacing, at.noise_of_mean)):
         A[..., axis, axis] -= share * variance * of_noise
     value, vector = np.linalg.eigh(A)
     return np.asarray(np.einsum("...ij,...j,...kj->...ik", vector, np.maximum(value, 0.0), vector))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.core.arrays import Float32Array, FloatArray
+from palpate.imaging.matching.noise import noise_shares
 from palpate.imaging.matching.scan_pair import ScanPair
 from palpate.imaging.matching.window_sums import pairs, symmetric
 
@@ -22,10 +23,11 @@ class NormalEquations:
     """Of every window (...): A (..., 3, 3) HU2/mm2, right-hand side (..., 3), and the fields that they are sums of.
 
     mixed : (..., 2, 3) 1/mm, share of brightness and of contrast in each gradient, which is taken out of A and the
-    right-hand side. gradient : three of (ni, nj, nk) HU/mm, of the mean of both scans, which has half the noise of one.
-    nuisance : brightness and contrast, two of (ni, nj, nk); contrast is that of the mean of both scans as well, for the noise
-    of one scan is part of the difference, and would pass for a contrast that is not there. difference, weight : (ni, nj,
-    nk); the second scan has the first's brightness and contrast on the whole.
+    right-hand side. gradient : three of (ni, nj, nk) HU/mm, of the mean of both scans, the noisier one counting for less
+    (`noise_shares`). nuisance : brightness and contrast, two of (ni, nj, nk); contrast is that of this mean as well, for the noise
+    of one scan is part of the difference, and would pass for a contrast that is not there; that of the mean goes with no
+    difference. difference, weight : (ni, nj, nk); the second scan has the first's brightness and contrast on the whole.
+    noise_of_mean : variance of the mean's noise over that of the difference's.
     """
 
     A: FloatArray
@@ -35,6 +37,7 @@ class NormalEquations:
     nuisance: list[Float32Array]
     difference: Float32Array
     weight: Float32Array
+    noise_of_mean: float
 
 
 def shifts(pair: ScanPair, motion: FloatArray, iterations: int) -> tuple[FloatArray, NormalEquations]:
@@ -67,7 +70,8 @@ def equations_under(
     whole motion.
     """
     moved = _alike(moved, pair.first, weight)
-    mean = 0.5 * (pair.first + moved)
+    ours, theirs = noise_shares(pair.first, moved, weight)
+    mean = np.asarray(theirs * pair.first + ours * moved, dtype=np.float32)
     g = [np.gradient(mean, pair.grid.spacing[a], axis=a).astype(np.float32) for a in range(3)]
     level = np.float32((mean * weight).sum() / max(float(weight.sum()), 1.0))
     fields = [*g, np.ones_like(mean), mean - level]
@@ -84,8 +88,9 @@ def equations_under(
     A = full[..., :3, :3] - full[..., :3, 3:] @ mixed
     score = right[..., :3] - (full[..., :3, 3:] @ np.linalg.solve(nuisance, right[..., 3:, None]))[..., 0]
     return NormalEquations(
-        A, np.asarray(score, dtype=np.float64), np.asarray(mixed, dtype=np.float64), g, fields[3:], difference, weight
-    )
+        A, np.asarray(score, dtype=np.float64), np.asarray(mixed, dtype=np.float64), g, fields[3:], difference, weight,
+        ours * theirs,
+    )  # fmt: skip
 
 
 def _alike(moved: Float32Array, first: Float32Array, weight: Float32Array) -> Float32Array:

@@ -10,6 +10,7 @@ from test_local_matching import ALL, inner, motion, pair
 
 from palpate.core.window_scores import WindowScores
 from palpate.imaging.matching.local_matching import match
+from palpate.imaging.matching.noise import LEAST_SHARE, noise_shares
 from palpate.imaging.matching.scan_pair import ScanPair
 from palpate.imaging.matching.scores import window_scores
 from palpate.imaging.matching.window_fits import equations_under
@@ -79,19 +80,42 @@ def test_the_covariance_holds_where_windows_lie_close_together() -> None:
     assert np.linalg.eigvalsh(C).min() > -1e-4
 
 
-def test_noise_beside_an_edge_moves_nothing() -> None:
-    """Two scans of one body that did not move: over many draws of noise no window's score has a mean but by chance."""
+@pytest.mark.parametrize("other_hu", [20.0, 40.0, 60.0])
+def test_noise_beside_an_edge_moves_nothing(other_hu: float) -> None:
+    """Two scans of one body that did not move, the second with noise of any size: over many draws of noise no window's score has a mean
+    but by chance."""
     shape, draws = (36, 16, 16), 60
     body = ndimage.gaussian_filter(np.where(np.arange(36.0) > 18.0, 50.0, -100.0), 1.0)[:, None, None]
     everywhere, random = np.ones(shape, dtype=bool), np.random.default_rng(0)
 
-    def scan() -> Volume:
+    def scan(noise_hu: float) -> Volume:
         rough = ndimage.gaussian_filter(random.standard_normal(shape), 0.7)
-        return Volume((body + 40.0 * rough / rough.std()).astype(np.float32), np.eye(4))
+        return Volume((body + noise_hu * rough / rough.std()).astype(np.float32), np.eye(4))
 
     found = []
     for _ in range(draws):
-        two = ScanPair.of(scan(), scan(), (everywhere, everywhere), np.zeros_like, 0.9, 3.0)
+        two = ScanPair.of(scan(40.0), scan(other_hu), (everywhere, everywhere), np.zeros_like, 0.9, 3.0)
         found.append(equations_under(two, *two.moved(np.zeros_like(two.windows.nodes))).right)
     mean, sd = np.mean(found, axis=0), np.std(found, axis=0, ddof=1)
     assert np.sqrt((draws * (mean / sd) ** 2).mean()) < 1.5
+
+
+def test_the_noise_of_each_scan_is_told_from_what_both_show() -> None:
+    random, shape = np.random.default_rng(4), (40, 40, 40)
+    picture = 30.0 * random.standard_normal(shape)  # as fine as the noise, and larger
+    weight = np.ones(shape, dtype=np.float32)
+
+    def scan(noise_hu: float) -> np.ndarray:
+        return np.asarray(picture + noise_hu * random.standard_normal(shape), dtype=np.float32)
+
+    assert noise_shares(scan(10.0), scan(10.0), weight) == pytest.approx((0.5, 0.5), abs=0.03)
+    ours, theirs = noise_shares(scan(10.0), scan(20.0), weight)
+    assert (ours, theirs) == pytest.approx((0.2, 0.8), abs=0.03)
+    outside = weight.copy()
+    outside[:20] = 0.0
+    mixed = np.concatenate([scan(40.0)[:20], scan(10.0)[20:]])
+    assert noise_shares(mixed, scan(10.0), outside)[0] == pytest.approx(
+        0.5, abs=0.04
+    )  # where no voxel counts, noise does not
+    assert noise_shares(scan(0.0), scan(0.0), weight) == (0.5, 0.5)
+    assert noise_shares(scan(0.0), scan(20.0), weight)[0] == LEAST_SHARE
