@@ -20,6 +20,11 @@ REASONS = (
 )
 
 
+# Correlation of both scans about the organ, under the motion that was found, below which they do not show the same tissue. Chosen: pairs
+# of one body have more than 0.95 (docs/matching.md), a scan and its mirror image 0.75.
+LEAST_ALIKE = 0.85
+
+
 @dataclass(frozen=True, eq=False)
 class MatchedMotion:
     """Points that both images show.
@@ -29,7 +34,7 @@ class MatchedMotion:
     two points a distance d apart have correlation exp(-(d / correlation_mm)^2), because their windows overlap.
     rejected : (m, 6) mm, rest position and displacement of points that are not used. rejected_for : (m,) why, an index
     of `REASONS`. scores : what the same windows say without a displacement of one point; None where only displacements are
-    known.
+    known. alike : correlation of the two scans' HU under the motion; 1 where nobody measured it.
     """
 
     points: FloatArray
@@ -39,6 +44,12 @@ class MatchedMotion:
     rejected: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
     rejected_for: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     scores: WindowScores | None = None
+    alike: float = 1.0
+
+    @property
+    def is_of_one_body(self) -> bool:
+        """Whether both scans show the same tissue, so that their motion says something."""
+        return self.alike >= LEAST_ALIKE
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """For numpy.savez; `from_arrays` is the inverse."""
@@ -50,6 +61,7 @@ class MatchedMotion:
             "correlation_mm": np.array(self.correlation_mm),
             "rejected": self.rejected,
             "rejected_for": self.rejected_for,
+            "alike": np.array(self.alike),
         }
 
     @classmethod
@@ -62,4 +74,5 @@ class MatchedMotion:
         found = {key.removeprefix("scores/"): values for key, values in data.items() if key.startswith("scores/")}
         scores = WindowScores.from_arrays(found) if found else None
         correlation = float(np.asarray(data["correlation_mm"]).item())
-        return cls(points, moved, precision, correlation, rejected, reasons, scores)
+        alike = float(np.asarray(data["alike"]).item())
+        return cls(points, moved, precision, correlation, rejected, reasons, scores, alike)

@@ -15,7 +15,7 @@ from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import state_rigid_offset
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.identified import read_result
-from palpate.case.matched import wants_image
+from palpate.case.matched import left_out, wants_image
 from palpate.case.meshed import rigid_offset_of
 from palpate.case.missing import missing_structures
 from palpate.case.stated_files import further_states, is_body
@@ -77,9 +77,10 @@ def run(
     if options.numbers != DiagnosisOptions():
         chosen["numbers"] = options.numbers.to_json()
     image = not body and wants_image(case, _as_identified(case) if options.image is None else options.image)
+    without = left_out(match.run(case, progress=part(progress, 0.2, 0.3))) if image else ""
+    image = image and not without
     if image:
         chosen["image"] = True
-        match.run(case, progress=part(progress, 0.2, 0.3))
     made_from = DIAGNOSE.made_from(case, chosen)
     if DIAGNOSE.is_done(case, made_from):
         return read_diagnosis(case)
@@ -91,7 +92,7 @@ def run(
         given = arrays(replace(data_of(case, image), remeshed=others))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    notes = [] if body else [*missing_structures(case, image), *rigid_offset_notes(case)]
+    notes = [] if body else [*[without] * bool(without), *missing_structures(case, image), *rigid_offset_notes(case)]
     record = _of_case(case, typed(answer, DiagnosisRecord, "the worker's answer", ""), notes)
     record = structs.replace(record, image=UNSET if body else image)
     case.write_json(DIAGNOSIS, record)

@@ -13,7 +13,7 @@ from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
 from palpate.case.matched import FILE as MATCHED
-from palpate.case.matched import wants_image
+from palpate.case.matched import left_out, wants_image
 from palpate.case.missing import at_bounds, missing_structures
 from palpate.case.problem import noise_source
 from palpate.case.steps import match, mesh
@@ -59,8 +59,11 @@ def run(
         mesh.run(case, progress=part(progress, 0.0, 0.1))
     options = replace(options, image=wants_image(case, options.image))
     chosen = {k: v for k, v in asdict(options).items() if k not in ("workers", "image")} | {"inference": INFERENCE}
+    without = left_out(match.run(case, progress=part(progress, 0.0, 0.1))) if options.image else ""
+    if without:
+        options = replace(options, image=False)
+        chosen["image"] = without
     if options.image:
-        match.run(case, progress=part(progress, 0.0, 0.1))
         chosen["image"] = case.inputs_sha256([MATCHED]) if case.has(MATCHED) else ""
     made_from = IDENTIFY.made_from(case, chosen)
     if IDENTIFY.is_done(case, made_from):
@@ -68,15 +71,19 @@ def run(
     folder = case.file("identify")
     paths = _write_problems(case, folder, bool(options.image))
     answer = do_job(_job(case, options, paths), lambda m: _tell(m, progress))
-    result = _of_case(case, typed(answer, IdentificationRecord, "the worker's answer", ""), bool(options.image))
+    result = _of_case(
+        case, typed(answer, IdentificationRecord, "the worker's answer", ""), bool(options.image), without
+    )
     case.write_json("result.json", result)
     IDENTIFY.mark_done(case, made_from)
     progress(1.0, "stiffness found")
     return result
 
 
-def _of_case(case: CaseFolder, record: IdentificationRecord, image: bool) -> ResultRecord:
-    """The job's record completed by the case: versions, hashes of inputs, source of the contours' noise."""
+def _of_case(case: CaseFolder, record: IdentificationRecord, image: bool, without: str) -> ResultRecord:
+    """The job's record completed by the case: versions, hashes of inputs, source of the contours' noise. without : why the images are
+    left out, "" where they are not.
+    """
     fields = {name: getattr(record, name) for name in record.__struct_fields__}
     misfit = msgspec.structs.replace(record.misfit, contour_noise_from=noise_source(case))
     return ResultRecord(
@@ -84,7 +91,7 @@ def _of_case(case: CaseFolder, record: IdentificationRecord, image: bool) -> Res
         versions=versions(),
         inputs_sha256=_input_hashes(case),
         simulated=True if case.facts.other.get("simulated") else UNSET,
-        missing=[*missing_structures(case, image), *at_bounds(record.parameters)],
+        missing=[*[without] * bool(without), *missing_structures(case, image), *at_bounds(record.parameters)],
         contour_errors_mm=StatedErrors(case).rms_mm() or UNSET,
     )
 

@@ -30,7 +30,7 @@ from palpate.imaging.matching.window_sums import Windows
 from palpate.imaging.volume import Volume
 
 # Number of the matching's form: motion that another one found is out of date.
-MATCHING = 3
+MATCHING = 4
 
 
 @dataclass(frozen=True)

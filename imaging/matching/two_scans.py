@@ -18,6 +18,7 @@ from palpate.imaging.matching.outliers import reasons
 from palpate.imaging.matching.scan_pair import Motion
 from palpate.imaging.matching.scores import window_scores
 from palpate.imaging.matching.window_errors import less_sure
+from palpate.imaging.matching.window_fits import LEAST_SPREAD_HU
 from palpate.imaging.matching.window_sums import TRUNCATE
 from palpate.imaging.volume import Volume
 
@@ -91,7 +92,18 @@ def _judged(found: LocalMatches, back: FloatArray) -> MatchedMotion:
         rejected,
         why[bad],
         scores,
+        _alike(found),
     )
+
+
+def _alike(found: LocalMatches) -> float:
+    """Correlation of both scans under the motion, where both are usable; 0 where one of them shows nothing."""
+    at, first = found.compared.at, found.compared.pair.first
+    seen = at.weight > 0.5
+    ours, theirs = first[seen], (first - at.difference)[seen]
+    if len(ours) < 2 or min(float(ours.std()), float(theirs.std())) < LEAST_SPREAD_HU:
+        return 0.0
+    return float(np.corrcoef(ours, theirs)[0, 1])
 
 
 def _chosen(found: LocalMatches, keep: BoolArray) -> LocalMatches:

@@ -67,6 +67,18 @@ def test_points_lie_near_the_organ_and_not_in_the_bladder_and_hold_what_they_sta
     assert (square > 16.0).mean() < 0.05
 
 
+def test_two_scans_of_other_tissue_are_told_from_two_of_the_same(scans: tuple[LabelledScan, LabelledScan]) -> None:
+    rest, deformed = scans
+    brighter = LabelledScan(deformed.ct.with_array(1.3 * deformed.ct.array + 20.0), deformed.labels)
+    for other in (deformed, brighter):
+        found = matched_motion(rest, other, motion)
+        assert found.alike > 0.9 and found.is_of_one_body
+    for array in (deformed.ct.array[::-1], np.roll(deformed.ct.array, 15, axis=1), np.zeros(SHAPE)):
+        elsewhere = LabelledScan(deformed.ct.with_array(np.ascontiguousarray(array)), deformed.labels)
+        found = matched_motion(rest, elsewhere, motion)
+        assert not found.is_of_one_body, found.alike
+
+
 def test_what_has_no_counterpart_is_rejected_with_a_reason(scans: tuple[LabelledScan, LabelledScan]) -> None:
     found = matched_motion(*scans, motion)
     lump = MIDDLE + [-16.0, 14.0, 0.0]

@@ -42,10 +42,14 @@ def motion_section(matched: MatchedMotion, pictures: Mapping[str, Picture], used
         ("standard deviation of such a direction, median", f"{np.median(data.sd):.2f} mm" if len(data.sd) else "none"),
         *((f"rejected: {why}", str(n)) for why, n in zip(REASONS[1:], counts[1:], strict=True) if n),
     ]
-    text = (
-        "The stiffness above comes from contours, landmarks and this motion together."
-        if used
-        else "The stiffness above comes from contours and landmarks alone, as it was asked for (--no-image); this motion is not used."
-    )
-    blocks: list[Block] = [Paragraph(text), Table(("motion from the images", ""), rows)]
+    blocks: list[Block] = [Paragraph(_text(matched, used)), Table(("motion from the images", ""), rows)]
     return Section("Motion from the images", [*blocks, *([pictures[NAME]] if NAME in pictures else [])])
+
+
+def _text(matched: MatchedMotion, used: bool) -> str:
+    if used:
+        return "The stiffness above comes from contours, landmarks and this motion together."
+    alone = "The stiffness above comes from contours and landmarks alone"
+    if not matched.is_of_one_body:
+        return f"{alone}: the two CTs do not show the same tissue about the prostate (their HU correlate by {matched.alike:.2f})."
+    return f"{alone}, as it was asked for (--no-image); this motion is not used."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.quiver import Quiver
 
@@ -51,3 +53,9 @@ def test_the_section_says_whether_the_stiffness_stands_on_the_motion() -> None:
     without, with_it = (next(iter(motion_section(matched(), {}, used=used).blocks)) for used in (False, True))
     assert isinstance(without, Paragraph) and "alone" in without.text
     assert isinstance(with_it, Paragraph) and "this motion together" in with_it.text
+
+
+def test_the_section_says_that_two_scans_do_not_show_the_same() -> None:
+    (said, *_) = motion_section(replace(matched(), alike=0.41), {}, used=False).blocks
+    assert isinstance(said, Paragraph) and "do not show the same tissue" in said.text and "0.41" in said.text
+    assert "--no-image" not in said.text
