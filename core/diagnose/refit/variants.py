@@ -55,12 +55,14 @@ def capped(refitted: Refit, screened: Screened) -> Refit:
 def corrected(again: Refit, refitted: Refit, screened: Screened) -> Refit:
     """Refit of all variants after its best one was refitted `again` with the better element's correction.
 
-    The other variants are taken to gain as much as the best one. The evidence is not capped: the correction was made
-    on the variant's own stress-free mesh.
+    The other variants are taken to gain as much as the best one, each by itself too: a twin, such as softer tissue on one side
+    and stiffer on the other, must not lose its weight in the stiffness because the correction was made for one of the two. The
+    evidence is not capped: the correction was made on the variant's own stress-free mesh.
     """
     gained = again.own_evidence - refitted.own_evidence
     evidence = of_all([refitted, *refitted.others], screened).log_evidence + gained
-    return replace(again, log_evidence=evidence, others=refitted.others)
+    others = tuple(replace(f, own_evidence=f.own_evidence + gained) for f in refitted.others)
+    return replace(again, log_evidence=evidence, others=others)
 
 
 def _which(refitted: Refit, screened: Screened) -> int:

@@ -19,6 +19,7 @@ from palpate.core.errors import InputError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.cut_interface import cut_problem
+from palpate.core.forward.parameters import TISSUE
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN
@@ -105,6 +106,26 @@ def test_a_direction_is_the_slope_of_the_solved_model(name: str, model: StateMod
     slope = (high.residual - low.residual) / (high.phi[0] - low.phi[0])
     assert np.linalg.norm(S) > 1e-6
     assert np.linalg.norm(S - slope) < 0.05 * np.linalg.norm(slope) + 2e-3
+
+
+@pytest.mark.parametrize(
+    ("tilts", "towards"), [((0, 0), (1, 0, 0)), ((45, 0), (1, 1, 0)), ((0, -45), (1, 0, -1)), ((30, 0), (1, 0.577, 0))]
+)
+def test_tissue_is_uneven_across_a_plane_of_any_direction(
+    tilts: tuple[float, float], towards: tuple[float, float, float], model: StateModel, plain: Linearisation
+) -> None:
+    around = surroundings(model, plain)
+    (left,) = (v for v in library()["tissue_heterogeneity"].variants(around) if v.name == "left")
+    materials = plain.scene.materials(THETA)
+    changed = left.applied(model.plain, np.array([np.log(5.0), 3.0, *tilts])).materials(materials)
+    mesh = model.plain.problem.mesh
+    tissue = mesh.regions == TISSUE
+    G = changed[TISSUE].per_cell(int(tissue.sum()))[:, 0] / materials[TISSUE].per_cell(int(tissue.sum()))[:, 0]
+    axis = np.array(towards) / np.linalg.norm(towards)
+    depth = (around.cell_centres[tissue] - around.organ_centre) @ axis
+    assert G[depth > 13.0] == pytest.approx(5.0, rel=0.03)
+    assert G[depth < -7.0] == pytest.approx(1.0, rel=0.03)
+    assert G[(depth > 2.0) & (depth < 4.0)].mean() == pytest.approx(np.sqrt(5.0), rel=0.15)
 
 
 def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(model: StateModel, plain: Linearisation) -> None:

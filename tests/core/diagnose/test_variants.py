@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.special import logsumexp
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.refit.variants import corrected, of_all
+from palpate.core.diagnose.verdict.model_average import over_variants
 from palpate.core.inference.evidence import mean_of_exponentials
 
 
@@ -24,6 +26,11 @@ def looked_at(*first: float) -> Screened:
 def refitted(which: int, own: float) -> Refit:
     hypothesis, nothing = SimpleNamespace(variant=which), np.zeros(0)
     return Refit(hypothesis, None, nothing, nothing, own, own, nothing)  # type: ignore[arg-type]
+
+
+def fitted(which: int, own: float, theta: float) -> Refit:
+    found = refitted(which, own)
+    return replace(found, linearisation=SimpleNamespace(theta=np.array([theta])), covariance=np.array([[0.09]]))  # type: ignore[arg-type]
 
 
 def test_all_variants_refitted_count_with_their_own_evidence() -> None:
@@ -55,4 +62,16 @@ def test_a_better_element_s_correction_of_the_best_variant_is_all_variants() -> 
     again = corrected(refitted(1, 5.2), found, screened)
     assert again.own_evidence == 5.2
     assert again.log_evidence == pytest.approx(found.log_evidence - 0.8)
-    assert again.others == found.others
+    assert [f.own_evidence for f in again.others] == [pytest.approx(3.2)]
+
+
+def test_a_twin_keeps_its_weight_in_the_stiffness_when_the_best_variant_is_corrected() -> None:
+    """Softer tissue on the left and stiffer on the right are one contrast, and say two stiffnesses."""
+    screened = looked_at(3.0, 3.0)
+    found = of_all([fitted(0, 28.1, np.log(5.0)), fitted(1, 28.1, np.log(45.0))], screened)
+    before, _ = over_variants(found)
+    for gained in (14.0, -3.0):
+        again = corrected(fitted(0, 28.1 + gained, np.log(5.0)), found, screened)
+        mean, covariance = over_variants(again)
+        assert mean == pytest.approx(before)
+        assert covariance[0, 0] == pytest.approx(0.09 + (0.5 * np.log(9.0)) ** 2)
