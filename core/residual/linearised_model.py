@@ -111,15 +111,20 @@ class StateModel:
         """Scene of a composition. Raises InputError for a stress-free mesh that is turned inside out."""
         return CompositionScene(self.geometry, composition) if self.only is None else self.only
 
+    def _unfolded(self, composition: Composition) -> CompositionScene | None:
+        """Scene of a composition; None for a stress-free mesh that is turned inside out."""
+        try:
+            return self.scene_of(composition)
+        except InputError:
+            return None
+
     def solve(
         self, hypothesis: Hypothesis, theta: FloatArray, phi: FloatArray, near: Linearisation | None
     ) -> Linearisation | None:
         """The model at (theta, phi), started from the equilibrium of `near`; None when it has none."""
-        composition = hypothesis.composition(self.plain, phi)
-        try:
-            scene = self.scene_of(composition)
-        except InputError:
-            return None  # a stress-free mesh that is turned inside out
+        scene = self._unfolded(hypothesis.composition(self.plain, phi))
+        if scene is None:
+            return None
         u = None if near is None else carried(near, scene)
         start = None
         if u is not None:
@@ -138,7 +143,7 @@ class StateModel:
 
     def directions(self, hypothesis: Hypothesis, at: Linearisation) -> FloatArray:
         """Derivative (n, k) of the residual in phi: one back-substitution per parameter with the linearisation's own
-        tangent."""
+        tangent. None along a parameter whose every step turns a cell of the stress-free mesh inside out."""
         assert hypothesis.effect is not None
         columns = []
         here = np.array([p.state in (None, self.plain.state) for p in hypothesis.effect.parameters])
@@ -148,14 +153,24 @@ class StateModel:
                 continue
             step = np.zeros(hypothesis.n)
             step[j] = _STEP * parameter.scale * (-1.0 if at.phi[j] + _STEP * parameter.scale > parameter.high else 1.0)
-            columns.append(self._difference(hypothesis, at, step) / step[j])
+            columns.append(self._slope(hypothesis, at, step, step[j]))
         return np.stack(columns, axis=1)
 
-    def _difference(self, hypothesis: Hypothesis, at: Linearisation, step: FloatArray) -> FloatArray:
-        """Change (n,) of the residual from phi to phi + step, to first order."""
+    def _slope(self, hypothesis: Hypothesis, at: Linearisation, step: FloatArray, length: float) -> FloatArray:
+        """Slope (n,) of the residual along a step (k,) of phi, or against it where the mesh folds that way."""
+        for sign in (1.0, -1.0):
+            change = self._difference(hypothesis, at, sign * step)
+            if change is not None:
+                return np.asarray(change / (sign * length))
+        return np.zeros(self.data.n)
+
+    def _difference(self, hypothesis: Hypothesis, at: Linearisation, step: FloatArray) -> FloatArray | None:
+        """Change (n,) of the residual from phi to phi + step, to first order; None where the stress-free mesh folds there."""
         if hypothesis.composition(self.plain, at.phi + step) is at.scene.composition:
             return np.zeros(self.data.n)
-        scene = CompositionScene(self.geometry, hypothesis.composition(self.plain, at.phi + step))
+        scene = self._unfolded(hypothesis.composition(self.plain, at.phi + step))
+        if scene is None:
+            return None
         u = carried(at, scene)
         scene.linearise(carried_nodes(at, scene, at.scene.linearised_at))
         moved = newton_step(at, scene, u)

@@ -19,6 +19,7 @@ from palpate.core.errors import InputError
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.cut_interface import cut_problem
+from palpate.core.forward.effect import Effect, Parameter, Variant
 from palpate.core.forward.parameters import TISSUE
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -106,6 +107,33 @@ def test_a_direction_is_the_slope_of_the_solved_model(name: str, model: StateMod
     slope = (high.residual - low.residual) / (high.phi[0] - low.phi[0])
     assert np.linalg.norm(S) > 1e-6
     assert np.linalg.norm(S - slope) < 0.05 * np.linalg.norm(slope) + 2e-3
+
+
+def _folding(side: int) -> Callable[[Composition, np.ndarray], Composition]:
+    """Moves a node of the stress-free mesh, far through its cells' faces for phi of that sign, of either for 0."""
+
+    def change(composition: Composition, phi: np.ndarray) -> Composition:
+        mesh = composition.problem.mesh
+        shift, node = np.zeros_like(mesh.points), mesh.region_boundary(tuple(composition.problem.regions))[0][0, 0]
+        folds = side in (0, np.sign(phi[0]))
+        shift[node] = [500.0, 500.0, 500.0] if folds else [0.1 * phi[0], 0.0, 0.0]
+        return composition.with_geometry(shift)
+
+    return change
+
+
+def test_a_step_that_turns_a_cell_inside_out_is_taken_the_other_way(model: StateModel, plain: Linearisation) -> None:
+    """It ended a whole diagnosis."""
+    found = []
+    for side in (2, 1, 0):  # never, upwards, both ways
+        effect = Effect("moved", "a node moves", (Parameter("by", "mm", 1.0),), lambda around: [], "nothing")
+        hypothesis = Hypothesis(effect, Variant(_folding(side)))
+        found.append(model.directions(hypothesis, replace(plain, phi=np.zeros(1)))[:, 0])
+        assert (model.solve(hypothesis, THETA, np.ones(1), plain) is None) == (side < 2)
+    free, other_way, neither = found
+    assert np.linalg.norm(free) > 1e-6
+    assert np.linalg.norm(other_way - free) < 0.05 * np.linalg.norm(free)
+    assert not neither.any()
 
 
 @pytest.mark.parametrize(
