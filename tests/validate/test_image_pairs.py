@@ -62,6 +62,13 @@ def test_images_need_the_mesh_of_contours(tmp_path: Path) -> None:
     assert not asked
 
 
+def test_images_alone_make_a_case_of_their_own(tmp_path: Path) -> None:
+    asked: list[str] = []
+    WAYS["images"](tmp_path, lambda at, words: asked.append(" ".join(words)))
+    assert [line.split()[0] for line in asked] == ["import", "segment", "mesh", "identify", "diagnose"]
+    assert "--deformed-labels scans/contours/deformed.nii.gz" in asked[0]
+
+
 def test_a_specification_is_one_that_simulate_takes() -> None:
     spec = parse_spec(drawn_spec(*SCANS[0], np.array([20.0, 60.0]), np.random.default_rng(1)))
     assert list(spec.stiffness.organ.values()) == [20.0, 60.0]

@@ -26,17 +26,19 @@ Run = Callable[[Path, tuple[str, ...]], None]
 def contours(pair: Path, run: Run) -> None:
     """Organs drawn in both scans, the images not looked at."""
     _imported(pair, "contours", ("rest", "deformed"), run)
-    for command in ("segment", "mesh"):
-        run(pair, (command, "contours"))
+    _meshed(pair, "contours", run)
     _answered(pair, "contours", "--no-image", run)
 
 
 def images(pair: Path, run: Run) -> None:
-    """The same contours and mesh, and the motion that both images tell."""
+    """The same contours and mesh, and the motion that both images tell; a case of its own where `contours` was not gone."""
     source, case = pair / "contours", pair / "images"
-    if not (source / "mesh.npz").exists():
+    if not source.exists():
+        _imported(pair, "images", ("rest", "deformed"), run)
+        _meshed(pair, "images", run)
+    elif not (source / "mesh.npz").exists():
         return
-    if not case.exists():
+    elif not case.exists():
         begun = pair / "images.begun"
         shutil.rmtree(begun, ignore_errors=True)  # of a run that was stopped
         shutil.copytree(source, begun, ignore=shutil.ignore_patterns(*_ANSWERS))
@@ -47,20 +49,18 @@ def images(pair: Path, run: Run) -> None:
 def one_scan(pair: Path, run: Run) -> None:
     """Organs drawn at rest only; carried over, and their motion from the images."""
     _imported(pair, "one_scan", ("rest",), run)
-    for command in ("segment", "mesh"):
-        run(pair, (command, "one_scan"))
+    _meshed(pair, "one_scan", run)
     _answered(pair, "one_scan", "--image", run)
 
 
 def automatic(pair: Path, run: Run) -> None:
     """Two CTs and nothing else."""
     _imported(pair, "automatic", (), run)
-    for command in ("segment", "mesh"):
-        run(pair, (command, "automatic"))
+    _meshed(pair, "automatic", run)
     _answered(pair, "automatic", "--image", run)
 
 
-# By name, in the order in which they are gone: `images` starts from the case of `contours`.
+# By name, in the order in which they are gone: `images` starts from the case of `contours` where there is one.
 WAYS: Mapping[str, Callable[[Path, Run], None]] = {
     "contours": contours,
     "images": images,
@@ -91,6 +91,11 @@ def _imported(pair: Path, case: str, drawn: tuple[str, ...], run: Run) -> None:
         return
     labels = [word for state in drawn for word in (f"--{state}-labels", f"scans/contours/{state}.nii.gz")]
     run(pair, ("import", "scans/rest_ct", "scans/deformed_ct", "-o", case, *labels))
+
+
+def _meshed(pair: Path, case: str, run: Run) -> None:
+    for command in ("segment", "mesh"):
+        run(pair, (command, case))
 
 
 def _answered(pair: Path, case: str, image: str, run: Run) -> None:

@@ -281,8 +281,6 @@ def _images(args: argparse.Namespace, progress: Progress) -> ImagesTable:
     if not args.scan:
         raise UsageError("images: give --scan CT CONTOURS, a CT whose texture is real; a phantom has none")
     scans = tuple((ct, contours) for ct, contours in args.scan)
-    if "images" in args.way and "contours" not in args.way:
-        raise UsageError("images: --way images goes on from the case of --way contours; give both")
     options = ImagesOptions(
         scans, args.pairs, random_seed(args), args.workers or 1, hide=tuple(args.hide), ways=tuple(args.way)
     )
