@@ -7,7 +7,7 @@ from dataclasses import dataclass
 # Element that finds the fit, and the one that it is corrected by unless another is chosen.
 QUICK, GOOD = "p1p1", "p2p1"
 # Number of the inference's form: results of another one are out of date.
-INFERENCE = 9
+INFERENCE = 10
 
 
 @dataclass(frozen=True, kw_only=True)

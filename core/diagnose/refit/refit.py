@@ -19,6 +19,8 @@ from palpate.core.residual.plain_fit import PlainFit
 # Numerical: a fit ends when no parameter moves by more than this (ln G; phi in prior standard deviations), or after so
 # many solves.
 _TOLERANCE, _EVALUATIONS = 0.03, 9
+# A ln G as near to a bound as this was held there.
+_AT_BOUND = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,8 @@ class Refit:
     point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi). own_evidence :
     log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
     log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction : what a better element adds to
-    its residual. others : variants that were refitted too.
+    its residual. others : variants that were refitted too. beyond (t,) : how far outside its bounds ln G would fit best, to first
+    order, where it ended at one; 0 elsewhere.
     """
 
     hypothesis: Hypothesis
@@ -38,6 +41,7 @@ class Refit:
     own_evidence: float
     log_evidence: float
     correction: ElementCorrection
+    beyond: FloatArray
     others: tuple[Refit, ...] = ()
 
     @property
@@ -141,7 +145,17 @@ def _weighed(
     covariance = np.asarray(np.linalg.inv(J.T @ J + prior), dtype=np.float64)
     evidence = _whatever_noise(fit, linearisation, S, scales)
     evidence += allowed(linearisation.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
-    return Refit(hypothesis, linearisation, S, covariance, evidence, evidence, fit.model.correction)
+    slope = J.T @ fit.weighting.whiten(linearisation.residual)
+    slope[t:] += linearisation.phi / scales**2
+    beyond = _beyond(linearisation.theta, -(covariance @ slope)[:t], fit.bounds)
+    return Refit(hypothesis, linearisation, S, covariance, evidence, evidence, fit.model.correction, beyond)
+
+
+def _beyond(theta: FloatArray, step: FloatArray, bounds: FloatArray) -> FloatArray:
+    """The part (t,) of a step to the linear optimum that leads out of bounds (t, 2) from a theta that lies at one."""
+    low, high = bounds.T
+    leaves = ((theta <= low + _AT_BOUND) & (step < 0.0)) | ((theta >= high - _AT_BOUND) & (step > 0.0))
+    return np.where(leaves, step, 0.0)
 
 
 def _whatever_noise(fit: PlainFit, linearisation: JointLinearisation, S: FloatArray, scales: FloatArray) -> float:

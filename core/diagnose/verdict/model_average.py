@@ -18,6 +18,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.judge import Diagnosis, saturated_model
 from palpate.core.diagnose.verdict.verdict import UNKNOWN
+from palpate.core.inference.truncated_normal import Cut, cut
 from palpate.core.residual.plain_fit import PlainFit
 
 
@@ -50,12 +51,26 @@ def mixture(
 
 
 def over_variants(best: Refit) -> tuple[FloatArray, FloatArray]:
-    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their evidence."""
-    t = len(best.linearisation.theta)
-    variants = (best, *best.others)
-    models = {str(k): (f.linearisation.theta, f.covariance[:t, :t]) for k, f in enumerate(variants)}
-    weight = softmax([f.own_evidence for f in variants])
+    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their evidence within
+    ln G's bounds."""
+    within = [_within_bounds(f) for f in (best, *best.others)]
+    models = {str(k): (of.mean, of.covariance) for k, (of, _) in enumerate(within)}
+    weight = softmax([evidence for _, evidence in within])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
+
+
+def _within_bounds(f: Refit) -> tuple[Cut, float]:
+    """ln G of a variant cut at its bounds, and its log evidence with only what lies within them.
+
+    Laplace's integral runs over all ln G. Where the fit is held at a bound, half of it or more lies outside, and the mean of what
+    is left lies inside: a variant that wants a stiffness that was not allowed weighs less, and does not say that bound.
+    """
+    t = len(f.linearisation.theta)
+    covariance, held = f.covariance[:t, :t], f.beyond != 0.0
+    # The fit's evidence belongs to where it was held; that of the normal's peak is larger.
+    higher = 0.5 * float(f.beyond[held] @ np.linalg.solve(covariance[np.ix_(held, held)], f.beyond[held]))
+    of = cut(f.linearisation.theta + f.beyond, covariance, f.linearisation.first.scene.parameters.bounds)
+    return of, f.own_evidence + higher + of.log_share
 
 
 def _unnamed(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:

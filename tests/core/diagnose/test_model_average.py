@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.verdict.model_average import mixture, over_variants
 
 MODELS = {
@@ -36,14 +37,28 @@ def test_one_sure_cause_is_its_own_answer_and_rivals_that_differ_widen_it() -> N
     assert both[0, 0] == pytest.approx(0.5 * (0.04 + 0.01) + 0.3**2)
 
 
+def _variant(
+    theta: FloatArray,
+    covariance: FloatArray,
+    evidence: float,
+    bounds_kpa: tuple[float, float],
+    others: tuple[SimpleNamespace, ...] = (),
+    beyond: float = 0.0,
+) -> SimpleNamespace:
+    """A refit; beyond : of its first ln G."""
+    bounds = np.tile(np.log(bounds_kpa), (len(theta), 1))
+    scene = SimpleNamespace(parameters=SimpleNamespace(bounds=bounds))
+    point = SimpleNamespace(theta=theta, first=SimpleNamespace(scene=scene))
+    out = np.zeros(len(theta))
+    out[0] = beyond
+    return SimpleNamespace(linearisation=point, covariance=covariance, own_evidence=evidence, others=others, beyond=out)
+
+
 def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval() -> None:
     """Tissue twelve times stiffer behind, or softer before: one in two, a factor of twelve apart."""
 
     def variant(G: float, evidence: float, *others: SimpleNamespace) -> SimpleNamespace:
-        point = SimpleNamespace(theta=np.log([G, 2.0 * G]))
-        return SimpleNamespace(
-            linearisation=point, covariance=np.diag([0.04, 0.04, 1.0]), own_evidence=evidence, others=others
-        )
+        return _variant(np.log([G, 2.0 * G]), np.diag([0.04, 0.04, 1.0]), evidence, (0.05, 5000.0), others)
 
     mean, covariance = over_variants(variant(5.0, 9.0, variant(60.0, 9.0)))  # type: ignore[arg-type]
     np.testing.assert_allclose(np.exp(mean), np.sqrt(300.0) * np.array([1.0, 2.0]))
@@ -53,3 +68,24 @@ def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval
     assert rather[0] == pytest.approx(share * np.log(5.0) + (1.0 - share) * np.log(60.0))
     alone = over_variants(variant(5.0, 9.0, variant(60.0, -20.0)))  # type: ignore[arg-type]
     assert np.exp(alone[0][0]) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("beyond", [0.0, -0.4, -1.5])
+def test_a_variant_held_at_a_bound_counts_with_what_lies_within(beyond: float) -> None:
+    """Two variants whose likelihoods are normal in ln G; what both say together, integrated over the ln G that are allowed."""
+    bounds, sd = (5.0, 500.0), 0.5
+    peaks = (float(np.log(5.0)) + beyond, float(np.log(60.0)))
+    held = [max(peak, float(np.log(5.0))) for peak in peaks]
+    # Both have the same likelihood where they were fitted; Laplace's integral is over all ln G.
+    rival = _variant(np.array(held[1:]), np.array([[sd**2]]), 3.0, bounds)
+    found = _variant(np.array(held[:1]), np.array([[sd**2]]), 3.0, bounds, (rival,), beyond)
+    mean, covariance = over_variants(found)  # type: ignore[arg-type]
+    theta = np.linspace(*np.log(bounds), 200_001)
+    density = sum(
+        np.exp(0.5 * (at - peak) ** 2 / sd**2 - 0.5 * (theta - peak) ** 2 / sd**2)
+        for at, peak in zip(held, peaks, strict=True)
+    )
+    density /= density.sum()
+    exact = float(density @ theta)
+    assert mean[0] == pytest.approx(exact, abs=1e-4)
+    assert covariance[0, 0] == pytest.approx(float(density @ (theta - exact) ** 2), rel=1e-3)

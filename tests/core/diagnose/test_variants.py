@@ -25,12 +25,15 @@ def looked_at(*first: float) -> Screened:
 
 def refitted(which: int, own: float) -> Refit:
     hypothesis, nothing = SimpleNamespace(variant=which), np.zeros(0)
-    return Refit(hypothesis, None, nothing, nothing, own, own, nothing)  # type: ignore[arg-type]
+    return Refit(hypothesis, None, nothing, nothing, own, own, nothing, nothing)  # type: ignore[arg-type]
 
 
 def fitted(which: int, own: float, theta: float) -> Refit:
+    bounds = np.array([[-20.0, 20.0]])
+    scene = SimpleNamespace(parameters=SimpleNamespace(bounds=bounds))
+    point = SimpleNamespace(theta=np.array([theta]), first=SimpleNamespace(scene=scene))
     found = refitted(which, own)
-    return replace(found, linearisation=SimpleNamespace(theta=np.array([theta])), covariance=np.array([[0.09]]))  # type: ignore[arg-type]
+    return replace(found, linearisation=point, covariance=np.array([[0.09]]), beyond=np.zeros(1))  # type: ignore[arg-type]
 
 
 def test_all_variants_refitted_count_with_their_own_evidence() -> None:
