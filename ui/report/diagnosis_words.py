@@ -25,9 +25,18 @@ def chance(p: float) -> str:
     return "p below 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
+# What a verdict of none is worth where a stiffness ended at its bound.
+_LITTLE = ", which says little where a stiffness ends at its bound"
+
+
 def gap_is_seen(found: DiagnosisRecord | None) -> bool:
     """Whether there is a diagnosis and it says that something is left out."""
     return found is not None and found.verdict != "none"
+
+
+def says_little(found: DiagnosisRecord) -> bool:
+    """Whether it saw no gap, but has a measurement to make next: a stiffness ended at its bound, where it may hide one."""
+    return found.verdict == "none" and bool(found.next_measurement)
 
 
 def diagnosis_sentence(record: CaseRecord) -> str:
@@ -38,7 +47,7 @@ def diagnosis_sentence(record: CaseRecord) -> str:
     p = chance(gap.p_value)
     expected = record.expected_misfit_mm
     if verdict == "none":
-        said, doubt = f"found nothing that the model leaves out ({p})", ""
+        said, doubt = f"found nothing that the model leaves out ({p}){_LITTLE if says_little(found) else ''}", ""
         if expected is not None and record.result.misfit.rms_mm <= expected:
             return f"The diagnosis {said}: {_SEE}."
     elif not gap.detected and not found.candidates:

@@ -21,6 +21,7 @@ from palpate.core.diagnose.diagnosis_record import (
 )
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.diagnose.refit.refit import Refit
+from palpate.core.diagnose.verdict.bounds_reached import bounds_reached
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.model_average import model_average, plain_stiffness
 from palpate.core.diagnose.verdict.shrinkage import shrinkage
@@ -226,17 +227,15 @@ def _plain_stiffness(diagnosis: Diagnosis) -> dict[str, FittedStiffnessRecord]:
 
 
 def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
-    bounds = diagnosis.fit.linearisation.first.scene.parameters.bounds
-    names, rules = diagnosis.fit.model.first.plain.problem.region_names, diagnosis.rules
+    fit, rules = diagnosis.fit, diagnosis.rules
     out = []
-    fits = [("without", diagnosis.fit.linearisation.theta, plain_stiffness(diagnosis.fit)[1])]
+    fits = [("without", fit.linearisation.theta, plain_stiffness(fit)[1])]
     fits += [] if shown is None else [("with", shown.linearisation.theta, shown.covariance)]
     for what, theta, covariance in fits:
-        sd = np.sqrt(np.diag(covariance))[: len(theta)]
-        for region, t, s, (low, high) in zip(sorted(names), theta, sd, bounds, strict=True):
-            if t < low + rules.at_bound or t > high - rules.at_bound:
-                why = "the scans say next to nothing of it" if s > rules.not_told else "it may be absorbing an effect"
-                out.append(f"{names[region].replace('_', ' ')}: stiffness at its bound {what} the effect; {why}")
+        for k, name in bounds_reached(fit, theta, rules).items():
+            told = np.sqrt(covariance[k, k]) <= rules.not_told
+            why = "it may be absorbing an effect" if told else "the scans say next to nothing of it"
+            out.append(f"{name}: stiffness at its bound {what} the effect; {why}")
     at = diagnosis.fit.model.surface
     changed = float(
         np.sqrt(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.diagnose.detection.location import residuals
+from palpate.core.diagnose.verdict.bounds_reached import bounds_reached
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.statistics import rms
@@ -24,7 +25,7 @@ def sentence(diagnosis: Diagnosis) -> str:
         return (
             f"The model predicts the deformed {organ} as well as the {told_by} allow ({missed}): nothing in "
             "these scans "
-            "says that it leaves anything out."
+            "says that it leaves anything out." + _unless(diagnosis)
         )
     said = {s.effect.id: s.effect.words for s in diagnosis.screened}
     if verdict == UNKNOWN:
@@ -52,10 +53,22 @@ def sentence(diagnosis: Diagnosis) -> str:
     )
 
 
+def _unless(diagnosis: Diagnosis) -> str:
+    """What that sentence is worth where a stiffness ended at a bound; empty where none did."""
+    reached = list(bounds_reached(diagnosis.fit, diagnosis.fit.linearisation.theta, diagnosis.rules).values())
+    if not reached:
+        return ""
+    whose = " and ".join(reached)
+    return (
+        f" But the stiffness of {whose} ends at the edge of what was allowed, where it may take the place of what the model leaves "
+        "out: do not read this as a model without a gap."
+    )
+
+
 def next_measurement(diagnosis: Diagnosis) -> str | None:
     """Measurement to make next; None when nothing is open."""
     if diagnosis.verdict.verdict == NONE:
-        return None
+        return _MORE if _unless(diagnosis) else None
     settles = {s.effect.id: s.effect.settled_by for s in diagnosis.screened}
     if diagnosis.verdict.verdict == AMBIGUOUS and diagnosis.verdict.candidates:
         parts = [f"{settles[name]} (for {name.replace('_', ' ')})" for name in diagnosis.verdict.candidates]

@@ -96,6 +96,20 @@ def test_a_perfect_prediction_has_no_gap(none: Diagnosis) -> None:
     np.testing.assert_allclose(G, [30.0, 70.0], rtol=0.3)
 
 
+def test_no_gap_with_a_stiffness_at_its_bound_is_not_said_to_be_none(none: Diagnosis) -> None:
+    """The bound may hide what the model leaves out: the words say so and ask for a scan that tells more."""
+    held = none.fit.linearisation.theta.copy()
+    held[0] = none.fit.bounds[0, 0]
+    at = replace(none.fit.linearisation, each=tuple(replace(one, theta=held) for one in none.fit.linearisation.each))
+    written = plain(record(replace(none, fit=replace(none.fit, linearisation=at)), "a case"))
+    assert written["verdict"] == "none"
+    assert "But the stiffness of prostate left ends at the edge of what was allowed" in written["in_words"]
+    assert written["next_measurement"].startswith("a deformed scan in which")
+    clear = plain(record(none, "a case"))
+    assert "edge" not in clear["in_words"]
+    assert clear["next_measurement"] is None
+
+
 def test_a_scan_against_itself_has_no_gap(posed) -> None:  # type: ignore[no-untyped-def]
     """Nothing moves, so nothing tells the stiffness either: its standard deviation is that of not knowing."""
     rectum = posed.walls["rectum"].rest

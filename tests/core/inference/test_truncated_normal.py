@@ -9,7 +9,9 @@ from scipy import stats
 from palpate.core.inference.truncated_normal import cut
 
 
-@pytest.mark.parametrize("bounds", [(-1.0, 2.0), (0.5, np.inf), (-np.inf, -2.5), (7.0, 9.0), (-np.inf, np.inf), (-60.0, 60.0)])
+@pytest.mark.parametrize(
+    "bounds", [(-1.0, 2.0), (0.5, np.inf), (-np.inf, -2.5), (7.0, 9.0), (-np.inf, np.inf), (-60.0, 60.0)]
+)
 def test_one_variable_has_scipys_moments(bounds: tuple[float, float]) -> None:
     mean, sd = 0.3, 0.8
     found = cut(np.array([mean]), np.array([[sd**2]]), np.array([bounds]))

@@ -122,6 +122,18 @@ def test_a_pair_without_a_gap_says_so_and_one_without_a_diagnosis_nothing() -> N
     assert not any("diagnosis" in s for s in summary(replace(diagnosed("none"), diagnosis=None)))
 
 
+def test_no_gap_beside_a_stiffness_at_its_bound_says_how_little_that_is() -> None:
+    record = diagnosed("none")
+    assert record.diagnosis is not None
+    assert "little" not in summary(record)[-1]
+    asked = msgspec.structs.replace(record.diagnosis, next_measurement="a deformed scan that moves the organ farther")
+    told = summary(replace(record, diagnosis=asked))[-1]
+    assert (
+        "found nothing that the model leaves out (p = 0.6), which says little where a stiffness ends at its bound"
+        in told
+    )
+
+
 def test_an_alarm_says_that_it_may_be_a_false_one() -> None:
     assert "docs/gap.md" in texts(diagnosed("ambiguous")) and "docs/gap.md" in texts(diagnosed("inclusion"))
     assert "docs/gap.md" not in texts(diagnosed("none"))

@@ -12,6 +12,7 @@ from palpate.ui.desktop import style
 from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
+from palpate.ui.report.diagnosis_words import says_little
 from palpate.ui.report.summary import MISSING, NOTHING_TOLD
 from palpate.ui.words.number_words import three_figures
 
@@ -118,7 +119,8 @@ def _gap(case: OpenCase) -> list[str]:
         return []
     gap, verdict = found.gap, found.verdict
     names = ", ".join(escape(name.replace("_", " ").replace("-", " ")) for name in found.candidates)
-    said = {"none": "no gap beyond the noise", "unknown": "a gap of a kind that is not known",
+    said = {"none": "no gap beyond the noise" + (", but a stiffness is at its bound" if says_little(found) else ""),
+            "unknown": "a gap of a kind that is not known",
             "ambiguous": f"a gap, by one of: {names}" if names else "the scans tell too little to see one"}  # fmt: skip
     out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
     if gap.detected:
