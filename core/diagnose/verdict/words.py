@@ -23,9 +23,8 @@ def sentence(diagnosis: Diagnosis) -> str:
     verdict = diagnosis.verdict.verdict
     if verdict == NONE:
         return (
-            f"The model predicts the deformed {organ} as well as the {told_by} allow ({missed}): nothing in "
-            "these scans "
-            "says that it leaves anything out." + _unless(diagnosis)
+            f"The model predicts the deformed {organ} as well as the {told_by} allow ({missed}): nothing in these scans "
+            f"says that it leaves anything out.{_unless(diagnosis)}"
         )
     said = {s.effect.id: s.effect.words for s in diagnosis.screened}
     if verdict == UNKNOWN:
