@@ -9,6 +9,8 @@ from palpate.ui.words.number_words import three_figures
 VERDICTS = {"none": "no gap found", "ambiguous": "a gap, its cause not settled", "unknown": "a gap of unknown cause"}
 GAP_TITLE = "What the model leaves out"
 _SEE = f"see \N{LEFT DOUBLE QUOTATION MARK}{GAP_TITLE}\N{RIGHT DOUBLE QUOTATION MARK}"
+# What a verdict of none is worth where a stiffness ended at its bound.
+_LITTLE = ", which says little where a stiffness ends at its bound"
 FALSE_ALARMS = (
     "Pairs without any hidden effect can raise such an alarm too, and a cause can be named wrongly: docs/gap.md says how often that "
     "was seen."
@@ -23,10 +25,6 @@ def plain(name: str) -> str:
 def chance(p: float) -> str:
     """A p-value."""
     return "p below 0.001" if p < 0.001 else f"p = {p:.2g}"
-
-
-# What a verdict of none is worth where a stiffness ended at its bound.
-_LITTLE = ", which says little where a stiffness ends at its bound"
 
 
 def gap_is_seen(found: DiagnosisRecord | None) -> bool:

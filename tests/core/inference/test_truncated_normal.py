@@ -1,10 +1,9 @@
-"""Normal distributions cut at bounds, against scipy and against draws."""
+"""Normal distributions cut at bounds, against sums over a fine grid and against draws."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from palpate.core.inference.truncated_normal import cut
 
@@ -12,14 +11,16 @@ from palpate.core.inference.truncated_normal import cut
 @pytest.mark.parametrize(
     "bounds", [(-1.0, 2.0), (0.5, np.inf), (-np.inf, -2.5), (7.0, 9.0), (-np.inf, np.inf), (-60.0, 60.0)]
 )
-def test_one_variable_has_scipys_moments(bounds: tuple[float, float]) -> None:
+def test_one_variable_has_the_moments_of_a_sum_over_a_grid(bounds: tuple[float, float]) -> None:
     mean, sd = 0.3, 0.8
     found = cut(np.array([mean]), np.array([[sd**2]]), np.array([bounds]))
-    low, high = ((b - mean) / sd for b in bounds)
-    exact = stats.truncnorm(low, high, loc=mean, scale=sd)
-    assert found.mean[0] == pytest.approx(exact.mean(), abs=1e-6)
-    assert found.covariance[0, 0] == pytest.approx(exact.var(), rel=1e-4)
-    share = stats.norm.cdf(high) - stats.norm.cdf(low) if low < 3.0 else stats.norm.sf(low) - stats.norm.sf(high)
+    x, step = np.linspace(max(bounds[0], mean - 16.0), min(bounds[1], mean + 16.0), 2_000_001, retstep=True)
+    density = np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * np.sqrt(2.0 * np.pi))
+    density[[0, -1]] *= 0.5
+    share = float(density.sum() * step)
+    exact = float(density @ x) * step / share
+    assert found.mean[0] == pytest.approx(exact, abs=1e-6)
+    assert found.covariance[0, 0] == pytest.approx(float(density @ (x - exact) ** 2) * step / share, rel=1e-4)
     assert np.exp(found.log_share) == pytest.approx(share, rel=1e-6)
 
 
