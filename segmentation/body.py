@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
 
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.working_grid import AIR_HU, Mask, eroded, largest
+from palpate.segmentation.working_grid import AIR_HU, Mask, dilated, eroded, filled, largest
 
 SKIN_HU = -250.0
 # Table tops and their padding are thinner than twice this, and touch the body with less.
@@ -27,11 +26,8 @@ def body_mask(ct: Volume) -> Mask:
     core = largest(eroded(sides, OPENING_MM, step))
     if core.sum() * step**3 < SMALLEST_L * 1e6:
         raise InputError(f"the scan holds no body: nothing larger than {SMALLEST_L} litres is above {SKIN_HU:.0f} HU")
-    near = ndimage.distance_transform_edt(~core, sampling=step) <= OPENING_MM + step
-    body = (near & sides)[1:-1, 1:-1]
-    for k in range(body.shape[2]):
-        body[:, :, k] = ndimage.binary_fill_holes(body[:, :, k])
-    return largest(body)
+    near = dilated(core, OPENING_MM + step, step)
+    return largest(filled((near & sides)[1:-1, 1:-1], within=2))
 
 
 def without_surroundings(ct: Volume, body: Mask) -> Volume:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import ndimage
 
 from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, silent
@@ -16,7 +15,7 @@ from palpate.segmentation.prompts import ORGANS, Prompts
 from palpate.segmentation.prostate.prostate import find_prostate
 from palpate.segmentation.rectum.rectum import find_rectum
 from palpate.segmentation.search_region import Found, Scene
-from palpate.segmentation.working_grid import Mask, box_around, signed_distance
+from palpate.segmentation.working_grid import Mask, box_around, distance_of, distance_to
 
 # A click this deep, as a share of the organ's greatest depth, and points so near to its surface, mm rms, confirm it. Chosen on
 # 12 variants (tests/benchmarks/surface_error_fit.py draws such).
@@ -51,12 +50,12 @@ def confirms(scene: Scene, mask: Mask, prompts: Prompts, organ: str) -> bool:
     if prompts.mode(organ) == "click":
         near = box_around(mask, 0.0)
         depth = np.zeros(mask.shape)
-        depth[near] = ndimage.distance_transform_edt(mask[near])
+        depth[near] = distance_to(~mask[near], 1.0)
         return bool(depth[scene.index(prompts.seeds[organ])] >= DEEP_SHARE * depth.max())
     points = prompts.extremes.get(organ)
     if points is None:
         return False
-    away = signed_distance(mask, scene.grid).at(np.asarray(points, dtype=float))
+    away = distance_of(np.asarray(points, dtype=float), mask, scene.grid)
     return rms(away) <= ON_SURFACE_MM
 
 

@@ -12,7 +12,17 @@ from palpate.segmentation.methods.extreme_points import Ellipsoid, ellipsoid_of
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Scene
-from palpate.segmentation.working_grid import Mask, blurred, box_around, largest, opened, signed_distance
+from palpate.segmentation.working_grid import (
+    Mask,
+    blurred,
+    box_around,
+    distance_of,
+    distance_to,
+    filled,
+    largest,
+    opened,
+    signed_distance,
+)
 
 # Levels of the ellipsoid within which all is organ, within which the organ's look is learnt, and beyond which nothing is it.
 SURE_LEVEL, LEARNT_LEVEL, OUTER_LEVEL = 0.4, 0.6, 1.8
@@ -48,7 +58,7 @@ def shape_within(scene: Scene, points: FloatArray, taken: Mask) -> Mask:
     outside = ~scene.box_mask(box, POINT_MM)[near] | (level > OUTER_LEVEL) | taken[near]
     found = walk(picture, inside, outside, _edge(picture, core), prior, PULL) > 0.5
     mask = np.zeros(scene.grid.array.shape, dtype=bool)
-    mask[near] = ndimage.binary_fill_holes(largest(opened(largest(found), SMOOTH_MM, scene.step)))
+    mask[near] = filled(largest(opened(largest(found), SMOOTH_MM, scene.step)))
     return mask
 
 
@@ -68,7 +78,7 @@ def claim_of(scene: Scene, prompts: Prompts, organ: str) -> Mask:
 
 def misses(scene: Scene, mask: Mask, points: FloatArray) -> float:
     """By how much a surface misses six points, mm rms, the worst one left out."""
-    return rms(np.sort(np.abs(signed_distance(mask, scene.grid).at(points)))[:-1])
+    return rms(np.sort(np.abs(distance_of(points, mask, scene.grid)))[:-1])
 
 
 def ran_away(scene: Scene, mask: Mask, points: FloatArray, shape: Mask) -> bool:
@@ -133,4 +143,4 @@ def _edge(picture: Float32Array, core: Mask) -> float:
 
 
 def _signed(mask: Mask) -> FloatArray:
-    return np.asarray(ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask))
+    return distance_to(~mask, 1.0) - distance_to(mask, 1.0)

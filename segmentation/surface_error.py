@@ -17,7 +17,7 @@ from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_
 from palpate.segmentation.perturbed_runs import PerturbationOptions, perturbed_organs
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
-from palpate.segmentation.working_grid import blurred, bounds, signed_distance
+from palpate.segmentation.working_grid import blurred, bounds, distance_of
 
 # Resolution: distance of the points at which an error is given, mm; the shell's smoothing, and over how far what runs do is
 # averaged, mm.
@@ -119,7 +119,7 @@ def _away(run: Volume | None, points: FloatArray) -> FloatArray:
     mask = run.array.astype(bool)
     if not mask.any() or mask.all():
         return np.full(len(points), MOST_MM)
-    return np.clip(signed_distance(mask, run).at(points), -MOST_MM, MOST_MM)
+    return np.clip(distance_of(points, mask, run), -MOST_MM, MOST_MM)
 
 
 def _weakness(scene: Scene, points: FloatArray, normals: FloatArray) -> FloatArray:

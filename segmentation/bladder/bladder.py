@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
 
 from palpate.core.arrays import FloatArray
 from palpate.imaging.volume import Volume
@@ -15,7 +14,7 @@ from palpate.segmentation.methods.surface_mesh import Shell, profiles, shell_of_
 from palpate.segmentation.points_fit import MOST_OFF_MM, between, held_to, misses, ran_away, shape_within
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.search_region import Found, Scene
-from palpate.segmentation.working_grid import Mask, blurred, box_around, dilated, eroded, largest, opened
+from palpate.segmentation.working_grid import Mask, blurred, depth_of, dilated, eroded, filled, largest, opened
 
 # Wall that is added where nothing tells it from its neighbour, and the most that is looked for against fat.
 WALL_MM, THICKEST_MM = 0.0, 2.0
@@ -63,10 +62,10 @@ def _drawn(scene: Scene, prompts: Prompts, blocked: Mask) -> tuple[Mask, float] 
     if scene.cc(region) < LEAST_CC:
         return None
     shell, seen = _outer(scene, shell_of_mask(region, scene.grid, 1.5), urine.hu)
-    mask = largest(np.asarray(ndimage.binary_fill_holes(shell.voxels(scene.grid))))
+    mask = largest(filled(shell.voxels(scene.grid)))
     # Noise that looks unlike urine at the wall leaves notches; the wall's outer edge closes them.
     mask = largest(mask_to_edges(scene.soft_tissue, scene.fat_edge, mask, NOTCH_MM))
-    depth = float(ndimage.distance_transform_edt(mask[box_around(mask, 0.0)], sampling=scene.step).max())
+    depth = depth_of(mask, scene.step)
     return largest(opened(mask, min(BALL_SHARE * depth, BALL_MM), scene.step)), seen
 
 

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.search_region import Scene
-from palpate.segmentation.working_grid import Mask, box_around, eroded
+from palpate.segmentation.working_grid import Mask, box_around, depth_of, distance_to, eroded
 
 # What urine without contrast medium can be, and how far above its own median it still counts.
 LOWEST_HU, ABOVE_HU = -24.0, 15.0
@@ -152,14 +152,14 @@ def _form_and_contrast(picture: _Picture, part: Mask, erosion_mm: float) -> floa
     step = picture.scene.step
     box = box_around(part, (erosion_mm + AROUND_MM[1]) / step)
     inside, values = part[box], picture.smooth[box]
-    away = ndimage.distance_transform_edt(~inside, sampling=step)
+    away = distance_to(inside, step)
     ring = (
         (away > erosion_mm + AROUND_MM[0]) & (away < erosion_mm + AROUND_MM[1]) & ~picture.scene.gas[picture.near][box]
     )
     if not ring.any():
         return 0.0
     differs = np.clip(np.abs(values[ring] - float(np.median(values[inside]))) / PLAIN_HU, 0.0, 1.0)
-    depth = float(ndimage.distance_transform_edt(inside, sampling=step).max())
+    depth = depth_of(inside, step)
     form = min(1.0, depth / _ball_radius(picture.scene, part) / ROUND)
     return float(form * differs.mean())
 

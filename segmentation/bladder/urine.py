@@ -11,7 +11,7 @@ from scipy.special import expit
 from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.search_region import Scene
-from palpate.segmentation.working_grid import Mask, blurred, box_around, dilated, largest, opened
+from palpate.segmentation.working_grid import Mask, blurred, depth_of, dilated, distance_to, filled, largest, opened
 
 # The least and most above urine's HU that is half-way to its neighbours.
 ABOVE_HU = (10.0, 15.0)
@@ -66,18 +66,14 @@ def _calm(urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask, step: f
     # However noisy a scan is, what is nearer to muscle than to urine is none.
     like = np.abs(smooth - urine.hu) < max(min(LIKE_SD * urine.noise, urine.half_way), LIKE_HU)
     # A nearly empty bladder holds no large ball.
-    least = ROUND_SHARE * _deepest(core, step)
+    least = ROUND_SHARE * depth_of(core, step)
     calm = opened((urine.rough < ROUGHER * urine.noise) & like & allowed, min(SMOOTH_MM, least), step) | core
     parts, _ = ndimage.label(calm)
     calm &= np.isin(parts, np.unique(parts[core]))
-    trunk = opened(calm, float(np.clip(ROUND_SHARE * _deepest(calm, step), min(ROUND_MM[0], least), ROUND_MM[1])), step)
+    trunk = opened(calm, float(np.clip(ROUND_SHARE * depth_of(calm, step), min(ROUND_MM[0], least), ROUND_MM[1])), step)
     # Corridors of the core, along vessels and at corners where fat and muscle mix to urine's HU, hold no ball.
     kept = opened(calm & dilated(trunk, BULGE_MM, step), min(CORRIDOR_MM, least), step) | trunk
-    return np.asarray(ndimage.binary_fill_holes(largest(kept)))
-
-
-def _deepest(mask: Mask, step: float) -> float:
-    return float(ndimage.distance_transform_edt(mask[box_around(mask, 0.0)], sampling=step).max())
+    return filled(largest(kept))
 
 
 def urine_region(scene: Scene, urine: Urine, smooth: Float32Array, core: Mask, allowed: Mask) -> Mask:
@@ -95,13 +91,13 @@ def _half_height(scene: Scene, urine: Urine, core: Mask, allowed: Mask) -> Mask:
     """Medium to where it is half as far above muscle as in the core: as far as the scan's blur leaves the edge in place."""
     bright = (urine.fine > 0.5 * (urine.hu + scene.muscle)) & allowed
     parts, _ = ndimage.label(opened(bright, CORRIDOR_MM, scene.step) | core)
-    return np.asarray(ndimage.binary_fill_holes(np.isin(parts, np.unique(parts[core]))))
+    return filled(np.isin(parts, np.unique(parts[core])))
 
 
 def _walked(scene: Scene, urine: Urine, calm: Mask, allowed: Mask) -> Mask:
     """The calm part grown to the edges about it, by random walks."""
     near = _about(calm, round(ROOM_MM / scene.step))
-    fine, far = urine.fine[near], ndimage.distance_transform_edt(~calm[near], sampling=scene.step)
+    fine, far = urine.fine[near], distance_to(calm[near], scene.step)
     bright = urine.hu + float(np.clip(0.5 * (scene.muscle - urine.hu), *ABOVE_HU))
     dark = 0.5 * (urine.hu + scene.fat)
     prior = expit((bright - fine) / urine.noise) * expit((fine - dark) / (3.0 * urine.noise))
@@ -109,7 +105,7 @@ def _walked(scene: Scene, urine: Urine, calm: Mask, allowed: Mask) -> Mask:
     outside = ~allowed[near] | (far > FAR_MM) | (fine < scene.fat_edge - 15.0)
     region = np.zeros_like(calm)
     region[near] = walk(fine, calm[near], outside, urine.edge, prior, PULL) > 0.5
-    region = np.asarray(ndimage.binary_fill_holes(opened(largest(region), SMOOTH_MM, scene.step)))
+    region = filled(opened(largest(region), SMOOTH_MM, scene.step))
     return largest(region)
 
 

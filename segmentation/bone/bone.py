@@ -9,7 +9,7 @@ from skimage.filters import apply_hysteresis_threshold
 
 from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.medium import medium_mask
-from palpate.segmentation.working_grid import Mask
+from palpate.segmentation.working_grid import Mask, filled
 
 # Cortex reaches the higher level somewhere in every bone; the lower one is half-way from muscle to cortex.
 SURE_HU, EDGE_HU = 260.0, 110.0
@@ -88,10 +88,8 @@ def _filled(mask: Mask) -> Mask:
     image = sitk.GetImageFromArray(mask.astype(np.uint8))
     result = sitk.GetArrayFromImage(sitk.BinaryFillhole(image, True)) > 0
     for axis in range(3):
-        for section in np.moveaxis(result, axis, 0):
-            filled = sitk.GetArrayFromImage(sitk.BinaryFillhole(sitk.GetImageFromArray(section.astype(np.uint8))))
-            section[:] = filled > 0
-    return np.asarray(result)
+        result = filled(result, within=axis)
+    return result
 
 
 def _large_pieces(mask: Mask, smallest: float) -> Mask:

@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 import pyvista as pv
-import vtk
 from scipy import ndimage
 from scipy.sparse import coo_array, csr_array, diags_array
 from skimage.measure import marching_cubes
-from vtk.util.numpy_support import vtk_to_numpy
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkImagingStencil import vtkImageStencilToImage, vtkPolyDataToImageStencil
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.surfaces.triangles import enclosed_volume, point_normals
@@ -71,13 +71,13 @@ class Shell:
 
     def voxels(self, grid: Volume) -> Mask:
         """Which voxel centres of an upright even grid lie inside."""
-        stencil = vtk.vtkPolyDataToImageStencil()
+        stencil = vtkPolyDataToImageStencil()
         stencil.SetInputData(pv.PolyData(self.points, np.insert(self.faces, 0, 3, axis=1).ravel()))
         stencil.SetOutputOrigin(grid.affine[:3, 3])
         stencil.SetOutputSpacing(grid.spacing)
         shape = grid.array.shape
         stencil.SetOutputWholeExtent(0, shape[0] - 1, 0, shape[1] - 1, 0, shape[2] - 1)
-        image = vtk.vtkImageStencilToImage()
+        image = vtkImageStencilToImage()
         image.SetInputConnection(stencil.GetOutputPort())
         image.SetInsideValue(1)
         image.SetOutsideValue(0)

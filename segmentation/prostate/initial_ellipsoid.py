@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, signal
+from scipy import ndimage
 
 from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.methods.extreme_points import POWER, Ellipsoid
@@ -61,6 +61,8 @@ def first_guess(
 
 def _fitted(scene: Scene, likeness: Float32Array, at: FloatArray, sd: FloatArray) -> Guess | None:
     """The ellipsoid near a place that holds most of what is like prostate, with the most that is unlike around it."""
+    from scipy import signal  # with all of scipy.stats: too slow to import for a command that draws no organ
+
     i, j, k = scene.index(at)
     reach = int((SEARCH_MM + 1.7 * USUAL_MM.max()) / scene.step)
     take = tuple(slice(max(0, c - reach), c + reach + 1) for c in (i, j, k))

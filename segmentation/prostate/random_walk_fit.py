@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
 from scipy.special import expit
 
 from palpate.core.arrays import Float32Array, FloatArray
@@ -11,7 +10,7 @@ from palpate.core.statistics import rms
 from palpate.segmentation.methods.extreme_points import Ellipsoid
 from palpate.segmentation.methods.random_walker import walk
 from palpate.segmentation.search_region import Scene
-from palpate.segmentation.working_grid import Mask, blurred, dilated, eroded, largest, opened
+from palpate.segmentation.working_grid import Mask, blurred, dilated, eroded, filled, largest, opened
 
 # The surface lies about this far from the ellipsoid, mm; and an organ this much darker than its middle is none any more.
 SHAPE_MM, DARKER_HU, SOFTNESS_HU = 3.0, 24.0, 5.0
@@ -50,7 +49,7 @@ def walked(
     inside = core | (_behind(scene, points)[near] & ~outside)
     probability[near] = walk(fine, inside, outside, _edge(fine, core), prior, PULL)
     mask = largest(opened(largest(probability > 0.5), SMOOTH_MM, scene.step))
-    return np.asarray(ndimage.binary_fill_holes(mask)), probability
+    return filled(mask), probability
 
 
 def _behind(scene: Scene, points: FloatArray) -> Mask:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage, signal
+from scipy import ndimage
 
 from palpate.core.arrays import Float32Array, FloatArray
 from palpate.segmentation.rectum.course_options import CourseOptions
@@ -52,6 +52,8 @@ def _of_one_size(like: FloatArray, gas: FloatArray, radius: float, muscle: Mask,
 
 def _mean(values: FloatArray, kernel: FloatArray) -> FloatArray:
     """Means over a kernel about each place of every slice."""
+    from scipy import signal  # with all of scipy.stats: too slow to import for a command that draws no organ
+
     return np.asarray(signal.fftconvolve(values, kernel[None], mode="same", axes=(1, 2)))
 
 

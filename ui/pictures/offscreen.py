@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
-import vtk
+from vtkmodules.vtkRenderingAnnotation import vtkAnnotatedCubeActor
 
 from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.ui.pictures.scene import Body, Scene, View
@@ -110,8 +110,8 @@ def polydata(points: FloatArray, faces: IntArray) -> pv.PolyData:
     return pv.PolyData.from_regular_faces(points, faces)  # type: ignore[arg-type]  # it names Python's int as the type
 
 
-def _cube() -> vtk.vtkAnnotatedCubeActor:
-    cube = vtk.vtkAnnotatedCubeActor()
+def _cube() -> vtkAnnotatedCubeActor:
+    cube = vtkAnnotatedCubeActor()
     for axis, plus, minus in (("X", "L", "R"), ("Y", "P", "A"), ("Z", "S", "I")):
         getattr(cube, f"Set{axis}PlusFaceText")(plus)
         getattr(cube, f"Set{axis}MinusFaceText")(minus)
