@@ -73,8 +73,8 @@ class Shell:
         """Which voxel centres of an upright even grid lie inside."""
         stencil = vtkPolyDataToImageStencil()
         stencil.SetInputData(pv.PolyData(self.points, np.insert(self.faces, 0, 3, axis=1).ravel()))
-        stencil.SetOutputOrigin(grid.affine[:3, 3])
-        stencil.SetOutputSpacing(grid.spacing)
+        stencil.SetOutputOrigin(*grid.affine[:3, 3])
+        stencil.SetOutputSpacing(*grid.spacing)
         shape = grid.array.shape
         stencil.SetOutputWholeExtent(0, shape[0] - 1, 0, shape[1] - 1, 0, shape[2] - 1)
         image = vtkImageStencilToImage()

@@ -78,7 +78,7 @@ def draw(scene: Scene) -> list[LabelArray]:
     plotter.enable_depth_peeling(4)  # type: ignore[arg-type]
     plotter.enable_anti_aliasing("ssaa")
     pictures = []
-    cube = plotter.add_orientation_widget(_cube(), viewport=(0.0, 0.0, 0.22, 0.22))
+    cube = plotter.add_orientation_widget(_cube(), viewport=(0.0, 0.0, 0.22, 0.22))  # type: ignore[arg-type]
     for view in scene.views:
         _look(plotter, scene, view)
         cube.SetEnabled(not view.left)  # letters at the edges say the same, and it would hide what is behind it
