@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +28,23 @@ X, Y, Z = (float(c) for c in phantom.prostate_centroid())
 pytestmark = needs_xvfb
 
 
-@pytest.fixture(params=["1280x720", "3840x2160"])
-def display(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A laptop's screen at 150 %, and a large one."""
-    monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
-    with x_display(tmp_path, str(request.param), monkeypatch):
-        yield
+# A laptop's screen at 150 %, and a large one.
+LAPTOP, LARGE = "1280x720", "3840x2160"
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Folders of the scans at rest and deformed."""
+    return write_pair(tmp_path_factory.mktemp("scans"))
+
+
+@contextmanager
+def screen(folder: Path, size: str) -> Iterator[None]:
+    """A display of a size, and settings of the window's own under a folder."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setenv("PALPATE_SETTINGS", str(folder / "settings"))
+        with x_display(folder, size, monkeypatch):
+            yield
 
 
 def window(folder: Path, script: str, name: str) -> subprocess.Popen[str]:
@@ -58,8 +71,8 @@ def _runs(process: int) -> bool:
         return False
 
 
-def first(rest: Path, deformed: Path, case: Path) -> str:
-    """Points, cancels a step, runs it, corrects, saves, corrects again, and closes."""
+def started(rest: Path, deformed: Path, case: Path) -> str:
+    """Opens both scans, points, and cancels a step."""
     return f"""
     open {rest} {deformed} {case}
     resize 1400 900
@@ -78,10 +91,18 @@ def first(rest: Path, deformed: Path, case: Path) -> str:
     wait 60
     expect job cancelled
     screenshot shots/2_cancelled.png
+    """
+
+
+SEGMENTED = """
     press Segment
     wait 1500
     expect job done
     stalls
+    """
+
+# Corrects, saves, corrects again, and closes.
+CORRECTED = f"""
     screenshot shots/3_segmented.png
     show tool brush
     show radius_mm 5
@@ -95,6 +116,23 @@ def first(rest: Path, deformed: Path, case: Path) -> str:
     expect unsaved false
     drag axial {X - 18} {Y} {Z} {X - 24} {Y} {Z}
     expect unsaved true
+    """
+
+
+def taken_back(case: Path) -> str:
+    """Opens a case that was corrected and closed, and takes all of it back: the labels are those that were segmented."""
+    return f"""
+    open {case}
+    resize 1400 900
+    pause 0.2
+    crosshair {X} {Y} {Z}
+    expect unsaved true
+    undo
+    expect unsaved false
+    undo
+    expect unsaved true
+    save
+    expect unsaved false
     """
 
 
@@ -150,23 +188,52 @@ def kill_when_there(process: subprocess.Popen[str], shot: Path) -> None:
         time.sleep(0.02)
 
 
-def test_an_afternoon_with_the_window(tmp_path: Path, display: None) -> None:
-    rest, deformed = write_pair(tmp_path)
-    case = tmp_path / "case"
-    events = events_of(window(tmp_path, first(rest, deformed, case), "first.txt"))
+def cancelled_in_time(events: list[dict[str, Any]]) -> None:
+    """A step ran, was cancelled, and ended within a second."""
     assert any(e["command"] == "press" and e["job"] == "running" and e["line"] > 14 for e in events)
     seconds = next(e["cancel_seconds"] for e in events if e["job"] == "cancelled")
     assert seconds <= 1.0
+    print("longest stalls, ms:", [e["longest_stall_ms"] for e in events if "longest_stall_ms" in e], "cancel:", seconds)
 
-    # The first window was closed with unsaved corrections; the second is killed with more of them.
+
+def killed_and_reopened(folder: Path, case: Path) -> None:
+    """The first window was closed with unsaved corrections; the second is killed with more of them; the third has them all."""
     labels = CaseFolder(case).labels("rest")
-    kill_when_there(window(tmp_path, second(case), "second.txt"), tmp_path / "shots" / "5_before_kill.png")
+    kill_when_there(window(folder, second(case), "second.txt"), folder / "shots" / "5_before_kill.png")
     assert np.array_equal(CaseFolder(case).labels("rest").array, labels.array)
 
-    last = events_of(window(tmp_path, third(case), "third.txt"))
+    last = events_of(window(folder, third(case), "third.txt"))
     saved = CaseFolder(case).labels("rest")
     new = (saved.array != labels.array).sum()
     assert new > 50 and last[-1]["unsaved"]
-    for path in sorted((tmp_path / "shots").iterdir()):
+    shots = sorted((folder / "shots").iterdir())
+    assert len(shots) == 7
+    for path in shots:
         assert np.asarray(Image.open(path).convert("L")).std() > 20, f"{path} is blank"
-    print("longest stalls, ms:", [e["longest_stall_ms"] for e in events if "longest_stall_ms" in e], "cancel:", seconds)
+
+
+@pytest.fixture(scope="module")
+def closed(scans: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the case that a window on the laptop's screen segmented, corrected and closed, and that case's copy."""
+    folder = tmp_path_factory.mktemp("laptop")
+    with screen(folder, LAPTOP):
+        script = started(*scans, folder / "case") + SEGMENTED + CORRECTED
+        events = events_of(window(folder, script, "first.txt"))
+    cancelled_in_time(events)
+    shutil.copytree(folder / "case", folder / "copy")
+    return folder
+
+
+def test_an_afternoon_with_the_window(closed: Path) -> None:
+    with screen(closed, LAPTOP):
+        killed_and_reopened(closed, closed / "case")
+
+
+def test_the_same_on_a_large_screen(scans: tuple[Path, Path], closed: Path, tmp_path: Path) -> None:
+    """All that depends on the screen. Segment is cancelled; corrected is a copy of what it made on the other screen."""
+    case = tmp_path / "case"
+    shutil.copytree(closed / "copy", case)
+    with screen(tmp_path, LARGE):
+        cancelled_in_time(events_of(window(tmp_path, started(*scans, tmp_path / "other"), "first.txt")))
+        events_of(window(tmp_path, taken_back(case) + CORRECTED, "corrected.txt"))
+        killed_and_reopened(tmp_path, case)
