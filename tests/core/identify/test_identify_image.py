@@ -37,11 +37,16 @@ def _run(problem: IdentificationProblem, folder: Path) -> dict[str, Any]:
     return plain(run(job, Reporter(lambda message: None)))
 
 
+@pytest.fixture(scope="module")
+def beside(contours: IdentificationProblem, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What contours and the motion in the tissue tell together."""
+    return _run(replace(contours, matched=synthetic_case.matched()), tmp_path_factory.mktemp("beside") / "image")
+
+
 def test_motion_in_the_tissue_makes_both_values_surer_and_keeps_them_true(
-    contours: IdentificationProblem, tmp_path: Path
+    contours: IdentificationProblem, beside: dict[str, Any], tmp_path: Path
 ) -> None:
     alone = _run(contours, tmp_path / "contours")
-    beside = _run(replace(contours, matched=synthetic_case.matched()), tmp_path / "image")
     for name, true in TRUTH.items():
         wide, narrow = (each["parameters"][name]["sd_ln_G"] for each in (alone, beside))
         assert narrow < 0.6 * wide
@@ -52,7 +57,7 @@ def test_motion_in_the_tissue_makes_both_values_surer_and_keeps_them_true(
 
 
 def test_an_organ_that_nobody_drew_in_the_other_scan_is_no_datum(
-    contours: IdentificationProblem, tmp_path: Path
+    contours: IdentificationProblem, beside: dict[str, Any], tmp_path: Path
 ) -> None:
     """The motion alone tells the stiffness, wherever the surface is said to lie, and tells less than contours beside it."""
     alone = replace(contours, matched=synthetic_case.matched(), organ_drawn=False)
@@ -61,7 +66,6 @@ def test_an_organ_that_nobody_drew_in_the_other_scan_is_no_datum(
     swollen = replace(surface, points=1.15 * surface.points)
     elsewhere = replace(alone, organ=replace(alone.organ, deformed=swollen))
     found, again = (_run(problem, tmp_path / name) for problem, name in ((alone, "alone"), (elsewhere, "swollen")))
-    beside = _run(replace(contours, matched=synthetic_case.matched()), tmp_path / "image")
     for name, true in TRUTH.items():
         low, high = found["parameters"][name]["ci95_kpa"]
         assert low < true < high
