@@ -81,10 +81,11 @@ class MotionPrior:
         apart = cdist(points, others)
         out = (directions @ other_directions.T) * self._even(apart)
         ours, theirs = self.walls.carried(points), self.walls.carried(others)
+        alike = self._of_walls(apart)
         for size, a, b in zip(self.sizes.walls_mm, ours, theirs, strict=True):
             if size > 0.0:
                 both = np.outer(np.einsum("na,na->n", a, directions), np.einsum("na,na->n", b, other_directions))
-                out += size**2 * both * matern(apart, self.options.wall_length_mm)
+                out += size**2 * both * alike
         return np.asarray(out)
 
     def variance(self, points: FloatArray, directions: FloatArray) -> FloatArray:
@@ -101,11 +102,17 @@ class MotionPrior:
         apart = cdist(points, others)
         out = self._even(apart) @ (directions * weights[:, None])
         ours, theirs = self.walls.carried(points), self.walls.carried(others)
+        alike = self._of_walls(apart)
         for size, a, b in zip(self.sizes.walls_mm, ours, theirs, strict=True):
             if size > 0.0:
                 share = np.einsum("na,na->n", b, directions) * weights
-                out += size**2 * a * (matern(apart, self.options.wall_length_mm) @ share)[:, None]
+                out += size**2 * a * (alike @ share)[:, None]
         return np.asarray(out)
+
+    def _of_walls(self, apart: FloatArray) -> FloatArray:
+        """Correlation of a wall's normal motions at distances, the same for all walls; not computed where none moves."""
+        moves = any(size > 0.0 for size in self.sizes.walls_mm)
+        return matern(apart, self.options.wall_length_mm) if moves else np.zeros((0, 0))
 
     def _even(self, apart: FloatArray) -> FloatArray:
         o = self.options
@@ -116,5 +123,10 @@ class MotionPrior:
 
 def matern(apart: FloatArray, length_mm: float) -> FloatArray:
     """Correlation at distances, mm, of a Matern 3/2 field (Rasmussen and Williams 2006, Eq 4.17)."""
-    r = np.sqrt(3.0) * apart / length_mm
-    return np.asarray((1.0 + r) * np.exp(-r))
+    r = np.sqrt(3.0) * apart
+    r /= length_mm
+    fading = np.exp(-r)
+    # In place: large new arrays cost as much as the exponential.
+    r += 1.0
+    r *= fading
+    return np.asarray(r)
