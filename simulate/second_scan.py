@@ -36,10 +36,7 @@ class SecondScan:
         cls, ct: Volume, region: Volume, labels_on: Callable[[Volume], Volume], random: np.random.Generator
     ) -> SecondScan:
         """Of a CT. region : label volume, 0 outside the modelled region. labels_on : labels on any grid."""
-        part = _box(ct, region)
-        affine = ct.affine.copy()
-        affine[:3, 3] = ct.to_lps(np.array([[s.start for s in part]], dtype=float))[0]
-        crop = Volume(ct.array[part].astype(np.float32), affine)
+        part, crop = _crop(ct, region)
         labels: LabelArray = labels_on(crop).array
         noise_hu = noise_of(crop.array, labels, crop.spacing)
         values, share = ct.array.astype(np.float32), np.zeros(ct.array.shape, dtype=np.float32)
@@ -66,6 +63,28 @@ class SecondScan:
         index = self.spline.to_index(points).T
         values = ndimage.map_coordinates(self.spline.array, index, order=3, prefilter=False, mode="nearest")
         return np.asarray(values, dtype=np.float64)
+
+
+def with_noise_anew(
+    ct: Volume, region: Volume, labels_on: Callable[[Volume], Volume], random: np.random.Generator
+) -> Float32Array:
+    """HU of a CT whose noise about the region is taken out and drawn anew, of the same size; arguments as of `SecondScan.of`.
+
+    All pairs that are simulated from one CT share its noise otherwise, however many they are.
+    """
+    part, crop = _crop(ct, region)
+    noise_hu = noise_of(crop.array, labels_on(crop).array, crop.spacing)
+    values = ct.array.astype(np.float32)
+    values[part] = denoised(crop.array, noise_hu) + fresh_noise(crop.array.shape, crop.spacing, noise_hu, random)
+    return values
+
+
+def _crop(ct: Volume, region: Volume) -> tuple[tuple[slice, ...], Volume]:
+    """Which voxels of a CT are denoised, and these (float32)."""
+    part = _box(ct, region)
+    affine = ct.affine.copy()
+    affine[:3, 3] = ct.to_lps(np.array([[s.start for s in part]], dtype=float))[0]
+    return part, Volume(ct.array[part].astype(np.float32), affine)
 
 
 def _box(ct: Volume, region: Volume) -> tuple[slice, ...]:

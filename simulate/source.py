@@ -9,14 +9,14 @@ from typing import Protocol
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray, LabelArray
+from palpate.core.arrays import Float32Array, FloatArray, LabelArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import OUTSIDE
 from palpate.imaging.volume import Volume
 from palpate.meshing.partition import Partition, make_partition
 from palpate.simulate.phantom import phantom
 from palpate.simulate.scanner import Scanner
-from palpate.simulate.second_scan import SecondScan
+from palpate.simulate.second_scan import SecondScan, with_noise_anew
 
 # Rest positions (n, 3) mm of points (n, 3) mm in the scanner's coordinates.
 ToRest = Callable[[FloatArray], FloatArray]
@@ -117,14 +117,15 @@ class PhantomSource:
 class VolumeSource:
     """A real body: labels of the state at rest and its CT (None: labels can be simulated, scans cannot).
 
-    changes : what else differs on the day of the second scan, of `other_day.CHANGES`. written_on : see
-    `Source.label_grid`; None: the grid of `model_labels`.
+    changes : what else differs on the day of the second scan, of `other_day.CHANGES`. noise_anew : the scan at rest has
+    fresh noise in place of its own. written_on : see `Source.label_grid`; None: the grid of `model_labels`.
     """
 
     name: str
     model_labels: Volume
     ct: Volume | None
     changes: tuple[str, ...] = ()
+    noise_anew: bool = False
     written_on: Volume | None = None
 
     @property
@@ -150,14 +151,18 @@ class VolumeSource:
 
     def scan(self, to_rest: ToRest | None, grid: Volume | None, seed: int) -> Volume:
         """See `Source.scan`: the given CT, or that CT without noise where its tissue was at rest (`SecondScan`)."""
-        ct = self._needed_ct()
-        if to_rest is None and grid is None:
+        ct, random = self._needed_ct(), np.random.default_rng(seed)
+        own = to_rest is None and grid is None
+        if own and not self.noise_anew:
             return ct
-        random = np.random.default_rng(seed)
-        scan = SecondScan.of(ct, self.model_labels, lambda part: labels_on(self.labels, part), random)
+        if own:
+            return _as_stored(with_noise_anew(ct, self.model_labels, self._labels_on, random), ct, ct)
+        scan = SecondScan.of(ct, self.model_labels, self._labels_on, random)
         moved = scan.seen(to_rest or (lambda points: points), grid or ct, self.changes, random)
-        low, high = int(ct.array.min()), int(ct.array.max())
-        return (grid or ct).with_array(np.rint(np.clip(moved, low, high)).astype(np.int16))
+        return _as_stored(moved, ct, grid or ct)
+
+    def _labels_on(self, grid: Volume) -> Volume:
+        return labels_on(self.labels, grid)
 
     def _needed_ct(self) -> Volume:
         if self.ct is None:
@@ -178,6 +183,11 @@ def labels_on(labels: Callable[[FloatArray], LabelArray], grid: Volume) -> Volum
         index = np.column_stack([plane, np.full(len(plane), k)]).astype(np.float64)
         result[:, :, k] = labels(grid.to_lps(index)).reshape(shape[:2])
     return grid.with_array(result)
+
+
+def _as_stored(hu: Float32Array, ct: Volume, grid: Volume) -> Volume:
+    """HU on a grid as a CT's files hold them: whole numbers within that CT's own."""
+    return grid.with_array(np.rint(np.clip(hu, int(ct.array.min()), int(ct.array.max()))).astype(np.int16))
 
 
 def _grid(low: FloatArray, high: FloatArray, voxel_mm: tuple[float, float, float]) -> Volume:

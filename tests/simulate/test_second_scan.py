@@ -36,6 +36,19 @@ def test_the_scan_at_rest_is_the_ct_itself(source: VolumeSource) -> None:
     np.testing.assert_array_equal(source.scan(None, None, 3).array, source.ct.array)
 
 
+def test_noise_at_rest_can_be_drawn_anew_and_nothing_else_changes(source: VolumeSource) -> None:
+    assert source.ct is not None
+    anew = VolumeSource("made-up", source.model_labels, source.ct, noise_anew=True)
+    one, two, other = (anew.scan(None, None, seed).array.astype(float) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one, two)
+    fat = ndimage.binary_erosion(source.model_labels.array == SURROUNDING_TISSUE, iterations=3)
+    for first, second in ((one, other), (one, source.ct.array.astype(float))):
+        assert abs(np.corrcoef(first[fat], second[fat])[0, 1]) < 0.3
+    assert one[fat].std() == pytest.approx(NOISE_HU, rel=0.25)
+    # Contents stay: the bladder's medium, which a second scan would not have.
+    assert one[ball((44, 30, 24), 8.0)].mean() == pytest.approx(200.0, abs=3.0)
+
+
 def test_denoising_moves_no_texture() -> None:
     """Non-local means in its quick form moves texture by a fifth of a voxel: least-squares shift of the denoised image."""
     random = np.random.default_rng(5)

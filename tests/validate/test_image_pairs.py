@@ -145,6 +145,9 @@ def test_every_second_pair_of_each_scan_differs_in_more_than_its_motion(
     drawn = [changes[k] for k in range(24) if k % 4 >= 2]
     assert set().union(*drawn) == set(pairs.CHANGES)
     assert len(set(drawn)) > 3
+    # Each scan's own noise counts once.
+    noise = [parse_spec(spec).scan.rest_noise for spec in made]
+    assert noise == ["own"] * len(SCANS) + ["anew"] * (24 - len(SCANS))
 
 
 def _truth(options: ImagesOptions, number: int) -> Mapping[str, object]:
@@ -262,6 +265,10 @@ def test_a_folder_that_holds_a_study_of_another_kind_is_refused(
     monkeypatch.setattr(study, "contoured_scan", lambda ct, contours, name: None)
     (tmp_path / "ledger.json").write_text(json.dumps({"seed": 5, "simulator": "blind", "effect": None}))
     with pytest.raises(InputError, match="was made with another command"):
+        run(tmp_path, ImagesOptions(SCANS, 3, 5))
+    # Pairs of another simulator do not join those that are there.
+    (tmp_path / "ledger.json").write_text(json.dumps({**study._kind(ImagesOptions(SCANS, 3, 5)), "making": 2}))
+    with pytest.raises(InputError, match=r"way 2\).*way 3\)"):
         run(tmp_path, ImagesOptions(SCANS, 3, 5))
 
 

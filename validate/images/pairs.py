@@ -32,6 +32,8 @@ FACTOR, RADIUS_MM, OFFSET_MM, FROM_MM, SOFTER = (3.0, 10.0), (7.0, 10.0), 5.0, (
 SOFT_SHARE = 0.4
 # What else may differ in the second scan, in every second pair of each scan: each with this probability.
 CHANGES, CHANGE_SHARE = ("contrast", "kernel", "noise", "streaks"), 0.5
+# Number of the way in which pairs are made; another one makes another study.
+MAKING = 3
 # Another wall motion is drawn where the tissue folds, so many times.
 ATTEMPTS = 3
 
@@ -57,8 +59,11 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     effect = options.hide[number % len(options.hide)] if options.hide else None
     hidden = {} if effect is None else {effect: HIDE[effect](np.random.default_rng([options.seed, number, 87]))}
     changes = _changes(np.random.default_rng([options.seed, number, 88])) if number // len(options.scans) % 2 else ()
+    # Were it the CT's own in all of them, the pairs of one CT would share half of their noise.
+    rest_noise = "own" if number < len(options.scans) else "anew"
     for _ in range(ATTEMPTS):
-        spec = {**drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng, changes), "hidden": hidden}
+        drawn = drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng, changes, rest_noise)
+        spec = {**drawn, "hidden": hidden}
         shutil.rmtree(folder / "cases" / name, ignore_errors=True)
         try:
             truth = run_simulate(spec, folder / "cases" / name / "scans", folder / "truths" / name)
@@ -72,9 +77,14 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
 
 
 def drawn_spec(
-    ct: Path, labels: Path, stiffness: FloatArray, rng: np.random.Generator, changes: tuple[str, ...] = ()
+    ct: Path,
+    labels: Path,
+    stiffness: FloatArray,
+    rng: np.random.Generator,
+    changes: tuple[str, ...] = (),
+    rest_noise: str = "own",
 ) -> Specification:
-    """A specification of `palpate simulate`. stiffness : (2,) kPa, left and right. changes : what else differs in the second scan."""
+    """A specification of `palpate simulate`. stiffness : (2,) kPa, left and right. changes, rest_noise : as its `scan` has them."""
     aside = [float(rng.uniform(-ASIDE_MM, ASIDE_MM)), float(rng.uniform(*PUSH_MM)), 0.0]
     rectum = {
         "inflate_mm": float(rng.uniform(*INFLATE_MM)),
@@ -92,6 +102,7 @@ def drawn_spec(
             "shift_mm": rng.uniform(-SHIFT_MM, SHIFT_MM, 3).tolist(),
             "rotation_deg": rng.uniform(-TURN_DEG, TURN_DEG, 3).tolist(),
             "changes": list(changes),
+            "rest_noise": rest_noise,
         },
         "seed": int(rng.integers(1, 2**31 - 1)),
     }

@@ -12,7 +12,7 @@ from pathlib import Path
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half, way_row
-from palpate.validate.images.pairs import make_pair, name_of
+from palpate.validate.images.pairs import MAKING, make_pair, name_of
 from palpate.validate.images.records import ImagesOptions, ImagesTable
 from palpate.validate.images.ways import DONE, WAYS, analyse
 from palpate.validate.making import make_each
@@ -21,6 +21,8 @@ from palpate.validate.segmentation.contoured_scan import contoured_scan
 
 # The way with whose standard deviations those of the others are compared.
 _PLAIN = "contours"
+# What a ledger is of that does not say so.
+_UNLESS_SAID: Kind = {"study": "another", "seed": None, "scans": [], "hide": [], "ways": [], "making": 1}
 
 
 def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> ImagesTable:
@@ -31,7 +33,7 @@ def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> Im
     for ct, contours in options.scans:  # a study is not begun with what cannot be read
         contoured_scan(ct, contours, ct.name)
     sealed = SealedStudy(folder, DONE)
-    sealed.begin(_kind(options), {"study": "another", "seed": None, "scans": [], "hide": [], "ways": []}, _flags)
+    sealed.begin(_kind(options), _UNLESS_SAID, _flags)
     make_each(
         partial(make_pair, options, folder=folder), range(options.pairs), options.workers, part(progress, 0.0, 0.3)
     )
@@ -109,6 +111,7 @@ def _kind(options: ImagesOptions) -> Kind:
         "scans": [[str(ct.absolute()), str(labels.absolute())] for ct, labels in options.scans],
         "hide": list(options.hide),
         "ways": list(options.ways),
+        "making": MAKING,
     }
 
 
@@ -121,4 +124,4 @@ def _flags(kind: Kind) -> str:
         return "another command"
     words = [f"--seed {kind['seed']}", *(f"--scan {ct} {labels}" for ct, labels in scans)]
     words += [f"--hide {effect}" for effect in hide] + [f"--way {way}" for way in ways]
-    return " ".join(words)
+    return f"{' '.join(words)} (pairs made in way {kind['making']})"

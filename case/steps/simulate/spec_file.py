@@ -64,7 +64,7 @@ class MeshFile(_Part, frozen=True):
 
 class ScanFile(_Part, frozen=True):
     """How the phantom is scanned (voxel, noise, blur), how the patient lies in the second scan (shift, rotation), and what
-    else differs in the second scan of a real CT (changes)."""
+    else differs in the second scan of a real CT (changes), whose noise at rest is its own or drawn anew (rest_noise)."""
 
     shift_mm: tuple[_Shift, _Shift, _Shift] = (0.0, 0.0, 0.0)
     rotation_deg: tuple[_Turn, _Turn, _Turn] = (0.0, 0.0, 0.0)
@@ -72,6 +72,7 @@ class ScanFile(_Part, frozen=True):
     noise_hu: Annotated[float, Meta(ge=0.0, le=100.0)] = 12.0
     blur_mm: Annotated[float, Meta(ge=0.0, le=3.0)] = 0.5
     changes: tuple[Literal["contrast", "kernel", "noise", "streaks"], ...] = ()
+    rest_noise: Literal["own", "anew"] = "own"
 
 
 class InclusionFile(_Part, frozen=True):

@@ -65,10 +65,11 @@ def run_simulate(
 
 
 def _source(spec: SimulationSpec) -> Source:
+    scan = spec.scan
     if not isinstance(spec.source, str):
         drawn = ct_source(spec.source) if isinstance(spec.source, CtSource) else case_source(spec.source)
-        return replace(drawn, changes=spec.scan.changes).on_voxels_of_its_own(np.random.default_rng([spec.seed, 1]))
-    scan = spec.scan
+        changed = replace(drawn, changes=scan.changes, noise_anew=scan.rest_noise == "anew")
+        return changed.on_voxels_of_its_own(np.random.default_rng([spec.seed, 1]))
     region = SCANNED if spec.output == "dicom" else LABELLED
     return PhantomSource(voxel_mm=scan.voxel_mm, region=region, scanner=Scanner(scan.blur_mm, scan.noise_hu))
 
