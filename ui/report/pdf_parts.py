@@ -51,8 +51,8 @@ class FittingPicture(Flowable):
 
 
 class PictureRun(Flowable):
-    """Pictures that follow each other. As many as fit what is left of a page, somewhat smaller where need be, go on it, a later one
-    before one that does not fit.
+    """Pictures that follow each other, in the order of their numbers. As many as fit what is left of a page, somewhat smaller where need
+    be, go on it.
 
     pictures : one or more.
     """
@@ -70,12 +70,13 @@ class PictureRun(Flowable):
         """The pictures that fit and the run of the others; nothing where none does."""
         fitting: list[FittingPicture] = []
         for picture in self._pictures:
-            if _scale([*fitting, picture], aW, aH) >= SMALLEST:
-                fitting.append(picture)
+            if _scale([*fitting, picture], aW, aH) < SMALLEST:
+                break
+            fitting.append(picture)
         if not fitting:
             return []
         scale = min(1.0, _scale(fitting, aW, aH))
-        others = [p for p in self._pictures if p not in fitting]
+        others = self._pictures[len(fitting) :]
         return [*(picture.at(scale) for picture in fitting), *([PictureRun(others)] if others else [])]
 
 

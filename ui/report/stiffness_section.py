@@ -38,7 +38,7 @@ def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
         Paragraph(MU_NOTE, "small"),
         Paragraph("What this pair can tell:"),
         Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
-        *_shown(figures.pictures, "stiffness_series", "stiffness_map", "anatomy"),
+        *_shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
         *figures.interactive,
     ]
     return Section("Stiffness", blocks)

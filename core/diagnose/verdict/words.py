@@ -16,14 +16,14 @@ _GENERAL = "another deformed scan with another bladder and rectum filling, and m
 
 def sentence(diagnosis: Diagnosis) -> str:
     """Outcome of the diagnosis for a reader who knows stiffness, not statistics."""
-    missed = f"{rms(np.concatenate(residuals(diagnosis.fit))):.1f} mm"
+    missed = f"{rms(np.concatenate(residuals(diagnosis.fit))):.2f} mm"
     told_by, organ = "contours", "organ"
     if not diagnosis.fit.organ_drawn:
         told_by, organ = "images", "organ, where the images put it,"
     verdict = diagnosis.verdict.verdict
     if verdict == NONE:
         return (
-            f"The model predicts the deformed {organ} as well as the {told_by} allow ({missed}): nothing in these scans "
+            f"The model meets the deformed {organ} to {missed}, as well as the {told_by} allow: nothing in these scans "
             f"says that it leaves anything out.{_unless(diagnosis)}"
         )
     said = {s.effect.id: s.effect.words for s in diagnosis.screened}

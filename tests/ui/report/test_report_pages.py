@@ -45,16 +45,16 @@ def test_two_pictures_that_nearly_fit_share_a_page(tmp_path: Path) -> None:
     assert len(PdfReader(path).pages) == 1
 
 
-def test_a_later_picture_goes_before_one_that_does_not_fit(tmp_path: Path) -> None:
-    """1,300 high needs a page of its own; 500 fits what 700 has left of the first."""
+def test_pictures_stand_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """1,300 high needs a page of its own; 500 would fit what 700 has left of the first, but follows it."""
     pdf._register_fonts()
     tall, low, small = (picture(tmp_path, height) for height in (700, 1300, 500))
     (run,) = pdf._runs([pdf._flowable(p) for p in (tall, low, small)])
-    *first, rest = run.split(pdf._WIDTH, WHOLE_PAGE)
-    assert [p._path for p in first] == [str(tall.path), str(small.path)]
-    assert sum(p.wrap(pdf._WIDTH, WHOLE_PAGE)[1] for p in first) <= WHOLE_PAGE
-    (last,) = rest.split(pdf._WIDTH, WHOLE_PAGE)
-    assert last._path == str(low.path)
+    first, rest = run.split(pdf._WIDTH, WHOLE_PAGE)
+    assert first._path == str(tall.path)
+    second, last = rest.split(pdf._WIDTH, WHOLE_PAGE)
+    assert second._path == str(low.path)
+    assert [p._path for p in last.split(pdf._WIDTH, WHOLE_PAGE)] == [str(small.path)]
     assert run.split(pdf._WIDTH, 100.0) == [], "nothing fits: the next page"
 
 
