@@ -211,7 +211,8 @@ def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, mon
     left = [row for row in found["halves"] if row["way"] == "images" and row["half"] == "prostate_left"]
     assert [row["z"] for row in left] == [-3.0, -3.0]
     text = images_text(found)
-    assert "images: 2 of 4 intervals hold" in text
+    # The sum has the sign of its rows, which is that of the error: too soft is negative.
+    assert "images: 2 of 4 intervals hold; z mean -1.50, rms 2.12" in text
     assert "one_scan: no answer on any pair" in text
     with pytest.raises(InputError, match="was made with --seed 5"):
         run(tmp_path, ImagesOptions(SCANS, 3, 6))
@@ -223,7 +224,7 @@ def test_the_table_tells_which_hidden_effects_were_found(tmp_path: Path, monkeyp
     monkeypatch.setattr(study, "make_pair", _made)
     monkeypatch.setattr(study, "analyse", _analysed)
     found = run(tmp_path, ImagesOptions(SCANS, 2, 5, hide=("inclusion",), ways=("contours", "images")))
-    contours, images, *_ = found["rows"]
+    contours, images = found["rows"]
     assert contours["found"]["inclusion"] == {"pairs": 2, "candidate": 0, "alone": 0, "alarm": 0, "other": 0}
     assert images["found"]["inclusion"] == {"pairs": 2, "candidate": 1, "alone": 0, "alarm": 1, "other": 0}
     assert (images["alarms"], images["p_values"]) == (None, [])  # none of these pairs can raise a false one

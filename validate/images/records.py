@@ -78,7 +78,8 @@ class WayRow(TypedDict):
 
 
 class HalfRow(TypedDict):
-    """One half of one pair by one way: kPa, and how far ln G is off in its standard deviations. hidden, left_mm : the pair's effect, and
+    """One half of one pair by one way: kPa, and z, how far the found ln G lies above the true one in its standard deviations (the
+    calibration's z has the other sign: there it is the truth's place). hidden, left_mm : the pair's effect, and
     what of it no change of stiffness shows on the organ's surface as well, rms mm. changes : what else differs in the
     second scan.
     """

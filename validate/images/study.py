@@ -9,7 +9,10 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from palpate.core.errors import InputError
+from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half, way_row
 from palpate.validate.images.pairs import MAKING, make_pair, name_of
@@ -48,8 +51,9 @@ def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> Im
 
 def table(sealed: SealedStudy, options: ImagesOptions, names: list[str]) -> ImagesTable:
     """The figures of the pairs that were analysed."""
-    by_way = {way: [found for name in names if (found := _said(sealed, name, way))] for way in WAYS}
-    plain = sd_by_half(by_way[_PLAIN])
+    gone = [way for way in WAYS if way in options.ways or not options.ways]
+    by_way = {way: [found for name in names if (found := _said(sealed, name, way))] for way in gone}
+    plain = sd_by_half(by_way.get(_PLAIN, []))
     return {
         "study": "images",
         "seed": options.seed,
@@ -80,11 +84,11 @@ def images_text(found: ImagesTable) -> str:
         if halves is None:
             lines.append(f"{row['way']}: no answer on any pair")
             continue
-        held = halves["intervals"][-1]
+        held, z = halves["intervals"][-1], [h["z"] for h in found["halves"] if h["way"] == row["way"]]
         told = ", ".join(f"{verdict} {count}" for verdict, count in sorted(row["verdicts"].items()))
         lines.append(
-            f"{row['way']}: {round(held['holds'] * halves['cases'])} of {halves['cases']} intervals hold; z mean {halves['z_mean']:+.2f}, "
-            f"rms {halves['z_rms']:.2f}; sd of ln G {halves['sd_ln_G']:.2f}, {row['sd_ratio'] or 0:.2f} of that of contours alone; "
+            f"{row['way']}: {round(held['holds'] * halves['cases'])} of {halves['cases']} intervals hold; z mean {np.mean(z):+.2f}, "
+            f"rms {rms(z):.2f}; sd of ln G {halves['sd_ln_G']:.2f}, {row['sd_ratio'] or 0:.2f} of that of contours alone; "
             f"{row['failed']} without an answer; verdicts: {told or 'none made'}"
         )
         lines += [
