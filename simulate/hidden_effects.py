@@ -76,6 +76,7 @@ class SlidingOrgan:
     """A layer of tissue around the organ that shears easily.
 
     layer_mm : cells whose middle lies so near to the organ are in it. softer : how many times; they keep their bulk modulus.
+    Cells at the mesh's edge stay as they are: tissue slides along a wall anyway, and a soft cell between organ and wall holds neither.
     """
 
     layer_mm: float
@@ -85,8 +86,12 @@ class SlidingOrgan:
         """See `HiddenEffect`."""
         surface = TriangleTree.of(mesh.points, mesh.region_boundary(ORGAN_LABELS)[0])
         near = closest_points(surface, _centres(mesh)).distance < self.layer_mm
-        layer = near & (mesh.regions == SURROUNDING_TISSUE)
-        _require(layer, "interface_sliding: no cell lies so near to the organ; give a larger layer_mm")
+        at_edge = np.isin(mesh.cells, np.unique(mesh.boundary[0])).any(axis=1)
+        layer = near & (mesh.regions == SURROUNDING_TISSUE) & ~at_edge
+        _require(
+            layer,
+            "interface_sliding: no cell lies so near to the organ and away from walls and bone; give a larger layer_mm",
+        )
         return np.where(layer, 1.0 / self.softer, 1.0), np.ones(len(mesh.cells))
 
 

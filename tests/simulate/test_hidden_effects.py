@@ -86,6 +86,15 @@ def test_an_organ_slides_by_a_layer_all_round_it(mesh: TetMesh) -> None:
     }
 
 
+def test_no_cell_on_a_wall_or_on_bone_is_in_the_layer_of_an_organ_that_slides(mesh: TetMesh) -> None:
+    G, _ = _moduli(mesh, (SlidingOrgan(40.0, 20.0),))
+    tissue = mesh.regions == SURROUNDING_TISSUE
+    soft = 0.5 * _moduli(mesh, ())[0] > G
+    at_edge = np.isin(mesh.cells, np.unique(mesh.boundary[0])).any(axis=1)
+    assert (tissue & at_edge).sum() > 100
+    assert np.array_equal(soft, tissue & ~at_edge)
+
+
 def test_two_effects_multiply(mesh: TetMesh) -> None:
     one, other = UnevenTissue((0.0, 1.0, 0.0), 0.0, 5.0), SlidingOrgan(4.0, 20.0)
     both, first, second, plain = (_moduli(mesh, h)[0] for h in ((one, other), (one,), (other,), ()))

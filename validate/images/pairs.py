@@ -33,7 +33,7 @@ SOFT_SHARE = 0.4
 # What else may differ in the second scan, in every second pair of each scan: each with this probability.
 CHANGES, CHANGE_SHARE = ("contrast", "kernel", "noise", "streaks"), 0.5
 # Number of the way in which pairs are made; another one makes another study.
-MAKING = 3
+MAKING = 4
 # Another wall motion is drawn where the tissue folds, so many times.
 ATTEMPTS = 3
 
