@@ -18,6 +18,15 @@ from palpate.core.files.json_file import as_json
 T = TypeVar("T")
 
 
+def require_case(path: Path) -> None:
+    """Raises InputError where a path is no case folder."""
+    remedy = "give the path of a case folder, or make one with `palpate import`"
+    if not path.is_dir():
+        raise InputError(f"{path} is no folder; {remedy}")
+    if not (path / "case.json").exists():
+        raise InputError(f"{path} has no case.json; {remedy}")
+
+
 class CaseFiles:
     """A folder. All writing is atomic and raises InputError naming the file where the folder is read-only or the disk
     full.

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.case.case_facts import CaseFacts
-from palpate.case.case_files import CaseFiles, file_sha256
+from palpate.case.case_files import CaseFiles, file_sha256, require_case
 from palpate.case.landmarks import Landmarks, read_landmarks
 from palpate.case.step_records import StepRecord
 from palpate.core.arrays import FloatArray
@@ -41,14 +41,7 @@ class CaseFolder(CaseFiles):
 
     def __init__(self, path: Path | str) -> None:
         super().__init__(Path(path))
-        if not self.path.is_dir():
-            raise InputError(
-                f"{self.path} is no folder; give the path of a case folder, or make one with `palpate import`"
-            )
-        if not self.has("case.json"):
-            raise InputError(
-                f"{self.path} has no case.json; give the path of a case folder, or make one with `palpate import`"
-            )
+        require_case(self.path)
         atomic.sweep(self.path)
         self.facts = CaseFacts.from_dict(self.read_json("case.json"), str(self.file("case.json")))
 

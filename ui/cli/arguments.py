@@ -128,6 +128,13 @@ def add_case(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", type=Path, metavar="CASE", help="the case folder")
 
 
+def has_case(args: argparse.Namespace) -> None:
+    """Raises InputError where CASE is no case folder; told before what works on it is loaded, which takes seconds."""
+    from palpate.case.case_files import require_case  # here, so that the list of options needs no library
+
+    require_case(args.case)
+
+
 def add_roi(parent: argparse._ActionsContainer, words: str) -> None:
     """The option that says which structures are which organ. parent : a parser or a group of one."""
     parent.add_argument("--roi", action="append", default=[], metavar="ORGAN=NAME[,NAME]", help=words)

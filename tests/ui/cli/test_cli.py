@@ -200,6 +200,21 @@ def test_help_loads_no_large_library() -> None:
     assert [line for line in lines if not line.endswith("True []")] == []
 
 
+NO_CASE = """
+import sys
+import palpate.ui.cli.main as cli
+for name in (["segment"], ["mesh"], ["identify"], ["diagnose"], ["report"], ["plan"], ["export", "out"]):
+    status = cli.main([name[0], "none", *name[1:]])
+    print(status, sorted({"numba", "vtkmodules", "pyvista", "pydicom", "matplotlib"} & set(sys.modules)))
+"""
+
+
+def test_a_missing_case_is_told_before_any_large_library_is_loaded(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", NO_CASE], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert done.stdout.splitlines() == 7 * ["3 []"]
+    assert done.stderr.count("none is no folder") == 7
+
+
 def test_every_command_explains_itself() -> None:
     for name in cli.COMMANDS:
         module = cli._module(name)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from palpate.core.errors import InputError
-from palpate.ui.cli.arguments import add_case, no_points
+from palpate.ui.cli.arguments import add_case, has_case, no_points
 from palpate.ui.cli.console import Console
 from palpate.ui.export import exporter, names
 
@@ -24,9 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Exports; see `palpate.ui.export`."""
+    no_points(args)
+    has_case(args)
     from palpate.case.case_folder import CaseFolder  # here, because it takes seconds to load
 
-    no_points(args)
     if args.folder.exists() and not args.folder.is_dir():
         raise InputError(f"{args.folder} is a file; give a folder to write into")
     with console.progress(NAME) as progress:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from palpate.ui.cli.arguments import add_case, no_points
+from palpate.ui.cli.arguments import add_case, has_case, no_points
 from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
@@ -22,10 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Reports; see `report_step.run`."""
+    no_points(args)
+    has_case(args)
     from palpate.case.case_folder import CaseFolder  # here, because it, matplotlib and VTK take seconds to load
     from palpate.ui.report import report_step
 
-    no_points(args)
     with console.progress(NAME) as progress:
         written = report_step.run(CaseFolder(args.case), None, progress)
     return written, "\n".join(text_of(written))

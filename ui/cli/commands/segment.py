@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.ui.cli.arguments import UsageError, add_case, points, random_seed, workers
+from palpate.ui.cli.arguments import UsageError, add_case, has_case, points, random_seed, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 from palpate.ui.words.label_words import WORDS
@@ -65,11 +65,13 @@ def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Segments; see `run_segment`."""
+    prompts = prompts_of(args)
+    has_case(args)
     from palpate.case.case_folder import CaseFolder  # here, because these take seconds to load
     from palpate.case.steps.segment import run_segment
     from palpate.case.steps.segment_options import SegmentOptions
 
-    options = SegmentOptions(*prompts_of(args), model=args.model, propagate=not args.no_propagation)
+    options = SegmentOptions(*prompts, model=args.model, propagate=not args.no_propagation)
     case = CaseFolder(args.case)
     with recorded(case, args), console.progress(NAME) as progress:
         report = run_segment(case, options, progress, workers(args))
