@@ -27,8 +27,8 @@ CONTOUR_SD_MM, CORRELATION_MM = 0.4, (6.0, 12.0)
 EDGE_MM, ELEMENT = 4.8, "p2p0"
 # What may be hidden, each between limits: the factor of moduli (drawn evenly in the logarithm, a soft one in two of five), a
 # focus's radius, mm, and how far from its half's centroid it lies along each axis, how far from the organ's centroid tissue changes,
-# by how much softer the layer is in which the organ slides.
-FACTOR, RADIUS_MM, OFFSET_MM, FROM_MM, SOFTER = (3.0, 10.0), (7.0, 10.0), 5.0, (-3.0, 6.0), (10.0, 100.0)
+# how thick the layer is in which the organ slides, mm, and how much softer: of half that thickness its cells fold over themselves.
+FACTOR, RADIUS_MM, OFFSET_MM, FROM_MM, LAYER_MM, SOFTER = (3.0, 10.0), (7.0, 10.0), 5.0, (-3.0, 6.0), 6.0, (4.0, 20.0)
 SOFT_SHARE = 0.4
 # What else may differ in the second scan, in every second pair of each scan: each with this probability.
 CHANGES, CHANGE_SHARE = ("contrast", "kernel", "noise", "streaks"), 0.5
@@ -131,7 +131,7 @@ def _uneven_tissue(rng: np.random.Generator) -> Specification:
 
 
 def _sliding(rng: np.random.Generator) -> Specification:
-    return {"softer": float(np.exp(rng.uniform(*np.log(SOFTER))))}
+    return {"layer_mm": LAYER_MM, "softer": float(np.exp(rng.uniform(*np.log(SOFTER))))}
 
 
 def _factor(rng: np.random.Generator) -> float:

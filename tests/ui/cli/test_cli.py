@@ -203,7 +203,7 @@ def test_help_loads_no_large_library() -> None:
 NO_CASE = """
 import sys
 import palpate.ui.cli.main as cli
-for name in (["segment"], ["mesh"], ["identify"], ["diagnose"], ["report"], ["plan"], ["export", "out"]):
+for name in (["segment"], ["mesh"], ["identify"], ["diagnose"], ["report"], ["plan"], ["export", "out", "--to", "nrrd"]):
     status = cli.main([name[0], "none", *name[1:]])
     print(status, sorted({"numba", "vtkmodules", "pyvista", "pydicom", "matplotlib"} & set(sys.modules)))
 """
