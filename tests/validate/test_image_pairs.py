@@ -18,7 +18,7 @@ from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.main import arguments
 from palpate.validate.images import pairs, study
 from palpate.validate.images.figures import Said, way_row
-from palpate.validate.images.pairs import STIFFNESS_KPA, drawn_spec, make_pair
+from palpate.validate.images.pairs import STIFFNESS_KPA, drawn_spec, make_pair, unmade
 from palpate.validate.images.records import ImagesOptions
 from palpate.validate.images.study import images_text, run
 from palpate.validate.images.ways import WAYS
@@ -83,7 +83,7 @@ def test_a_motion_that_folds_is_drawn_anew_and_the_stiffness_stays(
     def simulate(spec: Mapping[str, object], case: Path, answers: Path) -> Mapping[str, object]:
         tried.append(spec)
         if len(tried) < 3:
-            raise ConvergenceError("the tissue folds")
+            raise ConvergenceError(f"the tissue folds, {len(tried)}")
         return {"true_G_kpa": spec["stiffness_kpa"]}
 
     monkeypatch.setattr(pairs, "run_simulate", simulate)
@@ -100,6 +100,10 @@ def test_a_motion_that_folds_is_drawn_anew_and_the_stiffness_stays(
     monkeypatch.setattr(pairs, "ATTEMPTS", 2)
     assert not make_pair(options, 0, tmp_path)
     assert not (tmp_path / "answers" / "pair_0000.json").exists()
+    assert unmade(tmp_path, "pair_0000") == ["the tissue folds, 1", "the tissue folds, 2"]
+    assert unmade(tmp_path, "pair_0001") == []
+    assert not make_pair(options, 0, tmp_path)
+    assert len(tried) == 2  # known not to go
 
 
 def test_a_pair_hides_its_effect_and_keeps_it_when_the_motion_is_drawn_anew(
@@ -161,6 +165,8 @@ def _truth(options: ImagesOptions, number: int) -> Mapping[str, object]:
 
 def _made(options: ImagesOptions, number: int, folder: Path) -> bool:
     if number == 2:
+        (folder / "unmade").mkdir(exist_ok=True)
+        (folder / "unmade" / "pair_0002.txt").write_text("the walls swing\nthe tissue folds\n")
         return False
     (folder / "cases" / f"pair_{number:04d}").mkdir(parents=True, exist_ok=True)
     (folder / "answers").mkdir(exist_ok=True)
@@ -200,6 +206,7 @@ def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, mon
     monkeypatch.setattr(study, "analyse", _analysed)
     found = run(tmp_path, ImagesOptions(SCANS, 3, 5))
     assert found["short"] == 1
+    assert found["unmade"] == {"pair_0002": ["the walls swing", "the tissue folds"]}
     contours, images, one_scan, _ = found["rows"]
     assert contours["halves"] is not None
     assert images["halves"] is not None
@@ -213,6 +220,7 @@ def test_the_table_tells_what_holds_and_what_raises_an_alarm(tmp_path: Path, mon
     text = images_text(found)
     # The sum has the sign of its rows, which is that of the error: too soft is negative.
     assert "images: 2 of 4 intervals hold; z mean -1.50, rms 2.12" in text
+    assert text.endswith("1 pairs could not be simulated\n  pair_0002: the tissue folds")
     assert "one_scan: no answer on any pair" in text
     with pytest.raises(InputError, match="was made with --seed 5"):
         run(tmp_path, ImagesOptions(SCANS, 3, 6))
@@ -269,7 +277,7 @@ def test_a_folder_that_holds_a_study_of_another_kind_is_refused(
         run(tmp_path, ImagesOptions(SCANS, 3, 5))
     # Pairs of another simulator do not join those that are there.
     (tmp_path / "ledger.json").write_text(json.dumps({**study._kind(ImagesOptions(SCANS, 3, 5)), "making": 2}))
-    with pytest.raises(InputError, match=r"way 2\).*way 3\)"):
+    with pytest.raises(InputError, match=rf"way 2\).*way {pairs.MAKING}\)"):
         run(tmp_path, ImagesOptions(SCANS, 3, 5))
 
 

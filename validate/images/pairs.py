@@ -44,7 +44,8 @@ def name_of(number: int) -> str:
 
 
 def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
-    """FOLDER/cases/NAME/scans and FOLDER/answers/NAME.json; whether the pair could be made. Nothing is done where the answer is there.
+    """FOLDER/cases/NAME/scans and FOLDER/answers/NAME.json; whether the pair could be made. Where it could not, FOLDER/unmade/NAME.txt
+    says why, a line for each wall motion that was tried. Nothing is done where either is there.
 
     Stiffness and hidden effect are drawn once: whether a wall's motion has an equilibrium must not select them. Raises InputError
     for scans or contours that cannot be read.
@@ -52,6 +53,8 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     name, answers = name_of(number), folder / "answers"
     if (answers / f"{name}.json").exists():
         return True
+    if unmade(folder, name):
+        return False
     ct, labels = options.scans[number % len(options.scans)]
     rng = np.random.default_rng([options.seed, number, 85])
     low, high = np.log(STIFFNESS_KPA)
@@ -61,19 +64,29 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     changes = _changes(np.random.default_rng([options.seed, number, 88])) if number // len(options.scans) % 2 else ()
     # Were it the CT's own in all of them, the pairs of one CT would share half of their noise.
     rest_noise = "own" if number < len(options.scans) else "anew"
+    reasons = []
     for _ in range(ATTEMPTS):
         drawn = drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng, changes, rest_noise)
         spec = {**drawn, "hidden": hidden}
         shutil.rmtree(folder / "cases" / name, ignore_errors=True)
         try:
             truth = run_simulate(spec, folder / "cases" / name / "scans", folder / "truths" / name)
-        except ConvergenceError:
+        except ConvergenceError as error:
+            reasons.append(str(error))
             shutil.rmtree(folder / "cases" / name, ignore_errors=True)
             continue
         with atomic_path(answers / f"{name}.json") as temporary:
             temporary.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
         return True
+    with atomic_path(folder / "unmade" / f"{name}.txt") as temporary:
+        temporary.write_text("\n".join(reasons) + "\n", encoding="utf-8")
     return False
+
+
+def unmade(folder: Path, name: str) -> list[str]:
+    """Why a pair could not be made, one reason for each wall motion that was tried; empty where nothing says so."""
+    said = folder / "unmade" / f"{name}.txt"
+    return said.read_text(encoding="utf-8").splitlines() if said.exists() else []
 
 
 def drawn_spec(

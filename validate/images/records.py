@@ -101,13 +101,14 @@ class HalfRow(TypedDict):
 
 
 class ImagesTable(TypedDict):
-    """A study of images. short : pairs that no simulation could make."""
+    """A study of images. short : pairs that no simulation could make. unmade : by pair, why not, for each wall motion that was tried."""
 
     study: str
     seed: int
     rows: list[WayRow]
     halves: list[HalfRow]
     short: int
+    unmade: dict[str, list[str]]
     ledger: str
 
 

@@ -15,7 +15,7 @@ from palpate.core.errors import InputError
 from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half, way_row
-from palpate.validate.images.pairs import MAKING, make_pair, name_of
+from palpate.validate.images.pairs import MAKING, make_pair, name_of, unmade
 from palpate.validate.images.records import ImagesOptions, ImagesTable
 from palpate.validate.images.ways import DONE, WAYS, analyse
 from palpate.validate.making import make_each
@@ -60,6 +60,7 @@ def table(sealed: SealedStudy, options: ImagesOptions, names: list[str]) -> Imag
         "rows": [way_row(way, said, len(names), plain, options.seed) for way, said in by_way.items()],
         "halves": [row for said in by_way.values() for of in said for row in half_rows(of)],
         "short": options.pairs - len(names),
+        "unmade": {name: why for k in range(options.pairs) if (why := unmade(sealed.folder, name := name_of(k)))},
         "ledger": str(sealed.ledger_path),
     }
 
@@ -97,6 +98,7 @@ def images_text(found: ImagesTable) -> str:
             for effect, n in row["found"].items()
         ]
     lines.append(f"{found['short']} pairs could not be simulated")
+    lines += [f"  {name}: {why[-1]}" for name, why in found["unmade"].items()]
     return "\n".join(lines)
 
 
