@@ -86,6 +86,20 @@ class DecisionRules(EvidenceRules):
             "Asked for with the diagnosis: `unknown` below half of it.",
         ),
     ] = 0.5
+    step_share: Annotated[
+        float,
+        sourced(
+            "1",
+            "Where a step between slices explains more of what one rigid motion leaves of bones, they did not move as one.",
+            "Chosen: more than all other causes together.",
+        ),
+    ] = 0.5
+    step_mm: Annotated[
+        float,
+        sourced(
+            "mm", "The least such step.", "Chosen: five times the error of a bone's surface, `bone_extraction_mm`."
+        ),
+    ] = 1.0
     shrinkage_draws: Annotated[
         int,
         sourced(

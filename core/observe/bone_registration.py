@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.observe.slice_step import SliceStep, slice_step
 from palpate.core.observe.surface_observation import sample_surface
 from palpate.core.problem import SurfacePair
 from palpate.core.surfaces.distance_field import SignedDistanceField
@@ -70,6 +71,11 @@ class BoneRegistration:
     def residual_at_rest(self) -> FloatArray:
         """The residual (6,) where no bone moves, as in the plain model; found once."""
         return self.residual(np.zeros_like)
+
+    @cached_property
+    def step(self) -> SliceStep:
+        """The step between slices that explains most of what the best rigid motion leaves; found once."""
+        return slice_step(self.points, self.design, self.misfit)
 
     @property
     def floor(self) -> FloatArray:

@@ -194,7 +194,7 @@ def _judged(
     J = np.hstack([f.linearisation.in_theta, f.in_phi])
     p_left = gap_test(fit.noise, f.linearisation.residual, J, forces.free, seed=seed, rules=rules).p_value
     evidence = f.log_evidence
-    return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(f))
+    return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(fit, f, rules))
 
 
 def _name(refit: Refit) -> str:
@@ -202,10 +202,21 @@ def _name(refit: Refit) -> str:
     return refit.hypothesis.effect.id
 
 
-def _unlike(refit: Refit) -> str:
+def _unlike(fit: PlainFit, refit: Refit, rules: DecisionRules) -> str:
+    """Why what fits best is not what its name means: by its size, or since bones that it moves did not move as one."""
     assert refit.hypothesis.effect is not None
     names = [p.name for p in refit.hypothesis.effect.parameters]
-    return refit.hypothesis.effect.unlike(dict(zip(names, refit.phi.tolist(), strict=True)))
+    said = refit.hypothesis.effect.unlike(dict(zip(names, refit.phi.tolist(), strict=True)))
+    for state, at in zip(fit.model.each, fit.model.bones, strict=True):
+        if said or state.data.bone is None or at is None or not refit.in_phi[at].any():
+            continue
+        step = state.data.bone.step
+        if step.share > rules.step_share and step.aside_mm > rules.step_mm:
+            said = (
+                f"the bones did not move as one: above {step.level_mm:.0f} mm they lie {step.aside_mm:.1f} mm aside, as where the "
+                "patient moved during the scan, or where bones moved against each other"
+            )
+    return said
 
 
 def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
