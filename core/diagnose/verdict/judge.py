@@ -213,7 +213,7 @@ def _unlike(fit: PlainFit, refit: Refit, rules: DecisionRules) -> str:
         step = state.data.bone.step
         if step.share > rules.step_share and step.aside_mm > rules.step_mm:
             said = (
-                f"the bones did not move as one: above {step.level_mm:.0f} mm they lie {step.aside_mm:.1f} mm aside, as where the "
+                f"the bones did not move as one: above z = {step.level_mm:.0f} mm they lie {step.aside_mm:.1f} mm aside, as where the "
                 "patient moved during the scan, or where bones moved against each other"
             )
     return said

@@ -32,7 +32,7 @@ def _said(step: SliceStep, effect: str = "bone_motion", moves_bone: bool = True)
 
 
 def test_slices_that_lie_aside_are_no_motion_of_bone() -> None:
-    assert "above 12 mm they lie 4.3 mm aside" in _said(SliceStep(0.7, 12.2, 4.31))
+    assert "above z = 12 mm they lie 4.3 mm aside" in _said(SliceStep(0.7, 12.2, 4.31))
 
 
 @pytest.mark.parametrize(
