@@ -84,9 +84,12 @@ def _displaced(
     members: tuple[int, ...],
     field: Callable[[FloatArray], FloatArray],
 ) -> LabelArray:
-    """Labels asked beside each voxel centre by the random displacement, near the given labels only."""
+    """Labels asked beside each voxel centre by the random displacement, near the given labels only. What would be asked beyond the
+    modelled region keeps its label: the region's edge is nobody's contour.
+    """
     near = ndimage.binary_dilation(np.isin(clean.array, members), iterations=5)
     result = np.full(clean.array.shape, OUTSIDE, dtype=np.uint8)
     points = clean.to_lps(np.argwhere(near).astype(np.float64))
-    result[near] = labels(points + field(points)) if len(points) else OUTSIDE
+    found = labels(points + field(points)) if len(points) else np.zeros(0, dtype=np.uint8)
+    result[near] = np.where(found == OUTSIDE, clean.array[near], found)
     return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import sphere_in_cube
 from palpate.core.mesh import TetMesh
+from palpate.imaging.labels import BONE
 from palpate.imaging.volume import Volume
 from palpate.meshing.mesh_labels import MeshedCase
+from palpate.simulate.source import labels_on
 from palpate.ui.cli import main as cli
 from palpate.validate.calibration import study
 from palpate.validate.calibration.posterior import CutNormal, posteriors_of
@@ -222,6 +225,32 @@ def test_errors_that_scans_have_in_common_go_along_with_the_tissue() -> None:
     np.testing.assert_allclose(rest(points), deformed(points + shift), atol=1e-9)
     own = ContourErrors.of(ContourNoise.plain(0.5, 6.0), scans, grid, np.random.default_rng(1))
     assert np.abs(own.fields["rest", "organ"](points) - own.fields["deformed", "organ"](points + shift)).max() > 0.2
+
+
+def test_bones_have_errors_of_their_own_and_the_edge_of_the_region_has_none() -> None:
+    """A bar of bone through a region in whose middle an organ lies; it ends at the region's edge on both sides."""
+    affine = np.eye(4)
+    affine[:3, 3] = -20.0
+    grid = Volume(np.zeros((41, 41, 41), dtype=np.uint8), affine)
+    coarse = Volume(np.zeros((14, 14, 14), dtype=np.uint8), affine @ np.diag([3.0, 3.0, 3.0, 1.0]))
+
+    def pelvis(points: np.ndarray) -> np.ndarray:
+        bar = np.abs(points[:, 1:] - [-14.0, 0.0]).max(axis=1) < 4.2
+        return np.where((np.abs(points) < 18.2).all(axis=1), np.where(bar, BONE, ball(points)), 0).astype(np.uint8)
+
+    clean = labels_on(pelvis, grid).array
+    noise = ContourNoise(0.8, (Part(1.0, "gaussian", 6.0),), bone_ratio=1.0)
+    drawn = {}
+    for name, law in {"bones": noise, "none": replace(noise, bone_ratio=0.0)}.items():
+        errors = ContourErrors.of(law, {"rest": Scan(pelvis)}, coarse, np.random.default_rng(1))
+        drawn[name] = errors.on("rest", pelvis, grid).array
+    assert np.array_equal(drawn["none"] == BONE, clean == BONE)
+    moved = (drawn["bones"] == BONE) != (clean == BONE)
+    assert 0.02 < moved.sum() / (clean == BONE).sum() < 0.4
+    assert all(np.array_equal(found == 0, clean == 0) for found in drawn.values())
+    # Below the edge the bar's inside is bone still, although labels of beyond the region were asked for there.
+    inside = (np.abs(grid.to_lps(np.argwhere(clean == BONE).astype(float))[:, 1:] - [-14.0, 0.0]) < 1.5).all(axis=1)
+    assert (drawn["bones"][clean == BONE][inside] == BONE).all()
 
 
 def test_a_contour_and_a_mesh_are_found_without_voxels() -> None:

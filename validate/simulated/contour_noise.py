@@ -8,18 +8,19 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
+from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 from palpate.simulate.contour_errors import displaced_labels
 from palpate.simulate.source import labels_on
 from palpate.validate.simulated.random_fields import Family, Field, Part, random_vectors
 from palpate.validate.simulated.two_states import Labels, Points, TwoStates
 
-# What a person contours, by name; bone and the modelled region are not.
+# What a person contours, by name; the modelled region is not, and bone is found by its HU, wrong by less.
 STRUCTURES: Mapping[str, tuple[int, ...]] = {"organ": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,)}
+_ERRING: Mapping[str, tuple[int, ...]] = {**STRUCTURES, "bone": (BONE,)}
 STATES = ("rest", "deformed")
-# Range of what is drawn for a case: standard deviation and correlation lengths, mm; the walls' standard deviation over the organ's.
-SD_MM, LENGTH_MM, WALL_RATIO = (0.2, 0.8), (2.0, 15.0), (0.7, 1.4)
+# Range of what is drawn for a case: standard deviation and correlation lengths, mm; the walls' and the bones' over the organ's.
+SD_MM, LENGTH_MM, WALL_RATIO, BONE_RATIO = (0.2, 0.8), (2.0, 15.0), (0.7, 1.4), (0.3, 1.0)
 # Room about a structure within which its field lies, mm; the voxels in which structures are looked for are COARSE_MM.
 _ROOM_MM, COARSE_MM = 8.0, 3.0
 _FAMILIES: tuple[Family, ...] = ("gaussian", "matern32", "exponential")
@@ -29,13 +30,15 @@ _FAMILIES: tuple[Family, ...] = ("gaussian", "matern32", "exponential")
 class ContourNoise:
     """Law of the errors along the normal of one contour.
 
-    sd_mm : of the organ's; the walls' is wall_ratio of that. parts : see `random_fields.Part`. axial : correlation along z over that in the
-    slice. freedom : of Student's t (None: normal). common : share of the variance that both scans' contours have in common.
+    sd_mm : of the organ's; the walls' is wall_ratio of that, the bones' bone_ratio (0: none). parts : see `random_fields.Part`. axial :
+    correlation along z over that in the slice. freedom : of Student's t (None: normal). common : share of the variance that both scans'
+    contours have in common.
     """
 
     sd_mm: float
     parts: tuple[Part, ...]
     wall_ratio: float = 1.0
+    bone_ratio: float = 0.0
     axial: float = 1.0
     freedom: float | None = None
     common: float = 0.0
@@ -58,6 +61,7 @@ class ContourNoise:
             sd_mm=float(np.exp(rng.uniform(*np.log(sd_mm)))),
             parts=parts if two else parts[:1],
             wall_ratio=float(np.exp(rng.uniform(*np.log(WALL_RATIO)))),
+            bone_ratio=float(np.exp(rng.uniform(*np.log(BONE_RATIO)))),
             axial=float(rng.uniform(0.4, 1.0)),
             freedom=float(rng.uniform(4.0, 10.0)) if rng.random() < 0.5 else None,
             common=float(rng.uniform(0.0, 0.4)) if rng.random() < 0.5 else 0.0,
@@ -65,7 +69,8 @@ class ContourNoise:
 
     def sd_of(self, structure: str) -> float:
         """Standard deviation of a structure's contour, mm."""
-        return self.sd_mm if structure == "organ" else self.wall_ratio * self.sd_mm
+        ratio = {"organ": 1.0, "bone": self.bone_ratio}
+        return ratio.get(structure, self.wall_ratio) * self.sd_mm
 
     def facts(self) -> dict[str, object]:
         """For JSON."""
@@ -101,7 +106,9 @@ class ContourErrors:
         """
         fields: dict[tuple[str, str], Field] = {}
         seen = [labels_on(scan.labels, grid) for scan in scans.values()]
-        for name, members in STRUCTURES.items():
+        for name, members in _ERRING.items():
+            if noise.sd_of(name) == 0.0 and name not in STRUCTURES:
+                continue
             box = _box(seen, members)
             both = _field(noise, name, box, rng) if noise.common > 0.0 else np.zeros_like
             for state, scan in scans.items():
@@ -110,7 +117,9 @@ class ContourErrors:
 
     def on(self, state: str, labels: Labels, grid: Volume) -> Volume:
         """Label volume of a scan with these errors."""
-        fields = [(members, self.fields[state, name]) for name, members in STRUCTURES.items()]
+        fields = [
+            (members, self.fields[state, name]) for name, members in _ERRING.items() if (state, name) in self.fields
+        ]
         return displaced_labels(labels, grid, fields)
 
 

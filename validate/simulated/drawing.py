@@ -36,7 +36,7 @@ class Drawing:
         return self.errors.on(self.state, self.states.labels(self.state), grid)
 
     def inside(self, structure: str) -> Inside:
-        """Whether points (n, 3) mm lie inside a structure's contour; bone has no contour error."""
+        """Whether points (n, 3) mm lie inside a structure's contour."""
         labels, members = self.states.labels(self.state), STRUCTURES.get(structure, (BONE,))
         field = self.errors.fields.get((self.state, structure), np.zeros_like)
         return lambda points: np.isin(labels(points + field(points)), members)
