@@ -88,6 +88,11 @@ def test_places_and_biases_are_scored_where_there_are_any() -> None:
     helped["stiffness"] = {"without_effect": STIFFNESS, "with_effect": better}
     s = scores([(truth("inclusion") | {"centre_mm": [1.0, 2.0, 7.0]}, helped), (truth("prestress"), found("none"))])
     assert s["location_error_mm"] == pytest.approx(4.0)
+    before = [np.log(s["G_kpa"] / truth()["true_G_kpa"][name]) for name, s in STIFFNESS.items()]
+    error = s["ln_G_error"]  # of two cases; nothing was found in the second, whose error stays
+    assert error is not None
+    assert (error["halves"], error["without"]) == (4, pytest.approx(np.sqrt(np.mean(np.square(before)))))
+    assert error["with"] == pytest.approx(np.sqrt(np.mean(np.square([*before, np.log(1.01), np.log(1.01)]))))
     assert s["stiffness_bias_ratio"] == pytest.approx((np.log(1.01) / 0.1) / (np.log(90.0 / 50.0) / 0.1))
     assert scores([(truth(), found("none"))])["location_error_mm"] is None
 

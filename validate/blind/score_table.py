@@ -58,6 +58,10 @@ class ShrinkageScore(TypedDict):
     ci95_covers: float | None
 
 
+# "with" is a word of the language.
+StiffnessError = TypedDict("StiffnessError", {"halves": int, "without": float, "with": float})
+
+
 class ScoreRow(TypedDict):
     """One case: truth and verdict; p-value and shrinkage where there is a diagnosis."""
 
@@ -97,6 +101,7 @@ class Scores(TypedDict):
     by_effect: dict[str, EffectRow]
     location_error_mm: float | None
     shrinkage: ShrinkageScore
+    ln_G_error: StiffnessError | None
     stiffness_bias_ratio: float | None
     stiffness_95_without: float | None
     stiffness_95_with: float | None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Literal
 
 import numpy as np
 from scipy.stats import kstest
@@ -13,7 +12,7 @@ from palpate.core.statistics import rms
 from palpate.validate.blind.case_rows import case_row, confusion
 from palpate.validate.blind.effect_rows import by_effect, shown_floors
 from palpate.validate.blind.noise_floor import noise_floor_mm
-from palpate.validate.blind.records import Diagnosis, Modulus, Truth
+from palpate.validate.blind.records import Diagnosis, Truth
 from palpate.validate.blind.score_table import (
     LargeEffects,
     LargeOutside,
@@ -21,11 +20,9 @@ from palpate.validate.blind.score_table import (
     Scores,
     ShrinkageScore,
 )
+from palpate.validate.blind.stiffness_scores import TWO_SIDED_95, Pair, bias_ratio, coverage, errors, ln_G_error
 
-Pair = tuple[Truth, Diagnosis | None]
-Which = Literal["without_effect", "with_effect"]
 _MOST = 3
-_TWO_SIDED_95 = 1.96
 # What the two stiffnesses leave of an effect that the shared cases call identifiable, rms mm.
 IDENTIFIABLE_MM = 0.3
 
@@ -59,9 +56,10 @@ def scores(pairs: Sequence[Pair]) -> Scores:
         "by_effect": by_effect(pairs),
         "location_error_mm": _location(single),
         "shrinkage": _shrinkage(single),
-        "stiffness_bias_ratio": _bias_ratio(single),
-        "stiffness_95_without": _coverage(single, "without_effect"),
-        "stiffness_95_with": _coverage(single, "with_effect"),
+        "ln_G_error": ln_G_error(single),
+        "stiffness_bias_ratio": bias_ratio(single),
+        "stiffness_95_without": coverage(single, "without_effect"),
+        "stiffness_95_with": coverage(single, "with_effect"),
         "confusion": confusion(pairs),
         "rows": [case_row(t, d) for t, d in pairs],
     }
@@ -89,22 +87,14 @@ def _nothing_hidden(pairs: Sequence[Pair]) -> NothingHidden | None:
     if not done:
         return None
     p = [found["gap"]["p_value"] for _, found in done]
-    z = np.array([v for truth, found in done for v in _errors(truth, found["stiffness"]["without_effect"]).values()])
+    z = np.array([v for truth, found in done for v in errors(truth, found["stiffness"]["without_effect"]).values()])
     return {
         "cases": len(done),
         "p_median": float(np.median(p)),
         "p_uniform": float(kstest(p, "uniform").pvalue),
         "ln_G_mean": float(np.mean(z)),
         "ln_G_rms": rms(z),
-        "ln_G_95": float(np.mean(np.abs(z) < _TWO_SIDED_95)),
-    }
-
-
-def _errors(truth: Truth, stiffness: dict[str, Modulus] | None) -> dict[str, float]:
-    """Of each part's ln G, in its standard deviations."""
-    return {
-        name: float(np.log(s["G_kpa"] / truth["true_G_kpa"][name]) / s["sd_ln_G"])
-        for name, s in (stiffness or {}).items()
+        "ln_G_95": float(np.mean(np.abs(z) < TWO_SIDED_95)),
     }
 
 
@@ -118,15 +108,6 @@ def _brier(pairs: Sequence[Pair]) -> float | None:
         names = set(p) | set(truth["effects"])
         values.append(sum((p.get(n, 0.0) - (n in truth["effects"])) ** 2 for n in names))
     return float(np.mean(values)) if values else None
-
-
-def _coverage(pairs: Sequence[Pair], which: Which) -> float | None:
-    """Share of true stiffnesses within 1.96 standard deviations of ln G."""
-    inside = []
-    for truth, found in pairs:
-        if found is not None:
-            inside += [abs(z) < _TWO_SIDED_95 for z in _errors(truth, found["stiffness"][which]).values()]
-    return float(np.mean(inside)) if inside else None
 
 
 def _large(pairs: Sequence[Pair]) -> dict[str, LargeEffects]:
@@ -188,22 +169,3 @@ def _location(pairs: Sequence[Pair]) -> float | None:
         if peak is not None and centre is not None:
             away.append(float(np.linalg.norm(np.subtract(peak, centre))))
     return float(np.median(away)) if away else None
-
-
-def _bias_ratio(pairs: Sequence[Pair]) -> float | None:
-    """Median over cases of the stiffness' largest error, in its own standard deviations, with the effect over without."""
-    ratios = []
-    for truth, found in pairs:
-        if found is None:
-            continue
-        with_effect, without = (
-            _largest_z(truth, found["stiffness"][which]) for which in ("with_effect", "without_effect")
-        )
-        if with_effect is not None and without:
-            ratios.append(with_effect / without)
-    return float(np.median(ratios)) if ratios else None
-
-
-def _largest_z(truth: Truth, stiffness: dict[str, Modulus] | None) -> float | None:
-    zs = [abs(z) for z in _errors(truth, stiffness).values()]
-    return max(zs) if zs else None
