@@ -1,8 +1,10 @@
-"""Write docs/measured.md, and the table of docs/gap.md, from docs/measured.toml: `python docs/write_measured.py`."""
+"""Write docs/measured.md, and the tables of gap.md and validation.md, from docs/measured.toml: `python docs/write_measured.py`."""
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -30,24 +32,71 @@ class Figure:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Study:
+    """One run of a study that was made several times: a column of a table. found : by what was measured, in the table's order."""
+
+    title: str
+    command: str
+    date: date
+    commit: str
+    found: dict[str, str]
+
+
+def side_by_side(studies: Sequence[Study]) -> str:
+    """Table with a row for each thing measured and a column for each study. Raises ValueError when they did not measure the same."""
+    measured = list(studies[0].found)
+    if any(list(study.found) != measured for study in studies):
+        raise ValueError(f"studies measured other things than {studies[0].title}: {', '.join(measured)}")
+    rows = [["what", *(study.title for study in studies), "together"], ["---"] * (len(studies) + 2)]
+    for what in measured:
+        found = [study.found[what] for study in studies]
+        rows.append([what, *found, together(found)])
+    rows.append(["command", *(f"`{study.command}`" for study in studies), ""])
+    rows.append(["written down", *(f"{study.date.isoformat()}, `{study.commit}`" for study in studies), ""])
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def together(found: Sequence[str]) -> str:
+    """Sum of counts that begin as "3 of 4"; empty where one does not."""
+    counts = [re.match(r"(\d+) of (\d+)\b", one) for one in found]
+    if not all(counts):
+        return ""
+    hits, cases = (sum(int(count[k]) for count in counts if count) for k in (1, 2))
+    return f"{hits} of {cases}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Section:
-    """Figures under the same conditions. page : page of docs/ that holds their table. note : the conditions."""
+    """Figures under the same conditions. page : page of docs/ that holds their table. note : the conditions.
+
+    studies : runs of one study, whose figures stand side by side above the others.
+    """
 
     id: str
     title: str
     note: str
     figures: tuple[Figure, ...]
     page: str = DEFAULT_PAGE
+    studies: tuple[Study, ...] = ()
 
     def table(self) -> str:
         """Conditions and table, without the heading."""
-        return "\n".join([*([self.note, ""] if self.note else []), HEAD, *(figure.row() for figure in self.figures)])
+        rows = "\n".join([HEAD, *(figure.row() for figure in self.figures)]) if self.figures else ""
+        parts = [self.note, side_by_side(self.studies) if self.studies else "", rows]
+        return "\n\n".join(part for part in parts if part)
 
 
 def sections(path: Path = DOCS / "measured.toml") -> list[Section]:
     """Sections of the file of figures. Raises TypeError for a key that is missing or unknown."""
     stated = tomllib.loads(path.read_text(encoding="utf-8"))["section"]
-    return [Section(figures=tuple(Figure(**f) for f in one.pop("figure")), **one) for one in stated]
+    return [
+        Section(
+            figures=tuple(Figure(**f) for f in one.pop("figure", [])),
+            studies=tuple(Study(**f) for f in one.pop("study", [])),
+            **one,
+        )
+        for one in stated
+    ]
 
 
 def written() -> dict[str, str]:

@@ -6,6 +6,7 @@ import importlib.util
 import re
 import sys
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from types import ModuleType
 
@@ -53,6 +54,19 @@ def test_a_figure_without_its_command_is_refused(tmp_path: Path) -> None:
     (tmp_path / "measured.toml").write_text(written)
     with pytest.raises(TypeError, match="command"):
         script("write_measured").sections(tmp_path / "measured.toml")
+
+
+def test_studies_stand_side_by_side_and_their_counts_are_added() -> None:
+    write = script("write_measured")
+    study = {"command": "palpate doctor", "date": date(2026, 1, 2), "commit": "abc"}
+    first = write.Study(title="first", found={"hits": "3 of 4", "p": "0.1"}, **study)
+    second = write.Study(title="second", found={"hits": "5 of 6: one lost", "p": "0.2"}, **study)
+    rows = write.side_by_side([first, second]).splitlines()
+    assert rows[0] == "| what | first | second | together |"
+    assert rows[2:4] == ["| hits | 3 of 4 | 5 of 6: one lost | 8 of 10 |", "| p | 0.1 | 0.2 |  |"]
+    assert rows[-1] == "| written down | 2026-01-02, `abc` | 2026-01-02, `abc` |  |"
+    with pytest.raises(ValueError, match="other things"):
+        write.side_by_side([first, write.Study(title="third", found={"p": "0.3"}, **study)])
 
 
 def test_the_readme_is_short() -> None:
