@@ -41,7 +41,7 @@ _PLANES_CAPTION = (
 _MAP_CAPTION = (
     "A map of the shear modulus within the organ that does not know its two halves, solved on {patches} patches under the "
     "assumption that stiffness changes smoothly (a factor of {factor:.1f} about the organ's level, over {length:.0f} mm). "
-    "Hatched where the scans tell no more than that assumption: {told:.0f} % of the organ is not. "
+    "Hatched where the scans tell no more than that assumption: {untold:.0f} % of the organ. "
     "This pair tells about {values:.0f} independent values; each place is an average over some {blur:.0f} mm. "
     "Below: the factor within which the true value lies in two cases of three."
 )
@@ -154,7 +154,7 @@ def _map(figures: Figures, mapped: Arrays, record: CaseRecord, images: CaseImage
     assert facts is not None
     figure = map_planes(images, mapped)
     caption = _MAP_CAPTION.format(
-        told=100.0 * facts.told_share_of_volume, patches=facts.patches, values=facts.resolved_values,
+        untold=100.0 * (1.0 - facts.told_share_of_volume), patches=facts.patches, values=facts.resolved_values,
         blur=facts.blur_mm, factor=np.exp(facts.prior_local_sd_ln_G), length=facts.prior_length_mm,
     )  # fmt: skip
     says = "Slices in three planes with a smooth map of the shear modulus within the organ, and how well it is known."
