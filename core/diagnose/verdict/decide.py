@@ -99,6 +99,13 @@ class Findings:
         return not self.tied or self.p_unknown > self.rules.tied_twins * self.top
 
     @property
+    def foretells_nearly_all(self) -> bool:
+        """Whether the best effect predicts what was left out nearly as well as a free field, and better than placebos do."""
+        return (
+            bool(self.tied) and self.best.predicts(self.rules) and self.best.share_of_ceiling >= self.rules.nearly_all
+        )
+
+    @property
     def unnamed_ties(self) -> bool:
         """Whether something unnamed cannot be told from the best effect."""
         return self.p_unknown * self.rules.tied > self.top
@@ -133,6 +140,14 @@ RULES: tuple[Rule[Findings], ...] = (
         AMBIGUOUS,
         "no effect alone explains the gap, these two together do",
         lambda f: f.pair_names,
+    ),
+    Rule(
+        "unnamed_fits_better",
+        lambda f: f.unnamed_wins and f.foretells_nearly_all,
+        AMBIGUOUS,
+        "the effect predicts what was left out nearly as well as a free field of forces, which fits the whole still better: "
+        "it may stand for something like it",
+        lambda f: f.names,
     ),
     Rule(
         "nothing_named",

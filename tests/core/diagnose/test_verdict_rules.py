@@ -41,7 +41,18 @@ CASES: dict[str, tuple[Findings, str, tuple[str, ...], Findings]] = {
     ),
     "no_gap": (replace(CLEAR, detected=False), "none", (), CLEAR),
     "two_effects": (replace(CLEAR, pair=(PAIR, 24.0)), "ambiguous", PAIR, replace(CLEAR, pair=(PAIR, 22.0))),
-    "nothing_named": (replace(CLEAR, unknown=25.0), "unknown", (), replace(CLEAR, unknown=24.0)),
+    "unnamed_fits_better": (
+        replace(CLEAR, unknown=25.0),
+        "ambiguous",
+        ("prestress",),
+        replace(CLEAR, unknown=25.0, judged=[judged(share_of_ceiling=0.85)]),
+    ),
+    "nothing_named": (
+        replace(CLEAR, unknown=25.0, judged=[judged(share_of_ceiling=0.85)]),
+        "unknown",
+        (),
+        replace(CLEAR, unknown=24.0, judged=[judged(share_of_ceiling=0.85)]),
+    ),
     "too_little_closed": (
         replace(CLEAR, judged=[judged(share_of_ceiling=0.4, remainder_p=0.001)]),
         "unknown",
@@ -103,7 +114,7 @@ def test_a_row_decides(name: str) -> None:
 def test_rows_are_tried_in_order() -> None:
     """Findings that every row but the last but one would decide, mended one after the other."""
     worst = [
-        judged(gain=LOSS, share_of_ceiling=0.4, remainder_p=0.001, unlike="it pulls"),
+        judged(gain=GOOD, remainder_p=0.001, unlike="it pulls"),
         judged("inclusion", 19.9),
     ]
     findings = Findings(False, worst, 30.0, (PAIR, 40.0), told=False, rules=NUMBERS)
@@ -112,8 +123,9 @@ def test_rows_are_tried_in_order() -> None:
         lambda f: replace(f, told=True),
         lambda f: replace(f, detected=True),
         lambda f: replace(f, pair=None),
+        lambda f: replace(f, judged=[replace(worst[0], gain=LOSS, share_of_ceiling=0.4), worst[1]]),
         lambda f: replace(f, unknown=21.0),
-        lambda f: replace(f, judged=[replace(worst[0], remainder_p=0.03), worst[1]]),
+        lambda f: replace(f, judged=[replace(f.judged[0], remainder_p=0.03), worst[1]]),
         lambda f: replace(f, judged=f.judged[:1]),
         lambda f: replace(f, unknown=5.0),
         lambda f: replace(f, judged=[replace(f.judged[0], gain=GOOD)]),
@@ -160,7 +172,8 @@ def test_a_row_decides_on_a_body(name: str) -> None:
 # Numbers other than the program's -> findings that they decide by another row.
 OTHER: list[tuple[dict[str, float], Findings, str, str]] = [
     ({"tied": 50.0}, replace(CLEAR, judged=MANY[:2]), "explained", "several_effects"),
-    ({"prior_unknown": 0.999999}, replace(CLEAR, unknown=15.0), "explained", "nothing_named"),
+    ({"prior_unknown": 0.999999}, replace(CLEAR, unknown=15.0), "explained", "unnamed_fits_better"),
+    ({"nearly_all": 0.8}, CASES["nothing_named"][0], "nothing_named", "unnamed_fits_better"),
     ({"placebo_level": 0.02}, replace(CLEAR, judged=[judged(placebo_p=0.04)]), "explained", "not_predicted"),
     ({"placebo_level": 0.2}, replace(CLEAR, judged=[judged(placebo_p=0.1)]), "not_predicted", "explained"),
     ({"sure": 0.9}, replace(CLEAR, judged=MANY[:2]), "explained", "not_sure"),
