@@ -92,7 +92,7 @@ class DecisionRules(EvidenceRules):
             "1",
             "Where a step between slices explains more of what one rigid motion leaves of bones, they did not move as one.",
             "Chosen: more than all else together. Set with two blind cases of shifted slices (0.66, 0.71) and two of bones "
-            "that moved (0.14, 0.22) in view; bones have no contour error there.",
+            "that moved (0.14, 0.22) in view. Drawn with errors: tests/benchmarks/slice_steps.py.",
         ),
     ] = 0.5
     step_mm: Annotated[
