@@ -122,7 +122,10 @@ class DecisionRules(EvidenceRules):
     coarse_mm: Annotated[
         float,
         sourced(
-            "mm rms", "A better element that moves the organ's surface by more flags the mesh as too coarse.", _FLAG
+            "mm rms",
+            "A better element that moves the organ's surface by more flags the mesh as too coarse; with an effect it is "
+            "then taken over only where the data prefer it.",
+            _FLAG,
         ),
     ] = 0.35
     bench_unnamed_mm: Annotated[

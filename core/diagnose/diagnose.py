@@ -17,6 +17,7 @@ from palpate.core.diagnose.refit.element_error_of_effects import with_own_elemen
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.diagnose.verdict.judge import Diagnosis, judge
+from palpate.core.diagnose.verdict.stiffness_with_effect import with_stiffness
 from palpate.core.forward.pressure_fields import pressure_fields
 from palpate.core.inference.evidence import mean_of_exponentials
 from palpate.core.residual.case_data import CaseData
@@ -65,7 +66,8 @@ def diagnose(
     refits = with_own_element_errors(fit, screened, refits, rules, part(progress, 0.8, 0.92)) if test.detected else []
     progress(0.92, "prediction of what was left out")
     discrepancy = discrepancy_maps(fit, forces, rules)
-    return judge(fit, test, screened, refits, discrepancy, forces, _unnamed(fit, forces), rules, seed)
+    found = judge(fit, test, screened, refits, discrepancy, forces, _unnamed(fit, forces), rules, seed)
+    return with_stiffness(found, part(progress, 0.94, 1.0))
 
 
 def _unnamed(fit: PlainFit, forces: UnknownDiscrepancy) -> float:

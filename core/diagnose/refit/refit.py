@@ -10,7 +10,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.evidence import allowed
 from palpate.core.inference.gauss_newton import gauss_newton
-from palpate.core.inference.posterior import prior_precision
+from palpate.core.inference.posterior import Posterior, prior_precision
 from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.linearised_model import Hypothesis
@@ -31,7 +31,8 @@ class Refit:
     log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
     log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction : what a better element adds to
     its residual. others : variants that were refitted too. beyond (t,) : how far outside its bounds ln G would fit best, to first
-    order, where it ended at one; 0 elsewhere.
+    order, where it ended at one; 0 elsewhere. posterior : of ln G on a grid, where it was looked at. left_mm : by how much (rms) a better
+    element would move the organ's surface, where that was not taken over; 0 elsewhere.
     """
 
     hypothesis: Hypothesis
@@ -43,6 +44,8 @@ class Refit:
     correction: ElementCorrection
     beyond: FloatArray
     others: tuple[Refit, ...] = ()
+    posterior: Posterior | None = None
+    left_mm: float = 0.0
 
     @property
     def phi(self) -> FloatArray:

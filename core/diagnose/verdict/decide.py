@@ -19,6 +19,9 @@ from palpate.core.diagnose.verdict.verdict import (
     probabilities,
 )
 
+# Name of the rule by which two effects together are the answer.
+TWO_EFFECTS = "two_effects"
+
 
 @dataclass(frozen=True, eq=False)
 class Findings:
@@ -135,7 +138,7 @@ RULES: tuple[Rule[Findings], ...] = (
         "what the plain model leaves is no more than contours, walls and mesh explain",
     ),
     Rule(
-        "two_effects",
+        TWO_EFFECTS,
         lambda f: f.pair_explains_more,
         AMBIGUOUS,
         "no effect alone explains the gap, these two together do",

@@ -33,6 +33,7 @@ class Diagnosis:
 
     refits : best first. gains : of each refit, by effect id; placebo : median share gained by placebos of the best
     one's size. forces : the free smooth field that stands for what has no name. rules : the numbers that decided.
+    pairs : refits of two effects together, best first, where the best one predicts more than one effect alone.
     """
 
     fit: PlainFit
@@ -48,6 +49,7 @@ class Diagnosis:
     placebo: float
     forces: UnknownDiscrepancy
     rules: DecisionRules
+    pairs: Sequence[Refit] = ()
 
 
 def judge(
@@ -107,6 +109,7 @@ def judge(
         shares[:2][-1],
         forces,
         rules,
+        pairs if pair is not None else (),
     )
 
 

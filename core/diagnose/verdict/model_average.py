@@ -9,13 +9,15 @@ it, looks the same, but the organ's stiffness, known relative to the tissue's al
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import softmax
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.refit.refit import Refit
+from palpate.core.diagnose.verdict.decide import TWO_EFFECTS
 from palpate.core.diagnose.verdict.judge import Diagnosis, saturated_model
 from palpate.core.diagnose.verdict.verdict import UNKNOWN
 from palpate.core.inference.truncated_normal import Cut, cut
@@ -29,11 +31,21 @@ def plain_stiffness(fit: PlainFit) -> tuple[FloatArray, FloatArray]:
 
 def model_average(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of
-    "unknown"."""
+    "unknown"; where two effects together are the answer, over the pairs that were refitted."""
+    if diagnosis.pairs and diagnosis.verdict.decided_by == TWO_EFFECTS:
+        mean, covariance = _over_pairs(diagnosis.pairs)
+        return _allowed(diagnosis.fit, mean), covariance
     models = {f.hypothesis.effect.id: over_variants(f) for f in diagnosis.refits if f.hypothesis.effect is not None}
     models[UNKNOWN] = _unnamed(diagnosis)
     mean, covariance = mixture(models, diagnosis.verdict.probability)
     return _allowed(diagnosis.fit, mean), covariance
+
+
+def _over_pairs(pairs: Sequence[Refit]) -> tuple[FloatArray, FloatArray]:
+    """Every pair is likelier by far than any effect alone, so only which pair it is is uncertain."""
+    weight = softmax([pair.log_evidence for pair in pairs])
+    models = {str(k): over_variants(pair) for k, pair in enumerate(pairs)}
+    return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
 
 def mixture(
@@ -70,6 +82,8 @@ def _within_bounds(f: Refit) -> tuple[Cut, float]:
     # The fit's evidence belongs to where it was held; that of the normal's peak is larger.
     higher = 0.5 * float(f.beyond[held] @ np.linalg.solve(covariance[np.ix_(held, held)], f.beyond[held]))
     of = cut(f.linearisation.theta + f.beyond, covariance, f.linearisation.first.scene.parameters.bounds)
+    if f.posterior is not None:  # as of the plain fit: the optimum, and the mean square about it
+        of = replace(of, mean=f.posterior.mean, covariance=f.posterior.covariance)
     return of, f.own_evidence + higher + of.log_share
 
 

@@ -249,6 +249,11 @@ def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
             "deformation, "
             "and the gap may come from it; mesh more finely (--tets)"
         )
+    if shown is not None and shown.left_mm > 0.0:
+        out.append(
+            f"with the effect a better element would move the organ's surface by {shown.left_mm:.2f} mm more: the mesh is too coarse for "
+            "it, and what is said of the effect and of the stiffness with it may be wrong by that; mesh more finely (--tets)"
+        )
     if not diagnosis.fit.meshes:
         out.append(
             "no better element finds an equilibrium here, so that what the mesh is wrong by is not known but allowed "
