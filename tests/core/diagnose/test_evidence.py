@@ -236,7 +236,9 @@ def test_a_bayes_factor_is_a_p_value() -> None:
 
 
 def test_refusals() -> None:
-    assert decide(True, [judged("prestress", 20.0)], 30.0).verdict == "unknown"
+    assert decide(True, [judged("prestress", 20.0, share_of_ceiling=0.85)], 30.0).verdict == "unknown"
+    foretells = decide(True, [judged("prestress", 20.0)], 30.0)
+    assert (foretells.verdict, foretells.candidates) == ("ambiguous", ("prestress",))
     little = judged("prestress", 20.0, share_of_ceiling=0.3, remainder_p=1e-5)
     assert decide(True, [little], 5.0).verdict == "unknown"
     unconfirmed = judged("prestress", 20.0, gain=Gain(1.0, 1.02, -0.04, 0.05, -0.04))

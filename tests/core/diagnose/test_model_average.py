@@ -53,7 +53,19 @@ def _variant(
     point = SimpleNamespace(theta=theta, first=SimpleNamespace(scene=scene))
     out = np.zeros(len(theta))
     out[0] = beyond
-    return SimpleNamespace(linearisation=point, covariance=covariance, own_evidence=evidence, others=others, beyond=out)
+    return SimpleNamespace(
+        linearisation=point, covariance=covariance, own_evidence=evidence, others=others, beyond=out, posterior=None
+    )
+
+
+def test_a_posterior_on_a_grid_takes_the_place_of_the_normal() -> None:
+    """Its optimum and the mean square about it; the weight of the variant stays."""
+    wide, rival = (_variant(np.log([40.0]), np.array([[0.01]]), 9.0, (5.0, 500.0)) for _ in range(2))
+    wide.posterior = SimpleNamespace(mean=np.log([40.0]), covariance=np.array([[0.25]]))
+    mean, covariance = over_variants(wide)
+    assert (np.exp(mean[0]), covariance[0, 0]) == (pytest.approx(40.0), 0.25)
+    wide.others = (rival,)
+    assert over_variants(wide)[1][0, 0] == pytest.approx(0.5 * (0.25 + 0.01))
 
 
 def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval() -> None:
