@@ -12,6 +12,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.refit.refit import Refit
+from palpate.core.inference.grid_posterior import GridPosterior
 from palpate.core.residual.exploration import Seen, explored
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.plain_fit import PlainFit
@@ -22,7 +23,9 @@ _AT_BOUND = 1e-6
 
 
 def with_posterior(fit: PlainFit, refit: Refit, progress: Progress = silent) -> Refit:
-    """The refit with the posterior of its ln G; see `exploration.explored`."""
+    """The refit with the posterior of its ln G (t,) on a grid; as it is where there is no grid (`exploration.explored`): its own normal is
+    cut at the bounds where it is used.
+    """
     hypothesis, effect = refit.hypothesis, refit.hypothesis.effect
     assert effect is not None
     model = fit.model.corrected(refit.correction)
@@ -42,7 +45,8 @@ def with_posterior(fit: PlainFit, refit: Refit, progress: Progress = silent) -> 
 
     words = effect.id.replace("_", " ")
     optimum = seen(refit.linearisation, refit.in_phi)
-    return replace(refit, posterior=explored(solve, optimum, fit.bounds, progress, words))
+    found = explored(solve, optimum, fit.bounds, progress, words)
+    return replace(refit, posterior=found) if isinstance(found, GridPosterior) else refit
 
 
 def _free(refit: Refit) -> FloatArray:

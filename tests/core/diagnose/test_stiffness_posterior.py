@@ -66,6 +66,15 @@ def test_of_a_linear_model_it_is_the_marginal_of_stiffness_and_effect_together()
     np.testing.assert_allclose(found.covariance, np.linalg.inv(joint)[:2, :2], rtol=0.02)
 
 
+def test_without_a_grid_the_refit_stays_as_it_is() -> None:
+    """A model that has no equilibrium anywhere else."""
+    rng = np.random.default_rng(4)
+    A, S = rng.normal(size=(30, 2)), rng.normal(size=(30, 2))
+    fit, refit = _fitted(lambda t: A @ t, lambda t: A, S, np.zeros(2), np.zeros(2), WIDE)
+    fit.model.solve = lambda hypothesis, theta, phi, near: None
+    assert with_posterior(fit, refit) is refit
+
+
 def test_a_parameter_at_its_bound_takes_nothing_up() -> None:
     rng = np.random.default_rng(2)
     A, S = rng.normal(size=(30, 2)) * 2.0, rng.normal(size=(30, 2))
