@@ -105,7 +105,7 @@ class DecisionRules(EvidenceRules):
         int,
         sourced(
             "1",
-            "Draws of the bootstrap of the shrinkage.",
+            "Draws of the share by which the gap shrinks.",
             "Numerical: 50 of them lie beyond each end of the interval.",
         ),
     ] = 2000

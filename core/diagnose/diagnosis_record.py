@@ -96,7 +96,8 @@ class RankedRecord(msgspec.Struct, frozen=True, kw_only=True):
 class ShrinkageRecord(msgspec.Struct, frozen=True, kw_only=True):
     """How far the gap shrinks on data left out, with `effect`.
 
-    ci95 : of noise_corrected_fraction. noise_floor_mm : of the organ's contours.
+    noise_corrected_fraction : of the error in truth, without the drawing's noise; ci95 : its interval, whichever effect is the true
+    one. noise_floor_mm : of the organ's contours.
     """
 
     held_out_rms_before_mm: float

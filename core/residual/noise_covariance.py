@@ -5,7 +5,7 @@ The sizes are those of `NoiseModelOptions`, calibrated on cases without a hidden
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -178,11 +178,7 @@ def _contours_of(
     """Contours of organ, walls and bones, and their responses. per_force (n, nodes, 3) : see `data_per_force`."""
     problem = scene.problem
     sd = problem.facts.noise_sd_mm
-    organ = np.zeros((data.n, len(data.modes)))
-    organ[: data.n_modes] = data.modes.T
-    points = scene.observation.points
-    seen = VoxelNoise.of(problem.organ, points, points + scene.observation.operator @ scene.seen(u))
-    out = {"organ": _Contour(organ_errors(scene, u), organ, seen)}
+    out = {"organ": _organ_contour(scene, data, u)}
     for name, wall in zip(scene.geometry.fields, scene.walls, strict=True):
         force = (wall.stiffness * wall.points.measure)[:, None] * wall.normal
         moved = wall.rest + wall.points.displacements(u)
@@ -194,6 +190,14 @@ def _contours_of(
         bone[-6:] = data.bone.reader
         out["bone"] = _Contour(ContourErrors.even(data.bone.points, sd), bone)
     return out
+
+
+def _organ_contour(scene: CompositionScene, data: DataVector, u: FloatArray) -> _Contour:
+    response = np.zeros((data.n, len(data.modes)))
+    response[: data.n_modes] = data.modes.T
+    points = scene.observation.points
+    seen = VoxelNoise.of(scene.problem.organ, points, points + scene.observation.operator @ scene.seen(u))
+    return _Contour(organ_errors(scene, u), response, seen)
 
 
 def organ_errors(scene: CompositionScene, u: FloatArray) -> ContourErrors:
@@ -272,9 +276,23 @@ def _voxels(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], lengt
     return out
 
 
-def organ_contours(data: DataVector, errors: ContourErrors, length: float) -> FloatArray:
-    """Covariance (k, k) mm2 of the surface modes for the organ's two contours; see `organ_errors`."""
-    return np.asarray(data.modes.T @ errors.covariance(errors, length, same_state=True) @ data.modes)
+def organ_noise(
+    linearisations: Sequence[Linearisation], data_vectors: Sequence[DataVector], options: NoiseModelOptions
+) -> Callable[[NoiseSizes], FloatArray]:
+    """What the organ's own contours alone add to the covariance (n, n) mm2 of all states' data, for given sizes: drawing,
+    voxels, extraction."""
+    rows = rows_of(data_vectors)
+    pairs = zip(linearisations, data_vectors, strict=True)
+    read = [{"organ": _organ_contour(at.scene, data, at.equilibrium.u)} for at, data in pairs]
+    of_length = {length: _contours(read, rows, length) for length in (*options.lengths_mm, options.long_mm)}
+    voxels, own = _voxels(read, rows, options.voxel_length_mm), _read_twice(_of_modes(data_vectors))
+
+    def covariance(sizes: NoiseSizes) -> FloatArray:
+        length = min(options.lengths_mm, key=lambda x: abs(x - sizes.length))
+        contour = (1.0 - sizes.long) * of_length[length] + sizes.long * of_length[options.long_mm]
+        return np.asarray(sizes.contour**2 * contour + sizes.own**2 * own + voxels)
+
+    return covariance
 
 
 def _along(scene: CompositionScene, data: DataVector, per_force: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from palpate.core.diagnose.verdict.model_average import (
     plain_stiffness,
 )
 from palpate.core.diagnose.verdict.record import maps, record
-from palpate.core.diagnose.verdict.shrinkage import contours_mm2
+from palpate.core.diagnose.verdict.true_error import NoiseOfPoints
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
 from palpate.core.forward.composition import Composition
@@ -265,16 +265,25 @@ def test_a_gap_that_no_effect_comes_near_is_still_written_down(wide: Diagnosis) 
 
 def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Diagnosis) -> None:
     """Two contours of 0.08 mm; walls and the model's own error, which no better contour would take away, are not in it."""
-    floors, likely = contours_mm2(wide, wide.refits[0])
-    assert likely.sum() == pytest.approx(1.0)
-    of = {(s.contour, s.own, s.length): floor for s, floor in zip(wide.fit.noise.sizes, floors, strict=True)}
+    noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free, 10000)
+    floors = noise.floor_mm2(np.arange(len(noise.noise.sizes)))
+    of = {(s.contour, s.own, s.length): floor for s, floor in zip(noise.noise.sizes, floors, strict=True)}
     stated, wider = of[1.0, 0.2, 7.0], of[1.2, 0.2, 7.0]
     assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
-    k, n = wide.fit.model.first.data.n_modes, len(wide.split.points)
-    everything = (
-        np.trace(wide.split.reader[:n, :k] @ wide.fit.weighting.covariance[:k, :k] @ wide.split.reader[:n, :k].T) / n
-    )
-    assert floors @ likely < everything
+    best, m = wide.refits[0], len(wide.split.points)
+    assert best.hypothesis.effect is not None
+    error = noise.error_of(effect_model(best), wide.left_out[best.hypothesis.effect.id][:m], wide.fit.options.gap_sizes)
+    assert floors.min() < error.floor_mm2 < np.trace(wide.split.covariance[:m, :m]) / m
+
+
+def test_drawing_and_model_share_the_covariance(wide: Diagnosis) -> None:
+    """What is no drawing is a covariance by itself: nothing is taken off twice."""
+    noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free, 5)
+    assert len(noise.noise.sizes) == 5
+    for sizes, whole in zip(noise.noise.sizes, noise.noise.covariances, strict=True):
+        rest = whole - noise.of_organ(sizes)
+        assert np.linalg.eigvalsh(rest).min() > -1e-9
+        assert np.linalg.eigvalsh(noise.of_organ(sizes)).min() > -1e-9
 
 
 def test_a_stress_free_mesh_is_weighed_by_no_more_than_its_first_look(wide: Diagnosis) -> None:

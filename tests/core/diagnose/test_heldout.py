@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.verdict.shrinkage import tail_of_few
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 
 N, PATCHES = 120, 12
@@ -87,10 +85,3 @@ def test_gains_on_two_sets_of_patches_add_up() -> None:
     assert both.total_mm2 == pytest.approx(a.total_mm2 + b.total_mm2)
     assert both.error_mm2 == pytest.approx(np.hypot(20 * 0.1, 10 * 0.2) / 30)
     assert both.share == pytest.approx(21.0 / (20 * 1.0 + 10 * 2.0))
-
-
-def test_an_interval_from_few_blocks_has_the_tails_of_few() -> None:
-    """Twelve blocks: Student's 2.201 with 11 degrees of freedom, times sqrt(12 / 11), in place of 1.96."""
-    assert tail_of_few(12) == pytest.approx(float(stats.norm.sf(2.201 * np.sqrt(12.0 / 11.0))), rel=1e-3)
-    assert tail_of_few(100000) == pytest.approx(0.025, rel=1e-3)
-    assert tail_of_few(1) == 0.0

@@ -1,0 +1,116 @@
+"""What a model errs by in truth, where the data are a noisy drawing: posterior of its error at points left out.
+
+A residual there is the model's error plus that of the organ's contours. The noise model has both: what walls, elements and parameters
+may err by, a nameless gap of any size, and how wrong the drawing may be. The error given the residual is normal then (Rasmussen &
+Williams 2006). To subtract the mean square of the drawing instead takes what the model errs by to nothing wherever the two
+are alike, and calls every effect perfect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.inference.heldout import Linear, Split
+from palpate.core.residual.noise_covariance import NoiseSizes, organ_noise
+from palpate.core.residual.noise_estimation import NoiseGrid
+from palpate.core.residual.plain_fit import PlainFit
+
+# Pairs of sizes less probable than this, over the most probable one, are left out: a truncation.
+_NEGLIGIBLE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseOfPoints:
+    """What the residuals at the organ's points, the first m rows of a split, are made of, in a basis of all that the surface modes can
+    be there.
+
+    basis (m, k) : orthonormal. reader (k, n) : takes the data vector to coordinates in it. noise : the probable sizes. free (n, j) mm :
+    response of the data to a nameless gap of unit size. of_organ : covariance (n, n) mm2 of the drawing, for given sizes.
+    """
+
+    fit: PlainFit
+    basis: FloatArray
+    reader: FloatArray
+    noise: NoiseGrid
+    free: FloatArray
+    of_organ: Callable[[NoiseSizes], FloatArray]
+
+    @classmethod
+    def of(cls, fit: PlainFit, split: Split, free: FloatArray, most: int) -> NoiseOfPoints:
+        """free (n, j) mm : response of the data to a nameless gap, see `UnknownDiscrepancy`. most : sizes of the noise that are kept."""
+        read = split.reader[: len(split.points)]
+        basis, _ = np.linalg.qr(read[:, fit.model.surface])
+        plain = fit.linearisation
+        noise = fit.noise.probable(plain.residual, plain.in_theta, free, most)
+        of_organ = organ_noise(plain.each, fit.model.data_vectors, fit.options)
+        return cls(fit, basis, basis.T @ read, noise, free, of_organ)
+
+    def error_of(self, model: Linear, left_out: FloatArray, gap_sizes: Sequence[float]) -> TrueError:
+        """Posterior of a model's error where its residuals left_out (m,) mm were foretold.
+
+        gap_sizes : of a nameless gap that the model leaves; 0 alone for a model that has such a gap among its parameters.
+        """
+        gaps = [size**2 * self.free @ self.free.T for size in gap_sizes]
+        logs = np.stack([self.noise.log_likelihood(model.r, model.J, gap) + self.noise.log_prior for gap in gaps])
+        weight = np.exp(logs - logs.max())
+        likely = np.argwhere(weight > _NEGLIGIBLE)
+        parts, seen, known = [], self.basis.T @ left_out, self._of_parameters(model)
+        for which, size in likely:
+            error, drawing = self._covariances(gaps[which], int(size))
+            parts.append(error_given(error + known, drawing, seen))
+        weights = weight[tuple(likely.T)]
+        return TrueError(weights / weights.sum(), parts, self.basis, self.floor_mm2(likely[:, 1]))
+
+    def floor_mm2(self, sizes: IntArray) -> FloatArray:
+        """Mean square (s,) mm2 at the points of what the organ's contours err by, for some of the probable sizes."""
+        of = [self.reader @ self.of_organ(self.noise.sizes[size]) @ self.reader.T for size in sizes]
+        return np.array([np.trace(C) for C in of]) / len(self.basis)
+
+    def _covariances(self, gap: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
+        """Covariances (k, k) mm2 of what the model errs by, its parameters apart, and of the drawing."""
+        organ = self.of_organ(self.noise.sizes[size])
+        error = self.reader @ (self.noise.covariances[size] - organ + gap) @ self.reader.T
+        drawing = self.reader @ organ @ self.reader.T + self.fit.options.patch_nugget_mm**2 * np.eye(len(self.reader))
+        return error, drawing
+
+    def _of_parameters(self, model: Linear) -> FloatArray:
+        """Covariance (k, k) mm2 of what a model foretells, for what the data leave open of its parameters."""
+        H = model.J.T @ self.fit.weighting.apply(model.J) + np.diag(model.precision)
+        read = self.reader @ model.J
+        return np.asarray(read @ np.linalg.solve(H, read.T))
+
+
+@dataclass(frozen=True, eq=False)
+class TrueError:
+    """A mixture of normals in the coordinates of a basis (m, k): weights (w,), mean (k,) mm and a factor (k, k) of the covariance of
+    each, and the mean square of the drawing's errors, mm2 (w,)."""
+
+    weights: FloatArray
+    parts: Sequence[tuple[FloatArray, FloatArray]]
+    basis: FloatArray
+    drawing: FloatArray
+
+    def draws(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """(count, k) mm; their squares sum to those at the points."""
+        out = []
+        for number, (mean, factor) in zip(rng.multinomial(count, self.weights), self.parts, strict=True):
+            out.append(mean + rng.standard_normal((number, factor.shape[1])) @ factor.T)
+        return np.vstack(out)
+
+    @property
+    def floor_mm2(self) -> float:
+        """Mean square of the drawing's errors."""
+        return float(self.weights @ self.drawing)
+
+
+def error_given(error: FloatArray, noise: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean (m,) and a factor (m, m) of the covariance of an error, its prior covariance given, seen with noise (m, m)."""
+    gain = cho_solve(cho_factor(error + noise, lower=True), error).T
+    covariance = error - gain @ error
+    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    return gain @ seen, vectors * np.sqrt(np.maximum(values, 0.0))
