@@ -48,11 +48,6 @@ class Split:
         """Number of patches, of whatever kind."""
         return int(self.patch.max()) + 1
 
-    @property
-    def n_surface(self) -> int:
-        """Number of patches of `points`."""
-        return int(self.patch[: len(self.points)].max()) + 1
-
     def left_out(self, models: Sequence[Linear]) -> list[FloatArray]:
         """For each model the residual (m,) mm of every row, predicted without its own patch; rows never left out are 0."""
         rows = [(self.reader @ m.r + self.constant)[:, None] for m in models]

@@ -141,7 +141,7 @@ def _shrinkage(found: DiagnosisRecord) -> Table | None:
     before, after = s.held_out_rms_before_mm, s.held_out_rms_after_mm
     rows = [
         ("rms on patches left out, without and with the effect", f"{before:.2f} and {after:.2f} mm"),
-        ("share of the model's error that is gone, the drawing's noise apart", f"{100 * s.noise_corrected_fraction:.0f} % ({low:.0f} to {high:.0f} %)"),
+        ("share of the model's own error that is gone", f"{100 * s.noise_corrected_fraction:.0f} % ({low:.0f} to {high:.0f} %)"),
         ("the same for a free smooth field of forces", f"{100 * s.ceiling_fraction:.0f} %"),
     ]  # fmt: skip
     name = plain(s.effect)
