@@ -112,7 +112,10 @@ class ShrinkageRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FittedStiffnessRecord(msgspec.Struct, frozen=True):
-    """Shear modulus G of a region, kPa, and the standard deviation of G and of ln G. ci95_kpa : 95 % interval of G."""
+    """Shear modulus G of a region, kPa. sd_kpa : half its central 68 % interval, or how far that reaches from a value at a bound.
+
+    sd_ln_G : root mean square of ln G about the value found. ci95_kpa : 95 % interval of G.
+    """
 
     G_kpa: float
     sd_kpa: float | None

@@ -15,7 +15,8 @@ _Length = Annotated[float, Meta(ge=0.0)]
 
 
 class RegionRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Stiffness of one region, kPa. G_kpa : small-strain shear modulus 2 (mu1 + mu2); sd_kpa half its central 68 % interval.
+    """Stiffness of one region, kPa. G_kpa : small-strain shear modulus 2 (mu1 + mu2); sd_kpa half its central 68 % interval, or how far
+    that reaches from a value at a bound.
 
     ci95_kpa : 95 % interval of G; null where unknown. sd_ln_G : root mean square of ln G about the value found.
     at_bound : whether G lies at the edge of what was allowed. quantiles_kpa : of G at probabilities 0.025, 0.05 and so

@@ -19,6 +19,8 @@ _LEAST = 1e-4
 
 # Misfit over what noise leaves, as a factor on the noise, from which on a deformation is not called too small.
 _FAR_ABOVE = 2.0
+# Probability within one standard deviation of a normal distribution.
+_ONE_SD = 0.6827
 _TOO_SMALL = "the deformation this pair shows is too small against the contours' error"
 _TOO_LARGE = "the model misses the second scan by far more than the contours' error"
 
@@ -57,7 +59,7 @@ class Posterior:
         """(t, 2) the same interval of theta itself."""
         tail = 0.5 * (1.0 - level)
         below, above = self.quantile(tail), self.quantile(1.0 - tail)
-        at_low, at_high = self.mean < below, self.mean > above
+        at_low, at_high = self._beyond(level)
         below, above = (
             np.where(at_high, self.quantile(1.0 - level), below),
             np.where(at_low, self.quantile(level), above),
@@ -65,6 +67,11 @@ class Posterior:
         return np.stack(
             [np.where(at_low, self.bounds[:, 0], below), np.where(at_high, self.bounds[:, 1], above)], axis=1
         )
+
+    def _beyond(self, level: float) -> tuple[BoolArray, BoolArray]:
+        """(t,) whether the value found lies below, and above, the central interval."""
+        tail = 0.5 * (1.0 - level)
+        return self.mean < self.quantile(tail), self.mean > self.quantile(1.0 - tail)
 
     def quantile(self, probability: FloatArray | float) -> FloatArray:
         """Theta (..., t) at a probability () or (..., t), each parameter by itself, cut at its bounds."""
@@ -84,9 +91,11 @@ class Posterior:
         return np.sqrt(np.diag(np.linalg.inv(np.linalg.inv(self.covariance) - (1.0 - _LEAST) * prior)))
 
     def sd_kpa(self) -> FloatArray:
-        """(t,) kPa, half the central 68 % interval of G."""
-        interval = self.interval(0.6827)
-        return 0.5 * (interval[:, 1] - interval[:, 0])
+        """(t,) kPa, half the central 68 % interval of G; where the interval starts at a bound, how far it reaches from the value found."""
+        low, high = self.interval(_ONE_SD).T
+        at_low, at_high = self._beyond(_ONE_SD)
+        G = np.exp(self.mean)
+        return np.asarray(np.where(at_low, high - G, np.where(at_high, G - low, 0.5 * (high - low))))
 
 
 @dataclass(frozen=True, eq=False)

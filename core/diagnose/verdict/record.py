@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from msgspec.structs import replace
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.location import DiscrepancyMaps, discrepancy_maps, regions, residuals
@@ -31,6 +30,8 @@ from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.statistics import rms
 
 MAP_FILE = "gap_maps.npz"
+# Standard deviations of a normal distribution to either side that hold 95 %.
+_TWO_SIDED = 1.96
 
 
 def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
@@ -53,7 +54,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         shrinkage=shrinkage(diagnosis, best) if best is not None and diagnosis.fit.organ_drawn else None,
         stiffness=StiffnessRecord(
             without_effect=_plain_stiffness(diagnosis),
-            with_effect=None if shown is None else _stiffness(diagnosis, *model_average(diagnosis)),
+            with_effect=None if shown is None else _stiffness_with(diagnosis, *model_average(diagnosis)),
         ),
         next_measurement=next_measurement(diagnosis),
         why=diagnosis.verdict.why,
@@ -209,21 +210,28 @@ def _residual_share(diagnosis: Diagnosis, fitted: Refit | None) -> float:
     return float(a / max(b, 1e-30))
 
 
-def _stiffness(diagnosis: Diagnosis, theta: FloatArray, covariance: FloatArray) -> dict[str, FittedStiffnessRecord]:
-    names = diagnosis.fit.model.first.plain.problem.region_names
-    sd = np.sqrt(np.diag(covariance))[: len(theta)]
-    return {
-        names[r]: FittedStiffnessRecord(float(np.exp(t)), float(np.exp(t) * np.sinh(s)), float(s))
-        for r, t, s in zip(sorted(names), theta, sd, strict=True)
-    }
+def _stiffness_with(
+    diagnosis: Diagnosis, theta: FloatArray, covariance: FloatArray
+) -> dict[str, FittedStiffnessRecord]:
+    """With an effect: ln G (t,) normal about theta with this covariance (t, t), cut at the bounds."""
+    names, bounds = diagnosis.fit.model.first.plain.problem.region_names, diagnosis.fit.bounds
+    at_bound = bounds_reached(diagnosis.fit, theta, diagnosis.rules)
+    sd = np.sqrt(np.diag(covariance))
+    out = {}
+    for k, (region, t, s) in enumerate(zip(sorted(names), theta.tolist(), sd.tolist(), strict=True)):
+        low, high = np.exp(np.clip([t - s, t + s], *bounds[k])).tolist()
+        ends = np.exp(np.clip([t - _TWO_SIDED * s, t + _TWO_SIDED * s], *bounds[k])).tolist()
+        width = high - low if k in at_bound else 0.5 * (high - low)
+        out[names[region]] = FittedStiffnessRecord(float(np.exp(t)), width, s, (ends[0], ends[1]))
+    return out
 
 
 def _plain_stiffness(diagnosis: Diagnosis) -> dict[str, FittedStiffnessRecord]:
-    """Without an effect, with the interval that `identify` reports too."""
-    names = diagnosis.fit.model.first.plain.problem.region_names
-    intervals = dict(zip(sorted(names), diagnosis.fit.posterior.interval().tolist(), strict=False))
-    found = _stiffness(diagnosis, *plain_stiffness(diagnosis.fit))
-    return {name: replace(found[name], ci95_kpa=tuple(intervals[region])) for region, name in names.items()}
+    """Without an effect, to the last digit what `identify` reports."""
+    posterior, names = diagnosis.fit.posterior, diagnosis.fit.model.first.plain.problem.region_names
+    columns = zip(np.exp(posterior.mean), posterior.sd_kpa(), posterior.sd, posterior.interval().tolist(), strict=True)
+    found = [FittedStiffnessRecord(float(G), float(sd), float(s), (low, high)) for G, sd, s, (low, high) in columns]
+    return {names[region]: one for region, one in zip(sorted(names), found, strict=False)}
 
 
 def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:

@@ -25,7 +25,7 @@ from palpate.core.diagnose.verdict.model_average import (
     over_variants,
     plain_stiffness,
 )
-from palpate.core.diagnose.verdict.record import maps, record
+from palpate.core.diagnose.verdict.record import _stiffness_with, maps, record
 from palpate.core.diagnose.verdict.true_error import NoiseOfPoints
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
@@ -204,6 +204,17 @@ def test_the_record_has_the_form_of_diagnosis_json(which: str, request: pytest.F
     drawn = maps(found)
     assert len(drawn["points"]) == len(drawn["standardised"]) == len(drawn["normals"])
     assert np.isfinite(drawn["force_kpa_per_mm"]).all()
+
+
+def test_a_stiffness_at_its_bound_with_an_effect_says_how_far_it_may_lie_inside(wide: Diagnosis) -> None:
+    """Softest allowed on the left, in the middle on the right; standard deviations of 0.5 in ln G."""
+    (low, _), (least, most) = wide.fit.bounds
+    middle = 0.5 * (least + most)
+    left, right = _stiffness_with(wide, np.array([low, middle]), 0.25 * np.eye(2)).values()
+    assert left.ci95_kpa == (pytest.approx(np.exp(low)), pytest.approx(np.exp(low + 1.96 * 0.5)))
+    assert left.sd_kpa == pytest.approx(np.exp(low) * np.expm1(0.5))
+    assert right.sd_kpa == pytest.approx(np.exp(middle) * np.sinh(0.5))
+    assert right.ci95_kpa == (pytest.approx(np.exp(middle - 0.98)), pytest.approx(np.exp(middle + 0.98)))
 
 
 def test_a_small_offset_of_the_whole_contour_is_noise(none: Diagnosis) -> None:

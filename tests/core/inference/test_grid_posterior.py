@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.stats import norm
 
 from palpate.core.arrays import FloatArray
@@ -95,6 +96,9 @@ def test_a_stiffness_at_its_bound_that_the_data_hold_there_is_told() -> None:
     half_normal = np.sqrt(1.0 - 2.0 / np.pi) / 1.5
     assert abs(found.spread[0] - half_normal) < 0.01 and abs(found.sd[0] - 1.0 / 1.5) < 0.01
     assert not unknown(found).any()
+    # Two thirds of a half normal lie within one of its standard deviations, all on one side.
+    G = float(np.exp(high[0]))
+    assert found.sd_kpa()[0] == pytest.approx(G - G * np.exp(-1.0 / 1.5), rel=0.02)
     flat = on_grid(laplace(high, np.zeros(1), 0 * J, bounds), _surface(lambda x: 0 * x, lambda x: 0 * J, bounds, 7))
     assert flat is not None and unknown(flat).all()
 
