@@ -63,10 +63,14 @@ class Findings:
 
     @cached_property
     def tied(self) -> list[Judged]:
-        """The most probable effect and all that cannot be told from it; empty where its probability is 0."""
-        best = [j for j in self.ranked[:1] if self.top > 0.0]
-        rivals = [j for j in self.ranked[1:] if self.probability[j.effect] * j.needed_odds(self.rules) >= self.top]
-        return best + rivals
+        """The most probable effect and all that cannot be told from it; empty where its probability is 0.
+
+        Whatever is more probable than one of these is among them: a twin is allowed longer odds than what lies between.
+        """
+        if self.top <= 0.0:
+            return []
+        near = [self.probability[j.effect] * j.needed_odds(self.rules) >= self.top for j in self.ranked]
+        return self.ranked[: int(np.flatnonzero(near)[-1]) + 1]
 
     @property
     def best(self) -> Judged:

@@ -186,6 +186,14 @@ def test_twins_need_more_than_rivals_that_do_something_else() -> None:
     assert decide(True, twins, 5.0).candidates == ("prestress", "inclusion")
 
 
+def test_no_more_probable_name_is_left_out_between_twins() -> None:
+    """Odds of 6 are beyond a tie with what is no twin, but a twin at odds of 7 is named, and so is what lies before it."""
+    between = [judged("prestress", 20.0), judged("bone_motion", 18.2), judged("inclusion", 18.05, cosine=0.98)]
+    assert decide(True, between, 5.0).candidates == ("prestress", "bone_motion", "inclusion")
+    behind = [judged("prestress", 20.0), judged("inclusion", 18.2, cosine=0.98), judged("bone_motion", 18.05)]
+    assert decide(True, behind, 5.0).candidates == ("prestress", "inclusion")
+
+
 def test_one_name_needs_four_fifths_of_the_probability() -> None:
     alone = [judged("prestress", 20.0), judged("bone_motion", 18.3)]  # odds of 5.5: beyond a tie
     found = decide(True, alone, 5.0)
