@@ -110,7 +110,7 @@ def ranking_table(found: DiagnosisRecord, gain_header: str = "gain on left-out d
             f"{name.replace('_', ' ')} {_size(p)} {p.unit if p.unit != '1' else ''}".strip()
             for name, p in row.parameters.items()
         )
-        gain = f"{row.cv_gain_mm:.2f}"
+        gain = f"{round(row.cv_gain_mm, 2) + 0.0:.2f}"  # + 0.0: no "-0.00"
         rows.append((plain(row.effect), _share(row.probability), gain, parameters))
     return Table(
         header,
@@ -157,7 +157,7 @@ def _stiffness(found: DiagnosisRecord) -> Table | None:
         for name, values in without.items()
     ]
     header = ("region", "G without the effect, kPa (95 % interval)", "G with it, kPa (95 % interval)")
-    return Table(header, rows, "Stiffness as the diagnosis fits it, to compare; not the one to quote")
+    return Table(header, rows, "Stiffness without the effect and with it")
 
 
 def stiffness_interval(values: FittedStiffnessRecord) -> str:

@@ -16,7 +16,7 @@ from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffn
 from palpate.core.files.json_types import typed
 from palpate.ui.pictures.gap_pictures import VIEWS
 from palpate.ui.report.document import Notice, Paragraph, Table
-from palpate.ui.report.gap_section import gap_section, stiffness_interval
+from palpate.ui.report.gap_section import gap_section, ranking_table, stiffness_interval
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.report_step import ReportOptions, run
 from palpate.ui.report.summary import summary
@@ -52,6 +52,22 @@ def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> 
         assert text in page, text
     assert case.has("report/gap_residual.png")
     assert case.has("report/gap_force.png")
+
+
+def test_a_stiffness_that_may_be_quoted_is_not_called_one_not_to_quote(case: CaseFolder) -> None:
+    page = case.file("report/report.html").read_text()
+    assert "quote that one if you believe the cause" in page and "not the one to quote" not in page
+    assert "Stiffness without the effect and with it" in page
+
+
+def test_a_gain_that_rounds_to_nothing_has_no_sign() -> None:
+    found = diagnosed("contour_bias").diagnosis
+    assert found is not None
+    lost = msgspec.structs.replace(
+        found, ranking=[msgspec.structs.replace(row, cv_gain_mm=-0.001) for row in found.ranking]
+    )
+    gains = [row[2] for row in ranking_table(lost).rows]
+    assert gains and set(gains) == {"0.00"}
 
 
 def test_without_a_gap_there_is_neither_force_nor_ranking() -> None:
