@@ -41,7 +41,11 @@ class EvidenceRules:
     ] = 1000
     noise_sizes: Annotated[
         int,
-        sourced("1", "Sizes of noise that the gap test averages over, the most probable ones of 486.", _COST),
+        sourced(
+            "1",
+            "Sizes of noise that the gap test and the shrinkage average over, the most probable ones of 486.",
+            _COST,
+        ),
     ] = 80
     whole_share: Annotated[
         float,

@@ -58,12 +58,9 @@ class Posterior:
     def ends(self, level: float = 0.95) -> FloatArray:
         """(t, 2) the same interval of theta itself."""
         tail = 0.5 * (1.0 - level)
-        below, above = self.quantile(tail), self.quantile(1.0 - tail)
         at_low, at_high = self._beyond(level)
-        below, above = (
-            np.where(at_high, self.quantile(1.0 - level), below),
-            np.where(at_low, self.quantile(level), above),
-        )
+        below = np.where(at_high, self.quantile(1.0 - level), self.quantile(tail))
+        above = np.where(at_low, self.quantile(level), self.quantile(1.0 - tail))
         return np.stack(
             [np.where(at_low, self.bounds[:, 0], below), np.where(at_high, self.bounds[:, 1], above)], axis=1
         )

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.inference.grid_posterior import GridPosterior
 from palpate.core.residual.exploration import Seen, explored
@@ -49,7 +49,7 @@ def with_posterior(fit: PlainFit, refit: Refit, progress: Progress = silent) -> 
     return replace(refit, posterior=found) if isinstance(found, GridPosterior) else refit
 
 
-def _free(refit: Refit) -> FloatArray:
+def _free(refit: Refit) -> BoolArray:
     """Which parameters (k,) of the effect are not held at a bound."""
     assert refit.hypothesis.effect is not None
     low, high = refit.hypothesis.effect.bounds.T

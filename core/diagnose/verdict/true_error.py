@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.arrays import FloatArray
 from palpate.core.inference.heldout import Linear, Split
 from palpate.core.residual.noise_covariance import NoiseSizes, organ_noise
 from palpate.core.residual.noise_estimation import NoiseGrid
@@ -59,24 +59,20 @@ class NoiseOfPoints:
         logs = np.stack([self.noise.log_likelihood(model.r, model.J, gap) + self.noise.log_prior for gap in gaps])
         weight = np.exp(logs - logs.max())
         likely = np.argwhere(weight > _NEGLIGIBLE)
-        parts, seen, known = [], self.basis.T @ left_out, self._of_parameters(model)
+        seen, known = self.basis.T @ left_out, self._of_parameters(model)
+        nugget = self.fit.options.patch_nugget_mm**2 * np.eye(len(self.reader))
+        parts, floors = [], []
         for which, size in likely:
-            error, drawing = self._covariances(gaps[which], int(size))
-            parts.append(error_given(error + known, drawing, seen))
+            drawing = self.drawing(int(size))
+            whole = self.reader @ (self.noise.covariances[int(size)] + gaps[which]) @ self.reader.T
+            parts.append(error_given(whole - drawing + known, drawing + nugget, seen))
+            floors.append(np.trace(drawing) / len(self.basis))
         weights = weight[tuple(likely.T)]
-        return TrueError(weights / weights.sum(), parts, self.basis, self.floor_mm2(likely[:, 1]))
+        return TrueError(weights / weights.sum(), parts, self.basis, np.array(floors))
 
-    def floor_mm2(self, sizes: IntArray) -> FloatArray:
-        """Mean square (s,) mm2 at the points of what the organ's contours err by, for some of the probable sizes."""
-        of = [self.reader @ self.of_organ(self.noise.sizes[size]) @ self.reader.T for size in sizes]
-        return np.array([np.trace(C) for C in of]) / len(self.basis)
-
-    def _covariances(self, gap: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
-        """Covariances (k, k) mm2 of what the model errs by, its parameters apart, and of the drawing."""
-        organ = self.of_organ(self.noise.sizes[size])
-        error = self.reader @ (self.noise.covariances[size] - organ + gap) @ self.reader.T
-        drawing = self.reader @ organ @ self.reader.T + self.fit.options.patch_nugget_mm**2 * np.eye(len(self.reader))
-        return error, drawing
+    def drawing(self, size: int) -> FloatArray:
+        """Covariance (k, k) mm2 of what the organ's contours err by, for one of the probable sizes."""
+        return np.asarray(self.reader @ self.of_organ(self.noise.sizes[size]) @ self.reader.T)
 
     def _of_parameters(self, model: Linear) -> FloatArray:
         """Covariance (k, k) mm2 of what a model foretells, for what the data leave open of its parameters."""

@@ -277,7 +277,8 @@ def test_a_gap_that_no_effect_comes_near_is_still_written_down(wide: Diagnosis) 
 def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Diagnosis) -> None:
     """Two contours of 0.08 mm; walls and the model's own error, which no better contour would take away, are not in it."""
     noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free, 10000)
-    floors = noise.floor_mm2(np.arange(len(noise.noise.sizes)))
+    points = len(wide.split.points)
+    floors = np.array([np.trace(noise.drawing(size)) / points for size in range(len(noise.noise.sizes))])
     of = {(s.contour, s.own, s.length): floor for s, floor in zip(noise.noise.sizes, floors, strict=True)}
     stated, wider = of[1.0, 0.2, 7.0], of[1.2, 0.2, 7.0]
     assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
