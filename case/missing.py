@@ -7,16 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.meshed import ORGAN_NAME, MeshReport, load_surfaces
+from palpate.case.meshed import ORGAN_NAME, MeshReport
 from palpate.case.surface_errors import StatedErrors
-from palpate.core.identify.pair.rough_contours import too_rough
 from palpate.core.identify.result_record import RegionRecord
-from palpate.core.problem import SurfacePair
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
 
-# How the line begins that says that the prostate's contours are too rough.
-ROUGH_CONTOURS = "contours that tell a stiffness"
+# How the line begins that says that nobody drew the prostate.
+AUTOMATIC_CONTOURS = "contours of the prostate that somebody drew or checked"
 # What a case lacks whose prostate was drawn in one scan only.
 CARRIED_OVER = (
     "contours of the prostate that were drawn in both scans: those of one scan were carried over by what the images show, and where these "
@@ -42,9 +40,9 @@ def missing_structures(case: CaseFolder, image: bool = False) -> list[str]:
         return []
     volumes = {state: case.labels(state) for state in STATES}
     if StatedErrors(case).one_drawing(ORGAN_NAME):
-        lines = [CARRIED_BY_IMAGES] if image else [CARRIED_OVER, *rough_contours(case)]
+        lines = [CARRIED_BY_IMAGES] if image else [CARRIED_OVER]
     else:
-        lines = rough_contours(case)
+        lines = automatic_contours(case, image)
     lines += [line for name, label in _WALLS.items() if (line := _absent(case, volumes, name, label))]
     return lines + [
         f"the prostate reaches the end of {_SCANS[state]}: part of it may not be seen"
@@ -53,16 +51,20 @@ def missing_structures(case: CaseFolder, image: bool = False) -> list[str]:
     ]
 
 
-def rough_contours(case: CaseFolder) -> list[str]:
-    """That the prostate's contours are too rough to tell a stiffness, of a meshed case whose segmentation says so."""
+def automatic_contours(case: CaseFolder, image: bool) -> list[str]:
+    """That nobody drew the prostate in a scan, and what its contour is then taken for. image : see `missing_structures`."""
     errors = StatedErrors(case)
-    if not errors or not case.has("surfaces.npz"):
+    found = [state for state in STATES if errors.found_automatically(state, ORGAN_NAME)]
+    if not found:
         return []
-    rest, deformed = (load_surfaces(case, state).get(ORGAN_NAME) for state in STATES)
-    if rest is None or deformed is None:
-        return []
-    reason = too_rough(errors.pair(SurfacePair(rest, deformed), ORGAN_NAME))
-    return [f"{ROUGH_CONTOURS}: {reason}"] if reason else []
+    said = errors.rms_mm()
+    sizes = [f"{said[state][ORGAN_NAME]:.1f} mm" for state in found if ORGAN_NAME in said.get(state, {})]
+    where = "both scans" if len(found) == len(STATES) else _SCANS[found[0]]
+    use = (
+        "only where the prostate is; how it moved, the images tell" if image else "how it moved, which they hardly can"
+    )
+    off = f", and may be off by {' and '.join(sizes)} rms" if sizes else ""
+    return [f"{AUTOMATIC_CONTOURS}: those of {where} were found automatically{off}. They tell {use}"]
 
 
 def at_bounds(parameters: Mapping[str, RegionRecord]) -> list[str]:

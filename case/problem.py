@@ -32,8 +32,8 @@ _ORGAN = (1, 2)
 def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
     """Problem of the first deformed state: mesh, walls, organ surfaces and landmarks, all in the rest frame, mm.
 
-    image : with the motion that the images tell, where the match step has found it. A prostate that was carried over to the
-    deformed scan is no datum beside it.
+    image : with the motion that the images tell, where the match step has found it. A deformed prostate that nobody drew is no
+    datum beside it.
 
     Raises InputError when an earlier step has not been run, or when a state shows no organ.
     """
@@ -60,7 +60,7 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
         {r: LABELS[r] for r in present},
         landmarks,
         matched,
-        matched is None or not errors.one_drawing(ORGAN_NAME),
+        matched is None or errors.shows_motion(ORGAN_NAME),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -41,13 +41,16 @@ def write_surface_errors(
     """Write surface_errors.npz. errors : by state and organ; organs that a person contoured are absent.
 
     one_drawing : organs whose contours were drawn in one state and carried over to the other. labels : of both states, as they
-    are written; what somebody corrects in them later is no longer one drawing.
+    are written; what somebody corrects in them later is drawn.
     """
     numbers, arrays = ErrorNumbers(), dict[str, NumberArray]()
     for state, organs in errors.items():
         for organ, found in organs.items():
-            arrays[f"{state}/{_SURFACES[organ]}/points"] = found.points
-            arrays[f"{state}/{_SURFACES[organ]}/sd_mm"] = found.sd_mm
+            name = _SURFACES[organ]
+            arrays[f"{state}/{name}/points"] = found.points
+            arrays[f"{state}/{name}/sd_mm"] = found.sd_mm
+            if labels is not None:
+                arrays[f"{state}/{name}/voxels"] = _digest({state: labels[state]}, name)
     for organ in one_drawing:
         name = _SURFACES[organ]
         arrays[f"{name}/one_drawing"] = np.array(True)
@@ -71,7 +74,8 @@ class StatedErrors:
     def __init__(self, case: CaseFolder) -> None:
         stated = case.facts.boundary_noise_sd_mm is not None or measured_noise(case) is not None
         self._case = case
-        self._arrays = {} if stated or not case.has(ERRORS_FILE) else case.read_npz(ERRORS_FILE)
+        self._written = case.read_npz(ERRORS_FILE) if case.has(ERRORS_FILE) else {}
+        self._arrays = {} if stated else self._written
         for name, values in self._arrays.items():
             if not np.isfinite(values).all():
                 raise _refused(case, name)
@@ -91,12 +95,24 @@ class StatedErrors:
     def one_drawing(self, name: str) -> bool:
         """Whether a surface was drawn in one scan and carried over to the other, and nobody corrected it there since. Raises
         InputError when a label volume cannot be read."""
-        if f"{name}/one_drawing" not in self._arrays:
-            return False
-        written = self._arrays.get(f"{name}/voxels")
-        if written is None or not all(self._case.has_labels(state) for state in STATES):
+        return f"{name}/one_drawing" in self._written and self._unchanged(STATES, f"{name}/voxels", name)
+
+    def found_automatically(self, state: str, name: str) -> bool:
+        """Whether the segmentation found a surface in a state, and nobody corrected it there since. Raises InputError when a
+        label volume cannot be read."""
+        return f"{state}/{name}/sd_mm" in self._written and self._unchanged((state,), f"{state}/{name}/voxels", name)
+
+    def shows_motion(self, name: str) -> bool:
+        """Whether the surfaces of both states, as somebody drew them, say by themselves how an organ moved: not where one was
+        carried over from the other, nor where nobody drew the deformed one."""
+        return not (self.one_drawing(name) or self.found_automatically("deformed", name))
+
+    def _unchanged(self, states: Sequence[str], digest: str, name: str) -> bool:
+        """Whether a surface's voxels are those that were written; True for a file that does not say what they were."""
+        written = self._written.get(digest)
+        if written is None or not all(self._case.has_labels(state) for state in states):
             return True
-        return np.array_equal(written, _digest({state: self._case.labels(state) for state in STATES}, name))
+        return np.array_equal(written, _digest({state: self._case.labels(state) for state in states}, name))
 
     def on(self, surface: Surface, state: str, name: str) -> Surface:
         """The surface with its errors: of the nearest point that the segmentation gave one. name : "organ", "bladder" or
@@ -136,9 +152,9 @@ class StatedErrors:
 
 
 def _digest(labels: Mapping[str, Volume], name: str) -> NumberArray:
-    """SHA-256 (32,) of the voxels of a surface's organ in both states."""
+    """SHA-256 (32,) of the voxels of a surface's organ in all given states."""
     found = hashlib.sha256()
-    for state in STATES:
+    for state in labels:
         found.update(np.packbits(np.isin(labels[state].array, _LABELS[name])).tobytes())
     return np.frombuffer(found.digest(), dtype=np.uint8)
 

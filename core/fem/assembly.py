@@ -7,7 +7,9 @@ Newton step.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import Residual, State
 from palpate.core.fem.terms.base import Particular, Term
 from palpate.core.laws.base import Law
+from palpate.core.mesh import TetMesh
 
 _CHUNK = 1024  # quadrature points whose moduli are held at once: they stay in the cache
 _REST_STRAIN = 1e-4  # forces are never compared with less than this strain's over the body's section
@@ -67,15 +70,15 @@ class Assembler:
         self.materials = materials
         self.groups = group_by_law(self.space.mesh.regions, materials)
         m = len(self.space.mesh.cells)
-        self.kappa, shear = np.empty(m), np.empty(m)
+        self.kappa, self._shear = np.empty(m), np.empty(m)
         self._guarded = np.zeros(m, dtype=bool)
         for g in self.groups:
             self.kappa[g.cells] = g.law.kappa_of(g.values)
-            shear[g.cells] = g.law.shear_modulus_of(g.values)
+            self._shear[g.cells] = g.law.shear_modulus_of(g.values)
             self._guarded[g.cells] = g.law.needs_positive_jacobian
         # A body at rest has no forces to compare with; rounding in terms must not count as out-of-balance there.
-        self._least_force = _REST_STRAIN * float(shear.mean()) * self.total_volume ** (2.0 / 3.0)
-        self.pressures.set_moduli(self.kappa, shear)
+        self._least_force = _REST_STRAIN * float(self._shear.mean()) * self.total_volume ** (2.0 / 3.0)
+        self.pressures.set_moduli(self.kappa, self._shear)
         if isinstance(self.solver, Iterative):
             self.solver.schur = self.pressures.schur
 
@@ -145,6 +148,18 @@ class Assembler:
         low = float(kernels.smallest_determinant(F, self._guarded))
         size = max(float(np.sqrt((scale**2).sum())), self._least_force)
         return Residual(r, b - self.pressures.apply(state.p), size, low, lag)
+
+    def internal_residual_on(self, points: FloatArray, state: State) -> FloatArray:
+        """Residual forces (kept,) mN and volumes mm3 of the cells alone, without terms, at a state on a mesh whose points
+        (vertices, 3) mm lie elsewhere. The cells keep their materials."""
+        mesh = TetMesh(points, self.space.mesh.cells, self.space.mesh.regions)
+        space = replace(self.space, mesh=mesh, nodes=points)  # mid-edge nodes are not read: cells are straight-sided
+        out = copy.copy(self)
+        out.space, out.terms, out._terms_unknowns = space, (), []
+        out.weight = np.ascontiguousarray(mesh.volumes[:, None] * space.element.weights)
+        out.pressures = self.pressures.unfactorised_on(space, out.weight, self.kappa, self._shear)
+        found = out.residual(state, 1.0)
+        return np.concatenate([found.r_u, found.r_p])[self.kept]
 
     def tangent(
         self, state: State, load: float, along: FloatArray | None = None, project: bool = False

@@ -51,13 +51,25 @@ class PressureBlock:
         """Bulk and shear modulus at rest (m,) kPa of every cell."""
         if self._solver is None:
             return
-        e, volumes = self.space.element, self.space.mesh.volumes
-        self.compliance = (volumes / kappa)[:, None, None] * e.mass
-        self.compliance = self.compliance + (STABILISATION * volumes / shear)[:, None, None] * e.stabilisation
+        self.compliance = self._compliance_of(kappa, shear)
         values = np.zeros(len(self._pattern.indices))
         scatter(self.compliance, self._pattern.slots[0], values)
         self._solver.factorise(values)
         self._shear, self._schur = shear, None
+
+    def unfactorised_on(self, space: Space, weight: FloatArray, kappa: FloatArray, shear: FloatArray) -> PressureBlock:
+        """Block on another shape with these moduli, which applies C and does not solve with it."""
+        out = copy.copy(self)
+        out._take(space, weight)
+        out._solver = out._schur = None
+        if self.exists:
+            out.compliance = out._compliance_of(kappa, shear)
+        return out
+
+    def _compliance_of(self, kappa: FloatArray, shear: FloatArray) -> FloatArray:
+        e, volumes = self.space.element, self.space.mesh.volumes
+        mass = (volumes / kappa)[:, None, None] * e.mass
+        return np.asarray(mass + (STABILISATION * volumes / shear)[:, None, None] * e.stabilisation)
 
     def _take(self, space: Space, weight: FloatArray) -> None:
         self.space, self._weight = space, weight

@@ -17,9 +17,7 @@ from palpate.core.identify.not_identifiable import nothing_found
 from palpate.core.identify.notes import agreement, notes
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.pair.no_driving_wall import moved_by_its_surface, surface_is_all
-from palpate.core.identify.pair.no_information import NoInformation, moved_as_a_whole
-from palpate.core.identify.pair.rigid_pair import rigid_pair
-from palpate.core.identify.pair.rough_contours import contours_tell_nothing
+from palpate.core.identify.pair.whole_motion import laid_on_itself, motion_in_words
 from palpate.core.identify.result_misfit import misfit_figures
 from palpate.core.identify.result_parameters import parameter_facts
 from palpate.core.identify.result_record import (
@@ -52,37 +50,29 @@ def run(job: Job, reporter: Reporter) -> IdentificationRecord:
     began = time.perf_counter()
     files = problem_files(job)
     problems = [IdentificationProblem.load(file) for file in files]
-    reasons = [_untold(problem) for problem in problems]
-    if reasons[0] is not None and None not in reasons:
-        result, fields = nothing_found(problems[0], reasons[0], options, time.perf_counter() - began)
+    if all(surface_is_all(problem) for problem in problems):  # the model cannot be posed
+        motion = moved_by_its_surface(problems[0])
+        result, fields = nothing_found(problems[0], motion, options, time.perf_counter() - began)
         save_checkpoint(Path(job.folder) / "fields.npz", fields, fingerprint)
         (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)
         return result
-    identification = identify(Path(job.folder), files, options, fingerprint, reporter)
+    laid = [laid_on_itself(file, Path(job.folder)) for file in files]
+    identification = identify(Path(job.folder), [file for file, _ in laid], options, fingerprint, reporter)
     save_checkpoint(Path(job.folder) / "fields.npz", _fields(identification), fingerprint)
     stiffness = _mapped(identification, options, reporter)
     if stiffness is None:
         (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)  # file of an earlier run
     else:
         save_checkpoint(Path(job.folder) / MAP_FILE, stiffness.arrays(), fingerprint)
-    return _result(identification, options, None if stiffness is None else _map_record(stiffness))
+    result = _result(identification, options, None if stiffness is None else _map_record(stiffness))
+    as_a_whole = motion_in_words(identification.fit, laid[0][1])
+    return msgspec.structs.replace(result, notes=[as_a_whole, *result.notes]) if as_a_whole else result
 
 
 def problem_files(job: Job) -> list[Path]:
     """Problem files of the job, the first state first."""
     further = [f"problem_{k}" for k in range(2, len(job.paths) + 2)]
     return [Path(job.paths[name]) for name in ("problem", *further) if name in job.paths]
-
-
-def _untold(problem: IdentificationProblem) -> NoInformation | None:
-    """Reason why the scans hold no information on stiffness; None where a search is needed."""
-    pair = rigid_pair(problem)
-    if pair.nothing_deformed:
-        return moved_as_a_whole(problem, pair)
-    rough = contours_tell_nothing(problem, pair) if problem.organ_drawn else None
-    if rough is not None:
-        return rough
-    return moved_by_its_surface(problem) if surface_is_all(problem) else None
 
 
 def _mapped(identification: Identification, options: IdentifyOptions, reporter: Reporter) -> StiffnessMap | None:

@@ -44,14 +44,21 @@ class ContourErrors:
         """The errors at some of the points."""
         return ContourErrors(self.points[chosen], self.rest[chosen], self.deformed[chosen], self.common)
 
+    def common_share(self, other: ContourErrors) -> float:
+        """Share of the covariance with another state's errors that all scans have in common."""
+        return float(np.sqrt(self.common * other.common))
+
+    def own_share(self, other: ContourErrors) -> float:
+        """Share of the covariance with another state's errors that each scan has by itself."""
+        return float(np.sqrt((1.0 - self.common) * (1.0 - other.common)))
+
     def covariance(self, other: ContourErrors, length_mm: float, same_state: bool) -> FloatArray:
         """Covariance (p, q) mm2 of the differences of both scans' errors, between these points and another state's.
 
         same_state : False for two deformed states, which have the scan at rest in common. length_mm : correlation length
         of the fields.
         """
-        alike = np.sqrt(self.common * other.common)
-        own = np.sqrt((1.0 - self.common) * (1.0 - other.common))
+        alike, own = self.common_share(other), self.own_share(other)
         size = own * np.outer(self.rest, other.rest)
         size += alike * np.outer(self.deformed - self.rest, other.deformed - other.rest)
         if same_state:

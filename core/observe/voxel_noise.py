@@ -28,30 +28,35 @@ class VoxelNoise:
         """At points (q, 3) mm of the rest surface that lie at `moved` (q, 3) mm in the deformed scan."""
         return cls(points, _at(pair.rest, points), _at(pair.deformed, moved))
 
-    def covariance(self, other: VoxelNoise, same_state: bool, length_mm: float) -> FloatArray:
-        """Covariance (p, q) mm2 between these points and another state's. same_state : False for two deformed states, which
-        have the scan at rest in common.
+    def covariances(self, other: VoxelNoise, length_mm: float) -> tuple[FloatArray, FloatArray]:
+        """Covariances (p, q) mm2 of the errors at rest and of those in the deformed scan, between these points and another
+        state's.
 
         Few draws see correlation between distant points where there is none. The sample covariance is multiplied by a
         Gaussian of the distance, as ensemble filters do (Houtekamer & Mitchell 2001).
         """
-        sample = _sample(self.rest, other.rest)
-        if same_state:
-            sample = sample + _sample(self.deformed, other.deformed)
-        return sample * np.exp(-0.5 * (cdist(self.points, other.points) / length_mm) ** 2)
+        near = np.exp(-0.5 * (cdist(self.points, other.points) / length_mm) ** 2)
+        return _sample(self.rest, other.rest) * near, _sample(self.deformed, other.deformed) * near
 
 
 def voxel_covariance(
-    noise: Sequence[VoxelNoise], responses: Sequence[FloatArray], rows: Sequence[slice], n: int, length_mm: float
+    noise: Sequence[VoxelNoise],
+    responses: Sequence[tuple[FloatArray, FloatArray]],
+    rows: Sequence[slice],
+    n: int,
+    length_mm: float,
 ) -> FloatArray:
     """Covariance (n, n) mm2 of all data for the voxels of one body, in the states that show it.
 
-    responses (n_s, q) : of the data of each of them, which stand in its rows, per mm outwards at each point.
+    responses (n_s, q) : of the data of each of them, which stand in its rows, per mm outwards at each point, of the surface at
+    rest and, with the other sign, of the deformed one. Deformed states have the scan at rest in common.
     """
     out = np.zeros((n, n))
-    for s, (ours, mine) in enumerate(zip(noise, responses, strict=True)):
-        for t, (theirs, other) in enumerate(zip(noise[: s + 1], responses, strict=False)):
-            out[rows[s], rows[t]] = mine @ ours.covariance(theirs, s == t, length_mm) @ other.T
+    for s, (ours, (mine, deformed)) in enumerate(zip(noise, responses, strict=True)):
+        for t, (theirs, (other, _)) in enumerate(zip(noise[: s + 1], responses, strict=False)):
+            at_rest, alone = ours.covariances(theirs, length_mm)
+            block = mine @ at_rest @ other.T
+            out[rows[s], rows[t]] = block + deformed @ alone @ deformed.T if s == t else block
             out[rows[t], rows[s]] = out[rows[s], rows[t]].T
     return out
 

@@ -17,6 +17,7 @@ from palpate.core.fem.tangent import Tangent
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_errors import ContourErrors
+from palpate.core.observe.contour_noise import covariance_between
 from palpate.core.observe.voxel_noise import VoxelNoise, voxel_covariance
 from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.data_vector import DataVector
@@ -95,14 +96,19 @@ class NoiseParts:
         data_vectors: Sequence[DataVector],
         options: NoiseModelOptions,
         responses: Sequence[ContourResponses] | None = None,
+        shapes: Sequence[FloatArray] | None = None,
     ) -> NoiseParts:
         """Parts at a model's linearisations, one for each state. responses : of each state's data to its contours, those of
-        the linearisations where None."""
+        the linearisations where None. shapes : of each state's data to the organ's shape (`organ_shape`); where None, the
+        shape is taken to be known."""
         rows = rows_of(data_vectors)
         each = list(zip(linearisations, data_vectors, strict=True))
         if responses is None:
             responses = [ContourResponses.of(p.scene, data, p.equilibrium.u, p.tangent) for p, data in each]
         contours = [r.contours for r in responses]
+        if shapes is not None:
+            shaped = zip(contours, shapes, strict=True)
+            contours = [{**one, "organ": replace(one["organ"], shape=shape)} for one, shape in shaped]
         return cls(
             tuple(_contours(contours, rows, length) for length in options.lengths_mm),
             _contours(contours, rows, options.long_mm),
@@ -147,11 +153,33 @@ class NoiseParts:
 @dataclass(frozen=True, eq=False)
 class _Contour:
     """One contour of a state: its errors, and the change of the state's data (n, q) per mm outwards at each of their
-    points at rest. voxels : errors of voxels there, None where they do not count."""
+    points at rest. voxels : errors of voxels there, None where they do not count. shape (n, q) : what 1 mm at rest changes
+    beside that, through the model's geometry; None where it changes nothing.
+
+    An error e at rest and f in the deformed scan change the data by (response + shape) e - response f.
+    """
 
     errors: ContourErrors
     response: FloatArray
     voxels: VoxelNoise | None = None
+    shape: FloatArray | None = None
+
+    @property
+    def at_rest(self) -> FloatArray:
+        """Change (n, q) of the data per mm outwards of the contour at rest."""
+        return self.response if self.shape is None else self.response + self.shape
+
+    def covariance(self, other: _Contour, length_mm: float, same_state: bool) -> FloatArray:
+        """Covariance (n, m) mm2 of the data of two states for the errors of their contours, which have the scan at rest in
+        common. same_state : whether they are one state. length_mm : correlation length of the errors."""
+        a, b = self.errors, other.errors
+        kernel = covariance_between(a.points, b.points, 1.0, length_mm)
+        mine, theirs = self.response * a.deformed, other.response * b.deformed
+        out = a.own_share(b) * (self.at_rest * a.rest) @ kernel @ (other.at_rest * b.rest).T
+        if a.common and b.common:
+            common, others = self.at_rest * a.rest - mine, other.at_rest * b.rest - theirs
+            out = out + a.common_share(b) * common @ kernel @ others.T
+        return out + a.own_share(b) * mine @ kernel @ theirs.T if same_state else out
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +246,7 @@ def _contours(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], len
     for s, ours in enumerate(read):
         for t, theirs in enumerate(read[: s + 1]):
             for name in (name for name in ours if name in theirs):  # a set would change the order of sums
-                a, b = ours[name], theirs[name]
-                out[rows[s], rows[t]] += a.response @ a.errors.covariance(b.errors, length, s == t) @ b.response.T
+                out[rows[s], rows[t]] += ours[name].covariance(theirs[name], length, s == t)
             out[rows[t], rows[s]] = out[rows[s], rows[t]].T
     return out
 
@@ -269,7 +296,7 @@ def _voxels(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], lengt
     out = np.zeros((n, n))
     for name in dict.fromkeys(name for one in read for name in one):  # a set would change the order of sums
         each = [(one[name], row) for one, row in zip(read, rows, strict=True) if name in one]
-        seen = [(c.voxels, c.response, row) for c, row in each if c.voxels is not None]
+        seen = [(c.voxels, (c.at_rest, c.response), row) for c, row in each if c.voxels is not None]
         if seen:
             noise, responses, its_rows = zip(*seen, strict=True)
             out += voxel_covariance(noise, responses, its_rows, n, length_mm)

@@ -30,6 +30,7 @@ from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes, organ
 from palpate.core.residual.noise_estimation import NoiseGrid, fit_image_errors, fit_noise
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.optimum import Optimum, best_of, solved
+from palpate.core.residual.organ_shape import shape_response
 from palpate.core.residual.remeshing import Remeshed, left_by_all
 from palpate.core.residual.state_models import joint_model
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
@@ -229,7 +230,11 @@ def _noise(
     sizes, differences = NoiseSizes.of(options), [e.every for e in errors]
     found = [e.own.responses for e in errors if e.own is not None and e.own.responses is not None]
     better = found if len(found) == len(errors) else None
-    parts = NoiseParts.of(linearisation.each, model.data_vectors, options, better)
+    shapes = [
+        shape_response(at.scene, data, at.tangent, options.mode_length_mm, options.mode_least)
+        for at, data in zip(linearisation.each, model.data_vectors, strict=True)
+    ]
+    parts = NoiseParts.of(linearisation.each, model.data_vectors, options, better, shapes)
     gap = UnknownDiscrepancy.around(linearisation, model.data_vectors, options)
     columns = [left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)]
     if further is not None:

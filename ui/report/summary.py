@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from palpate.case.missing import ROUGH_CONTOURS, at_bounds
+from palpate.case.missing import AUTOMATIC_CONTOURS, at_bounds
 from palpate.core.files.json_types import known
 from palpate.ui.report.diagnosis_words import diagnosis_sentence, gap_is_seen
 from palpate.ui.report.record import CaseRecord
@@ -63,9 +63,11 @@ def first_sentences(record: CaseRecord) -> list[str]:
 
 
 def too_rough(record: CaseRecord) -> bool:
-    """Whether nothing was fitted because the prostate's contours are too rough: a misfit then says nothing of the model."""
+    """Whether contours that were found automatically tell no stiffness by themselves: a misfit then says nothing of the model."""
     told = any(region.told for region in record.regions)
-    return not told and any(line.startswith(ROUGH_CONTOURS) for line in what_lacks(record))
+    return (
+        not told and not record.used_image and any(line.startswith(AUTOMATIC_CONTOURS) for line in what_lacks(record))
+    )
 
 
 def what_lacks(record: CaseRecord) -> list[str]:

@@ -68,6 +68,9 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     for _ in range(ATTEMPTS):
         drawn = drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng, changes, rest_noise)
         spec = {**drawn, "hidden": hidden}
+        if options.contour_error is not None:
+            sd, length = options.contour_error
+            spec |= {"contour_noise_sd_mm": sd, "noise_correlation_mm": length}
         shutil.rmtree(folder / "cases" / name, ignore_errors=True)
         try:
             truth = run_simulate(spec, folder / "cases" / name / "scans", folder / "truths" / name)

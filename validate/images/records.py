@@ -15,7 +15,8 @@ from palpate.validate.calibration.ranks import Calibration
 class ImagesOptions:
     """scans : CT series and contours drawn on it, taken in turn. pairs : how many. seed : of everything random. timeout_s : for one
     command on one pair. hide : effects, one in each pair, taken in turn; none where it is empty. ways : to go, of `ways.WAYS`; all where
-    it is empty.
+    it is empty. contour_error : standard deviation and correlation length, mm, of the drawn contours' errors, which the case then
+    states; the study's own, unstated, where None. diagnosis : whether the gap is diagnosed too.
     """
 
     scans: tuple[tuple[Path, Path], ...]
@@ -25,6 +26,8 @@ class ImagesOptions:
     timeout_s: float = 3600.0
     hide: tuple[str, ...] = ()
     ways: tuple[str, ...] = ()
+    contour_error: tuple[float, float] | None = None
+    diagnosis: bool = True
 
 
 class PairScan(TypedDict, total=False):

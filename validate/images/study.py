@@ -6,6 +6,7 @@ The truth is sealed before any pair is analysed, see `validate.sealed`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, part, silent
 from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half, way_row
 from palpate.validate.images.pairs import MAKING, make_pair, name_of, unmade
-from palpate.validate.images.records import ImagesOptions, ImagesTable
+from palpate.validate.images.records import HalfRow, ImagesOptions, ImagesTable
 from palpate.validate.images.ways import DONE, WAYS, analyse
 from palpate.validate.making import make_each
 from palpate.validate.sealed import Kind, SealedStudy
@@ -24,8 +25,19 @@ from palpate.validate.segmentation.contoured_scan import contoured_scan
 
 # The way with whose standard deviations those of the others are compared.
 _PLAIN = "contours"
+# Upper over lower end up to which an interval is called useful.
+_FACTOR = 4.0
 # What a ledger is of that does not say so.
-_UNLESS_SAID: Kind = {"study": "another", "seed": None, "scans": [], "hide": [], "ways": [], "making": 1}
+_UNLESS_SAID: Kind = {
+    "study": "another",
+    "seed": None,
+    "scans": [],
+    "hide": [],
+    "ways": [],
+    "making": 1,
+    "contour_error": None,
+    "diagnosis": True,
+}
 
 
 def run(folder: Path, options: ImagesOptions, progress: Progress = silent) -> ImagesTable:
@@ -86,10 +98,12 @@ def images_text(found: ImagesTable) -> str:
             lines.append(f"{row['way']}: no answer on any pair")
             continue
         held, z = halves["intervals"][-1], [h["z"] for h in found["halves"] if h["way"] == row["way"]]
+        within = _within_a_factor(found["halves"], row["way"])
         told = ", ".join(f"{verdict} {count}" for verdict, count in sorted(row["verdicts"].items()))
         lines.append(
             f"{row['way']}: {round(held['holds'] * halves['cases'])} of {halves['cases']} intervals hold; z mean {np.mean(z):+.2f}, "
             f"rms {rms(z):.2f}; sd of ln G {halves['sd_ln_G']:.2f}, {row['sd_ratio'] or 0:.2f} of that of contours alone; "
+            f"both intervals within a factor of {_FACTOR:g} in {within} pairs; "
             f"{row['failed']} without an answer; verdicts: {told or 'none made'}"
         )
         lines += [
@@ -102,12 +116,23 @@ def images_text(found: ImagesTable) -> str:
     return "\n".join(lines)
 
 
+def _within_a_factor(halves: Sequence[HalfRow], way: str) -> int:
+    """Pairs in which the interval of every half ends at no more than _FACTOR times where it begins."""
+    span: dict[str, float] = {}
+    for half in halves:
+        if half["way"] == way:
+            low, high = half["interval_kpa"]
+            span[half["pair"]] = max(span.get(half["pair"], 1.0), high / low)
+    return sum(value <= _FACTOR for value in span.values())
+
+
 def _said(sealed: SealedStudy, name: str, way: str) -> Said | None:
     return said_of(sealed.cases / name / way, sealed.answers / f"{name}.json", way)
 
 
 def _analysed(options: ImagesOptions, pair: Path) -> None:
-    analyse(pair, options.timeout_s, options.ways)
+    stated = None if options.contour_error is None else options.contour_error[0]
+    analyse(pair, options.timeout_s, options.ways, stated, options.diagnosis)
 
 
 def _kind(options: ImagesOptions) -> Kind:
@@ -117,6 +142,8 @@ def _kind(options: ImagesOptions) -> Kind:
         "scans": [[str(ct.absolute()), str(labels.absolute())] for ct, labels in options.scans],
         "hide": list(options.hide),
         "ways": list(options.ways),
+        "contour_error": options.contour_error and list(options.contour_error),
+        "diagnosis": options.diagnosis,
         "making": MAKING,
     }
 
@@ -130,4 +157,7 @@ def _flags(kind: Kind) -> str:
         return "another command"
     words = [f"--seed {kind['seed']}", *(f"--scan {ct} {labels}" for ct, labels in scans)]
     words += [f"--hide {effect}" for effect in hide] + [f"--way {way}" for way in ways]
+    if isinstance(error := kind["contour_error"], list):
+        words.append(f"--contour-error {error[0]:g} {error[1]:g}")
+    words += [] if kind["diagnosis"] else ["--no-diagnosis"]
     return f"{' '.join(words)} (pairs made in way {kind['making']})"

@@ -8,8 +8,10 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from palpate.case.case_folder import CaseFolder
 from palpate.core.files.atomic import atomic_path
 from palpate.validate.sealed import run_alone
 
@@ -19,8 +21,15 @@ DONE, LOG = "done.json", "analysis.log"
 # What a copied case does not take along.
 _ANSWERS = ("identify", "diagnose", "result.json", "diagnosis.json", "mesh.vtu")
 
-# Runs one command of the program: the pair's folder, its words.
-Run = Callable[[Path, tuple[str, ...]], None]
+
+@dataclass(frozen=True)
+class Run:
+    """command : runs one command of the program, given the pair's folder and its words. stated_mm : the contours' error that
+    cases with drawn contours state, None for none. diagnosis : whether the gap is diagnosed."""
+
+    command: Callable[[Path, tuple[str, ...]], None]
+    stated_mm: float | None = None
+    diagnosis: bool = True
 
 
 def contours(pair: Path, run: Run) -> None:
@@ -69,16 +78,19 @@ WAYS: Mapping[str, Callable[[Path, Run], None]] = {
 }
 
 
-def analyse(pair: Path, timeout_s: float, ways: tuple[str, ...] = ()) -> None:
-    """These ways on a pair, all where none is named.
+def analyse(
+    pair: Path, timeout_s: float, ways: tuple[str, ...] = (), stated_mm: float | None = None, diagnosis: bool = True
+) -> None:
+    """These ways on a pair, all where none is named. stated_mm, diagnosis : see `Run`.
 
     What the commands say goes to analysis.log; a case without result.json is a way that failed.
     """
     pair = pair.resolve()
 
-    def run(at: Path, words: tuple[str, ...]) -> None:
+    def command(at: Path, words: tuple[str, ...]) -> None:
         run_alone([*_COMMAND, *words, "--quiet", "--workers", "1"], at, LOG, timeout_s)
 
+    run = Run(command, stated_mm, diagnosis)
     gone = [way for way in WAYS if way in (ways or WAYS)]
     for way in gone:
         WAYS[way](pair, run)
@@ -90,14 +102,18 @@ def _imported(pair: Path, case: str, drawn: tuple[str, ...], run: Run) -> None:
     if (pair / case / "case.json").exists():  # of a run that was stopped
         return
     labels = [word for state in drawn for word in (f"--{state}-labels", f"scans/contours/{state}.nii.gz")]
-    run(pair, ("import", "scans/rest_ct", "scans/deformed_ct", "-o", case, *labels))
+    run.command(pair, ("import", "scans/rest_ct", "scans/deformed_ct", "-o", case, *labels))
+    if drawn and run.stated_mm is not None and (pair / case / "case.json").exists():
+        folder = CaseFolder(pair / case)
+        folder.write_json("case.json", replace(folder.facts, boundary_noise_sd_mm=run.stated_mm).to_dict())
 
 
 def _meshed(pair: Path, case: str, run: Run) -> None:
     for command in ("segment", "mesh"):
-        run(pair, (command, case))
+        run.command(pair, (command, case))
 
 
 def _answered(pair: Path, case: str, image: str, run: Run) -> None:
-    run(pair, ("identify", case, "--no-map", image))
-    run(pair, ("diagnose", case, image))
+    run.command(pair, ("identify", case, "--no-map", "--method", "gauss-newton", image))
+    if run.diagnosis:
+        run.command(pair, ("diagnose", case, image))

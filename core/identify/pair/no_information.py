@@ -1,4 +1,4 @@
-"""Result for a pair of scans without information on stiffness: the reason, and the motion of the organ."""
+"""What is known of a pair whose model cannot be posed: the reason, and the motion of the organ."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.identify.pair.rigid_pair import RigidPair
 from palpate.core.identify.result_record import LandmarkRecord
-from palpate.core.observe.surface_observation import sample_surface
-from palpate.core.problem import IdentificationProblem
 
 # Spacing of the sampled points on the organ's surface, mm.
 SURFACE_MM = 2.0
@@ -17,7 +14,7 @@ SURFACE_MM = 2.0
 
 @dataclass(frozen=True, eq=False)
 class NoInformation:
-    """Why a pair tells no stiffness, and how the organ moves nevertheless.
+    """Why a pair tells no stiffness whatever its errors, and how the organ moves nevertheless.
 
     in_words : the reason. mesh_displacement : (n, 3) mm of the problem's mesh. points (q, 3), region (q,), displacement (q, 3) :
     of the organ's surface. expected_mm : rms distance that contours of this noise would leave. notes : further lines.
@@ -33,17 +30,3 @@ class NoInformation:
     notes: tuple[str, ...] = ()
     landmarks: Mapping[str, LandmarkRecord] | None = None
     surface_mm: Mapping[str, float] | None = None
-
-
-def moved_as_a_whole(problem: IdentificationProblem, pair: RigidPair, reason: str | None = None) -> NoInformation:
-    """Motion of a pair as the nearest rigid one. reason : why nothing else is told; that it explains the pair where None."""
-    points, _, region, _ = sample_surface(problem.organ.rest, SURFACE_MM)
-    nodes = problem.mesh.points
-    return NoInformation(
-        reason or pair.in_words,
-        pair.moved(nodes) - nodes,
-        points,
-        region,
-        pair.moved(points) - points,
-        pair.expected_mm["organ"],
-    )

@@ -1,13 +1,14 @@
-"""Test for deformation between two scans, against a rigid motion of everything.
+"""Rigid motion of everything that two scans show.
 
 Iterated closest points, point to plane (Chen and Medioni 1992), give the rigid motion of all surfaces together. The
-residual distances are compared with those of two contours of an unchanged body.
+residual distances are compared with those of two contours of an unchanged body. A pair that such a motion explains is laid
+on itself before the fit, whose region's edge stands still; whether the pair tells a stiffness, the posterior says.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,6 +20,7 @@ from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.statistics import rms
 from palpate.core.surfaces.closest_point import closest_points
+from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangle_tree import TriangleTree
 
 # Largest ratio of residual to expected distance. A surface has some 30 independent points, so its rms has a standard
@@ -66,15 +68,29 @@ class RigidPair:
 
     @property
     def in_words(self) -> str:
-        """Sentence on why nothing can be identified."""
+        """Sentence on the motion, for a pair whose surfaces tell no stiffness."""
         left = max(self.left_mm.values())
         noise = f"what is left of their surfaces ({left:.2f} mm rms at most) is within the contours' own error"
         if self.angle_deg < _NO_ANGLE_DEG and self.shift_mm < _NO_SHIFT_MM:
-            return f"the second scan shows the same as the first; {noise}"
+            return f"by its contours, the second scan shows the same as the first; {noise}"
         return (
-            f"the second scan shows the first one moved as a whole, by {self.shift_mm:.1f} mm and {self.angle_deg:.1f} degrees; "
-            f"{noise}"
+            f"by its contours, the second scan may show the first one moved as a whole, by {self.shift_mm:.1f} mm and "
+            f"{self.angle_deg:.1f} degrees; {noise}"
         )
+
+    def undone(self, problem: IdentificationProblem) -> IdentificationProblem:
+        """The problem with the motion taken off its deformed scan. Precondition: it has no matched motion."""
+
+        def back(surface: Surface) -> Surface:
+            return replace(surface, points=(surface.points - self.translation) @ self.rotation)
+
+        def moved_back(pair: SurfacePair) -> SurfacePair:
+            return replace(pair, deformed=back(pair.deformed))
+
+        landmarks = problem.landmarks.copy()
+        landmarks[:, 3:] = (landmarks[:, 3:] - self.translation) @ self.rotation
+        walls = {name: moved_back(pair) for name, pair in problem.walls.items()}
+        return replace(problem, walls=walls, organ=moved_back(problem.organ), landmarks=landmarks)
 
 
 def rigid_pair(problem: IdentificationProblem) -> RigidPair:

@@ -28,12 +28,12 @@ def noise(pair: SurfacePair) -> VoxelNoise:
 def test_both_scans_add_up_and_the_scan_at_rest_is_common_to_all_states() -> None:
     rest = surface(1)
     first, second = noise(SurfacePair(rest, surface(2))), noise(SurfacePair(rest, surface(3)))
-    own, shared = first.covariance(first, True, LENGTH_MM), first.covariance(second, False, LENGTH_MM)
+    own, shared = sum(first.covariances(first, LENGTH_MM)), first.covariances(second, LENGTH_MM)[0]
     variance = CAP**2 + 0.01**2
     np.testing.assert_allclose(np.diag(own), 2.0 * variance, rtol=0.25)
     np.testing.assert_allclose(np.diag(shared), variance, rtol=0.25)
     whole = voxel_covariance(
-        [first, second], [np.eye(33, 30), np.eye(30)], [slice(0, 33), slice(33, 63)], 66, LENGTH_MM
+        [first, second], [(np.eye(33, 30),) * 2, (np.eye(30),) * 2], [slice(0, 33), slice(33, 63)], 66, LENGTH_MM
     )
     np.testing.assert_array_equal(whole, whole.T)
     np.testing.assert_allclose(whole[:30, 33:63], shared)
@@ -45,9 +45,16 @@ def test_both_scans_add_up_and_the_scan_at_rest_is_common_to_all_states() -> Non
 def test_correlation_ends_with_distance_and_a_surface_without_labels_has_none() -> None:
     one = noise(SurfacePair(surface(1), surface(2)))
     apart = np.linalg.norm(POINTS[:, None] - POINTS[None], axis=2)
-    assert np.abs(one.covariance(one, True, LENGTH_MM)[apart > 4.0 * LENGTH_MM]).max(initial=0.0) < 1e-3
+    assert np.abs(sum(one.covariances(one, LENGTH_MM))[apart > 4.0 * LENGTH_MM]).max(initial=0.0) < 1e-3
     bare = Surface(POINTS, np.array([[0, 1, 2]]), np.array([1]))
     none = noise(SurfacePair(bare, bare))
-    assert not none.covariance(none, True, LENGTH_MM).any()
+    assert not sum(none.covariances(none, LENGTH_MM)).any()
     half = noise(SurfacePair(surface(1), bare))
-    assert np.diag(half.covariance(half, True, LENGTH_MM)) == pytest.approx(CAP**2 + 0.01**2, rel=0.25)
+    assert np.diag(sum(half.covariances(half, LENGTH_MM))) == pytest.approx(CAP**2 + 0.01**2, rel=0.25)
+
+
+def test_what_the_surface_at_rest_does_beside_counts_for_its_own_errors_alone() -> None:
+    one, rows = noise(SurfacePair(surface(1), surface(2))), slice(0, 30)
+    at_rest, deformed = one.covariances(one, LENGTH_MM)
+    found = voxel_covariance([one], [(3.0 * np.eye(30), np.eye(30))], [rows], 30, LENGTH_MM)
+    np.testing.assert_allclose(found, 9.0 * at_rest + deformed)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from phantoms import affine, agreement, labels, recorded, result
 
 from palpate.case.case_folder import CaseFacts
-from palpate.case.missing import ROUGH_CONTOURS
+from palpate.case.missing import AUTOMATIC_CONTOURS
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import stiffness_planes, stiffness_series
@@ -157,7 +157,7 @@ def test_what_is_missing_and_that_nothing_is_told_come_first() -> None:
 
 def test_contours_too_rough_to_fit_anything_blame_no_model_and_tell_the_way_out() -> None:
     found = result(120.0, 40.0)
-    line = f"{ROUGH_CONTOURS}: the prostate's contours may be off by 2.6 and 4.5 mm"
+    line = f"{AUTOMATIC_CONTOURS}: the prostate's contours may be off by 2.6 and 4.5 mm"
     found["missing"] = [line]
     found["misfit"].update(rms_mm=25.9, expected_noise_rms_mm=5.2)
     told = summary(record(found))

@@ -111,6 +111,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help=f"images: hide this in a pair, in turn where several are given: {', '.join(_HIDE)}")  # fmt: skip
     parser.add_argument("--way", action="append", default=[], choices=_WAYS, metavar="WAY",
                         help=f"images: go this way only, several times: {', '.join(_WAYS)} (default: all)")  # fmt: skip
+    parser.add_argument("--contour-error", type=float, nargs=2, metavar=("SD", "LENGTH"),
+                        help="images: drawn contours err by SD mm over LENGTH mm, as the case states (default: 0.4, unstated)")  # fmt: skip
+    parser.add_argument("--no-diagnosis", action="store_true", help="images: stiffness only, in half the time")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -282,7 +285,14 @@ def _images(args: argparse.Namespace, progress: Progress) -> ImagesTable:
         raise UsageError("images: give --scan CT CONTOURS, a CT whose texture is real; a phantom has none")
     scans = tuple((ct, contours) for ct, contours in args.scan)
     options = ImagesOptions(
-        scans, args.pairs, random_seed(args), args.workers or 1, hide=tuple(args.hide), ways=tuple(args.way)
+        scans,
+        args.pairs,
+        random_seed(args),
+        args.workers or 1,
+        hide=tuple(args.hide),
+        ways=tuple(args.way),
+        contour_error=None if args.contour_error is None else tuple(args.contour_error),
+        diagnosis=not args.no_diagnosis,
     )
     return images(args.folder, options, progress)
 
