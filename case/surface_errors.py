@@ -37,10 +37,11 @@ def write_surface_errors(
     errors: Mapping[str, Mapping[str, SurfaceErrors]],
     one_drawing: Collection[str] = (),
     labels: Mapping[str, Volume] | None = None,
+    drawn_in: str = STATES[0],
 ) -> None:
     """Write surface_errors.npz. errors : by state and organ; organs that a person contoured are absent.
 
-    one_drawing : organs whose contours were drawn in one state and carried over to the other. labels : of both states, as they
+    one_drawing : organs whose contours were drawn in one state, `drawn_in`, and carried over to the other. labels : of both states, as they
     are written; what somebody corrects in them later is drawn.
     """
     numbers, arrays = ErrorNumbers(), dict[str, NumberArray]()
@@ -53,7 +54,7 @@ def write_surface_errors(
                 arrays[f"{state}/{name}/voxels"] = _digest({state: labels[state]}, name)
     for organ in one_drawing:
         name = _SURFACES[organ]
-        arrays[f"{name}/one_drawing"] = np.array(True)
+        arrays[f"{name}/one_drawing"] = arrays[f"{drawn_in}/{name}/drawn"] = np.array(True)
         if labels is not None:
             arrays[f"{name}/voxels"] = _digest(labels, name)
     arrays["common_share"] = np.array(numbers.common_share)
@@ -100,7 +101,8 @@ class StatedErrors:
     def found_automatically(self, state: str, name: str) -> bool:
         """Whether the segmentation found a surface in a state, and nobody corrected it there since. Raises InputError when a
         label volume cannot be read."""
-        return f"{state}/{name}/sd_mm" in self._written and self._unchanged((state,), f"{state}/{name}/voxels", name)
+        found = f"{state}/{name}/sd_mm" in self._written and f"{state}/{name}/drawn" not in self._written
+        return found and self._unchanged((state,), f"{state}/{name}/voxels", name)
 
     def shows_motion(self, name: str) -> bool:
         """Whether the surfaces of both states, as somebody drew them, say by themselves how an organ moved: not where one was

@@ -124,7 +124,7 @@ def _write(
         "notes": carried_over.notes + notes_on(states) + motion_notes(motions),
     }
     errors = {state: {**one.errors, **carried_over.source_errors(state)} for state, one in found.items()}
-    write_surface_errors(case, errors, carried_over.names, volumes)
+    write_surface_errors(case, errors, carried_over.names, volumes, carried_over.order[0])
     # The report comes first: labels without one count as a person's own, which those of a killed run are not.
     case.write_json("segmentation.json", report)
     for state, labels in volumes.items():

@@ -76,6 +76,36 @@ def test_a_prostate_that_somebody_corrected_is_no_longer_one_drawing(case: CaseF
     labels["deformed"].array[4, 2, 2] = 1
     case.write_labels("deformed", labels["deformed"])
     assert not StatedErrors(case).one_drawing("organ") and bool(StatedErrors(case))
+    assert StatedErrors(case).shows_motion("organ")  # somebody looked at it there
+
+
+def test_a_surface_that_nobody_drew_shows_no_motion_until_somebody_corrects_it(case: CaseFolder) -> None:
+    labels = {state: Volume(np.full((6, 5, 4), 3, dtype=np.uint8), np.eye(4)) for state in STATES}
+    for state in STATES:
+        labels[state].array[1:4, 1:4, 1:3] = 1
+        case.write_labels(state, labels[state])
+    one = SurfaceErrors(np.zeros((1, 3)), np.ones(1), 1.0)
+    write_surface_errors(case, {state: {"prostate": one} for state in STATES}, (), labels)
+    assert not StatedErrors(case).shows_motion("organ")
+    case.save_facts(replace(case.facts, boundary_noise_sd_mm=0.9))
+    assert not StatedErrors(case).shows_motion("organ")  # an error that is stated draws nothing
+    labels["rest"].array[4, 2, 2] = 1
+    case.write_labels("rest", labels["rest"])
+    assert not StatedErrors(case).shows_motion("organ")
+    assert not StatedErrors(case).found_automatically("rest", "organ")
+    labels["deformed"].array[4, 2, 2] = 1
+    case.write_labels("deformed", labels["deformed"])
+    assert StatedErrors(case).shows_motion("organ")
+    write_surface_errors(case, {"rest": {"prostate": one}}, (), labels)
+    assert StatedErrors(case).shows_motion("organ")  # drawn in the deformed scan
+
+
+def test_the_drawn_one_of_a_single_drawing_was_not_found_automatically(case: CaseFolder) -> None:
+    one = SurfaceErrors(np.zeros((1, 3)), np.ones(1), 1.0)
+    write_surface_errors(case, {state: {"prostate": one} for state in STATES}, ["prostate"], None, "deformed")
+    errors = StatedErrors(case)
+    assert errors.found_automatically("rest", "organ") and not errors.found_automatically("deformed", "organ")
+    assert not errors.shows_motion("organ")
 
 
 def test_a_stated_or_measured_error_comes_first(case: CaseFolder) -> None:
