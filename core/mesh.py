@@ -60,7 +60,15 @@ class TetMesh:
 
     def region_boundary(self, region_ids: tuple[int, ...]) -> tuple[IntArray, IntArray]:
         """Outward faces of the union of regions: (faces (f, 3), owner cell (f,)). Interior faces between the regions are not part."""
-        return self._one_sided(np.flatnonzero(np.isin(self.regions, region_ids)))
+        key = tuple(region_ids)
+        if key not in self._region_boundaries:
+            self._region_boundaries[key] = self._one_sided(np.flatnonzero(np.isin(self.regions, region_ids)))
+        return self._region_boundaries[key]
+
+    @cached_property
+    def _region_boundaries(self) -> dict[tuple[int, ...], tuple[IntArray, IntArray]]:
+        """Those that were asked for; nobody may change them in place."""
+        return {}
 
     def submesh(self, region_ids: tuple[int, ...]) -> tuple[TetMesh, IntArray]:
         """The part of the mesh in the given regions, and for each of its points the index in this mesh."""

@@ -40,12 +40,17 @@ class Volume:
 
         Values (n, c) where the array is a field (ni, nj, nk, c).
         """
+        if np.issubdtype(self.array.dtype, np.floating):
+            from palpate.imaging.sampling import linear  # here: its compiler takes long to load
+
+            values = linear(self.array[..., None] if self.array.ndim == 3 else self.array, self.to_index(lps))
+            return values[:, 0] if self.array.ndim == 3 else values
         if self.array.ndim == 4:
             return np.stack([self.with_array(self.array[..., c]).at(lps) for c in range(self.array.shape[3])], axis=-1)
         # Left to itself SciPy would round the values of a volume of integers.
-        output = None if np.issubdtype(self.array.dtype, np.floating) else np.float64
-        values = ndimage.map_coordinates(self.array, self.to_index(lps).T, output, order=1, mode="nearest")
-        return np.asarray(values, dtype=np.float64)
+        return np.asarray(
+            ndimage.map_coordinates(self.array, self.to_index(lps).T, np.float64, order=1, mode="nearest")
+        )
 
     def with_array(self, array: NumberArray) -> Volume:
         """The same grid with other values."""

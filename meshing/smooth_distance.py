@@ -10,6 +10,8 @@ from skimage import measure
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.imaging.volume import Volume
+from palpate.meshing.distance_kernel import clipped_signed_distance
+from palpate.meshing.separable import along_axis, cubic_weights
 
 # Beyond this the distance is cut off, so that what is far away does not matter. Cut at 6 mm the shrinkage doubles.
 CLIP_MM = 9.0
@@ -17,6 +19,8 @@ CLIP_MM = 9.0
 # and the shrinkage grows. 2.5 mm is the best of 1 to 3 mm for voxels of 1 x 1 x 1.5 to 3 mm: an organ surface is wrong
 # by -0.02 mm in the mean and 0.08 to 0.10 mm rms, a tube of radius 4 mm by 0.04 mm in the mean.
 SIGMA_MM = 2.5
+# Voxels by which values go on beyond a grid's faces before a spline is laid through them, so that its ends do not matter.
+_BEYOND = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +61,10 @@ def signed_distance(mask: BoolArray, spacing: FloatArray) -> FloatArray:
         return np.full(mask.shape, -CLIP_MM)
     if mask.all():
         return np.full(mask.shape, CLIP_MM)
-    inside = ndimage.distance_transform_edt(mask, sampling=spacing)
-    outside = ndimage.distance_transform_edt(~mask, sampling=spacing)
-    return np.clip(np.where(mask, inside - half, half - outside), -CLIP_MM, CLIP_MM)
+    out = np.empty(mask.shape)
+    solid = np.ascontiguousarray(mask).view(np.uint8)
+    clipped_signed_distance(solid, np.asarray(spacing, dtype=np.float64), half, CLIP_MM, out)
+    return out
 
 
 def smooth_field(labels: Volume, mask: BoolArray, step_mm: float, sigma_mm: float = SIGMA_MM) -> SmoothField:
@@ -87,7 +92,10 @@ def _resampled(labels: Volume, padded: FloatArray, pad: IntArray, step_mm: float
     """Padded values on an isotropic grid of ``step_mm`` over the same extent."""
     ratio = step_mm / labels.spacing
     shape = np.floor((np.array(padded.shape) - 1) / ratio + 1e-9).astype(int) + 1
-    values = ndimage.affine_transform(padded, ratio, output_shape=tuple(shape), order=3, mode="nearest")
+    beyond = np.pad(padded, _BEYOND, mode="edge")
+    values = ndimage.spline_filter(beyond, order=3, mode="nearest")
+    for axis, (count, wide) in enumerate(zip(shape, ratio, strict=True)):
+        values = along_axis(cubic_weights(np.arange(count) * wide + _BEYOND, values.shape[axis]), values, axis)
     affine = labels.affine.copy()
     affine[:3, :3] = labels.affine[:3, :3] * ratio
     affine[:3, 3] = labels.to_lps(-pad[None, :].astype(float))[0]

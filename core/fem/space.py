@@ -104,6 +104,11 @@ class Space:
         return sp.csr_matrix((values.ravel(), (rows, columns)), shape=(len(points), self.n_nodes))
 
 
+# Cells that are asked whether they hold a point, nearest centres first: most points are in one of a few, by
+# more than rounding.
+_NEAREST, _WITHIN_MM = (6, 40), 1e-9
+
+
 def locate(mesh: TetMesh, points: FloatArray, regions: tuple[int, ...] | None = None) -> tuple[IntArray, FloatArray]:
     """For points (p, 3): the cell (p,) that holds each or is nearest in barycentric measure, and reference coordinates
     (p, 3).
@@ -113,16 +118,21 @@ def locate(mesh: TetMesh, points: FloatArray, regions: tuple[int, ...] | None = 
         raise InputError(f"mesh has no cell in regions {regions}")
     X = mesh.points[mesh.cells[chosen]]
     inverse = np.linalg.inv(np.swapaxes(X[:, 1:] - X[:, :1], 1, 2))
-    k = min(40, len(chosen))
-    _, near = cKDTree(X.mean(axis=1)).query(points, k=k)
-    near = near.reshape(len(points), k)
-    xi = np.einsum("pkij,pkj->pki", inverse[near], points[:, None] - X[near, 0])
     # Depth outside a cell in mm, not in barycentric units: large cells must not win over near ones.
     height = 1.0 / np.linalg.norm(np.concatenate([inverse, inverse.sum(axis=1, keepdims=True)], axis=1), axis=2)
-    lowest = np.concatenate([xi, 1.0 - xi.sum(axis=2, keepdims=True)], axis=2) * height[near]
-    best = np.argmax(lowest.min(axis=2), axis=1)
-    row = np.arange(len(points))
-    return chosen[near[row, best]], xi[row, best]
+    tree = cKDTree(X.mean(axis=1))
+    cell, at = np.empty(len(points), dtype=np.int64), np.empty((len(points), 3))
+    left = np.arange(len(points))
+    for k in _NEAREST:
+        count = min(k, len(chosen))
+        near = tree.query(points[left], k=count)[1].reshape(len(left), count)
+        xi = np.einsum("pkij,pkj->pki", inverse[near], points[left, None] - X[near, 0])
+        lowest = (np.concatenate([xi, 1.0 - xi.sum(axis=2, keepdims=True)], axis=2) * height[near]).min(axis=2)
+        best = np.argmax(lowest, axis=1)
+        row = np.arange(len(left))
+        cell[left], at[left] = chosen[near[row, best]], xi[row, best]
+        left = left[lowest[row, best] < _WITHIN_MM]
+    return cell, at
 
 
 def _number_pressures(mesh: TetMesh, element: Element) -> tuple[IntArray, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +18,13 @@ from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.fem.terms.base import Term
 from palpate.core.fem.terms.springs import Springs
+from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.composition import Composition, Patch
 from palpate.core.forward.coupled_scene import CoupledScene
 from palpate.core.forward.cut_interface import sliding_springs
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.forward.scene_parts import dead_load, moved_observation, on_other_shape, prolonged, wall_of
-from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.forward.shared_geometry import SharedGeometry, WallsAt
 from palpate.core.mesh import TetMesh
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import IdentificationProblem
@@ -52,12 +54,9 @@ class CompositionScene(CoupledScene):
         self.space = geometry.space if mesh is geometry.problem.mesh else Space.of(mesh, geometry.element)
         self.shift = prolonged(shift, self.space)
         scanned_nodes = self.space.nodes - self.shift
-        self.walls = [
-            wall_of(fields, self.problem, name, self.space, scanned_nodes) for name, fields in geometry.fields.items()
-        ]
-        if not self.walls and not composition.on_bench:
+        if not geometry.fields and not composition.on_bench:
             raise InputError("the case shows neither bladder nor rectum in both scans: nothing drives the organ")
-        self.drags = self._drags(np.zeros_like(self.shift), 1.0)
+        self._set_walls("at rest", np.zeros_like(self.shift), 1.0, lambda: self._walls_at_rest(scanned_nodes))
         self.loads: tuple[Term, ...] = (dead_load(self.space, [make(self.space) for make in composition.load]),)
         if cut is not None:
             G = self.problem.facts.tissue_shear_modulus_kpa
@@ -87,9 +86,22 @@ class CompositionScene(CoupledScene):
 
     def linearise(self, u: FloatArray, way: float = 1.0) -> None:
         """See `CoupledScene.linearise`."""
-        super().linearise(u, way)
-        self.drags = self._drags(u, way)
+        self.linearised_at = u
+        self._set_walls("last", u, way, lambda: [wall.linearised(u, way) for wall in self.walls])
         self.assembler.terms = self.terms
+
+    def _set_walls(self, when: str, u: FloatArray, way: float, made: Callable[[], list[SlidingWall]]) -> None:
+        """Walls and drags linearised at u (n, 3) mm: those that another scene on the scanned mesh has there, else made anew."""
+        memory = self.geometry.walls_at if self.space.mesh is self.geometry.problem.mesh else {}
+        known, motions = memory.get(when), tuple(self.geometry.motions.values())
+        if known is None or not known.fits(u, way, motions):
+            self.walls = made()
+            known = memory[when] = WallsAt(u.copy(), way, motions, tuple(self.walls), tuple(self._drags(u, way)))
+        self.walls, self.drags = list(known.walls), list(known.drags)
+
+    def _walls_at_rest(self, scanned_nodes: FloatArray) -> list[SlidingWall]:
+        fields = self.geometry.fields.items()
+        return [wall_of(pair, self.problem, name, self.space, scanned_nodes) for name, pair in fields]
 
     @property
     def terms(self) -> tuple[Term, ...]:

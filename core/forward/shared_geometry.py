@@ -7,9 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
+from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
 from palpate.core.fem.space import Space
 from palpate.core.fem.terms.base import PointSet
+from palpate.core.fem.terms.springs import Springs
 from palpate.core.fem.terms.wall import SlidingWall
 from palpate.core.forward.cut_interface import CutProblem, cut_problem
 from palpate.core.forward.known_geometry import KnownGeometry
@@ -25,6 +27,23 @@ from palpate.core.surfaces.triangles import areas
 
 # Cubes of a surface's own spacing that its area fills, over area / spacing^2.
 _CUBES = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class WallsAt:
+    """Walls and the drags along them where they were linearised last: at nodal displacements u (n, 3) mm, a share `way` of the
+    distance left, with these motions."""
+
+    u: FloatArray
+    way: float
+    motions: tuple[WallMotion, ...]
+    walls: tuple[SlidingWall, ...]
+    drags: tuple[Springs, ...]
+
+    def fits(self, u: FloatArray, way: float, motions: tuple[WallMotion, ...]) -> bool:
+        """Whether they are those of other arguments."""
+        same = len(motions) == len(self.motions) and all(a is b for a, b in zip(motions, self.motions, strict=True))
+        return same and way == self.way and np.array_equal(u, self.u)
 
 
 @dataclass(eq=False)
@@ -46,6 +65,8 @@ class SharedGeometry:
     _cut: CutProblem | None = None
     # Not copied by `replace`: a geometry with other motions has finer ones of its own.
     _finer: dict[str, SharedGeometry] = field(default_factory=dict, init=False)
+    # Of scenes on the scanned mesh, "at rest" and "last": most compositions differ in what does not touch the walls.
+    walls_at: dict[str, WallsAt] = field(default_factory=dict, init=False)
 
     @classmethod
     def of(

@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from palpate.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from palpate.imaging.matching.window_sums import Windows
+from palpate.imaging.sampling import cubic
 from palpate.imaging.volume import Volume
 
 # Displacements (n, 3) mm at points (n, 3) mm.
@@ -67,10 +68,10 @@ class ScanPair:
         the weight of every voxel: 1 where both scans are usable."""
         index = tuple(self.active.T)
         along = np.stack([self.windows.spread(beyond[..., a])[index] for a in range(3)], axis=-1)
-        at = self.second.to_index(self.places + along).T
+        at = self.second.to_index(self.places + along)
         values, weight = self.first.copy(), np.zeros_like(self.first)
-        values[index] = ndimage.map_coordinates(self.second.array, at, order=3, mode="nearest", prefilter=False)
-        seen = ndimage.map_coordinates(self.other_usable.array, at, order=1, mode="constant")
+        values[index] = cubic(self.second.array, at)
+        seen = ndimage.map_coordinates(self.other_usable.array, at.T, order=1, mode="constant")
         weight[index] = (seen > _USABLE) & self.usable[index]
         return values, weight
 

@@ -211,20 +211,28 @@ def scaled(indptr: Int32Array, indices: Int32Array, values: FloatArray, scale: F
     return out
 
 
-@njit(cache=True)
 def symmetric_product(indptr: Int32Array, indices: Int32Array, values: FloatArray, x: FloatArray) -> FloatArray:
     """A x for rows x (r, n) of a matrix given by its upper triangle in CSR."""
-    y = np.zeros_like(x)
-    for k in range(x.shape[0]):
-        for i in range(x.shape[1]):
-            xi, total = x[k, i], 0.0
-            for s in range(indptr[i], indptr[i + 1]):
-                j = indices[s]
-                total += values[s] * x[k, j]
-                if j != i:
-                    y[k, j] += values[s] * xi
-            y[k, i] += total
-    return y
+    columns, y = np.ascontiguousarray(x.T), np.zeros((x.shape[1], x.shape[0]))
+    _add_product(indptr, indices, values, columns, y)
+    return np.ascontiguousarray(y.T)
+
+
+@njit(cache=True)
+def _add_product(indptr: Int32Array, indices: Int32Array, values: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Add A x to y for x, y (n, r): the matrix is read once for all columns."""
+    total = np.empty(x.shape[1])
+    for i in range(x.shape[0]):
+        total[:] = 0.0
+        for s in range(indptr[i], indptr[i + 1]):
+            j, value = indices[s], values[s]
+            for k in range(x.shape[1]):
+                total[k] += value * x[j, k]
+            if j != i:
+                for k in range(x.shape[1]):
+                    y[j, k] += value * x[i, k]
+        for k in range(x.shape[1]):
+            y[i, k] += total[k]
 
 
 def _call_phase(
