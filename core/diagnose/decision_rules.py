@@ -65,8 +65,7 @@ class DecisionRules(EvidenceRules):
         sourced(
             "1",
             "A verdict of one name may not leave a remainder with a p-value below this, unless it predicts nearly all.",
-            "The level of the gap test. The true effects of twelve cases, nine of them shared, have 0.16 to 0.94 "
-            "(gap_history.md of commit 58d590b).",
+            "The level of the gap test.",
         ),
     ] = 0.05
     nearly_all: Annotated[
@@ -74,8 +73,7 @@ class DecisionRules(EvidenceRules):
         sourced(
             "1",
             "Share of a free field's gain on data left out from which on a remainder is laid to walls and mesh.",
-            "Chosen: true strong effects were found to leave 0.4 to 0.7 mm on four cases of an older simulator "
-            "(gap_history.md of commit 58d590b).",
+            "Chosen: true strong effects were found to leave 0.4 to 0.7 mm on four cases of an older simulator.",
         ),
     ] = 0.9
     half: Annotated[

@@ -55,6 +55,14 @@ class EvidenceRules:
             "Chosen: the other look is the more powerful one for whatever has a name or is smooth.",
         ),
     ] = 0.1
+    refit_share: Annotated[
+        float,
+        sourced(
+            "1",
+            "Share of the false alarms that the Bayes factor after refits may make.",
+            "Chosen, as `whole_share`: the smaller of two p-values is paid for (Bonferroni).",
+        ),
+    ] = 0.1
     clear: Annotated[
         float,
         sourced(

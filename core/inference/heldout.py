@@ -100,15 +100,14 @@ class Gain:
         return Gain(self.before_mm, self.after_mm, mean, error, mean * n / max(before, 1e-30), n)
 
 
-def gain(split: Split, before: FloatArray, after: FloatArray, noise_mm2: float = np.inf) -> Gain:
-    """Compare two models by their residuals (m,) on data left out. noise_mm2 : what noise makes of the gain per patch, see `gain_error`.
+def gain(split: Split, before: FloatArray, after: FloatArray, noise_mm2: float = np.nan) -> Gain:
+    """Compare two models by their residuals (m,) on data left out.
 
-    The standard error is the smaller of that and the spread from patch to patch, for either may be too large: the first where the noise
-    is less than it is said to be, the second where an effect acts at one place, gains there and nowhere else.
+    noise_mm2 : standard error of the gain per patch, see `gain_error`; unknown where not given. The spread from patch to patch is
+    none: an effect that acts at one place gains there and nowhere else, and the smaller of two errors is too small.
     """
     a, b = split.patch_means(before**2), split.patch_means(after**2)
-    d = float((a - b).mean())
-    error = min(float((a - b).std(ddof=1) / np.sqrt(len(a))), noise_mm2)
+    d, error = float((a - b).mean()), noise_mm2
     surface = np.arange(len(split.points))
     return Gain(rms(before[surface]), rms(after[surface]), d, error, d / max(float(a.mean()), 1e-30), len(a))
 

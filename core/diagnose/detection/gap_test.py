@@ -83,7 +83,7 @@ def gap_test(
     `DecisionRules.clear`; None before. Linearisation at the plain fit underrates an effect that the stiffness absorbed,
     or a push between the places tried. Draws are not refitted: the Bayes factor E with the refits is an e-value, which
     noise makes as large as 1 / p in at most a share p of cases (Vovk & Wang 2021), so that 1 / E is a p-value too. The
-    smaller of the two is taken.
+    smaller of the two is taken, each over its share of the level (`DecisionRules.refit_share`).
     """
     return looked_at(noise, r, J, fields, named, seed, rules=rules).test(refitted)
 
@@ -112,7 +112,7 @@ class Looks:
         if refitted is not None:
             known = [np.maximum(one[:1], refitted.get(name, -np.inf)) for name, one in self.library.items()]
             after = _of_a_gap(self.smooth[:1], _any_named(known, 1), rules.prior_unknown)[0]
-            p = min(p, max(float(np.exp(-after)), 1.0 / draws))  # the least that draws can tell
+            p = min(1.0, p / (1.0 - rules.refit_share), float(np.exp(-after)) / rules.refit_share)
         return GapTest(
             self.Q,
             self.freedom,

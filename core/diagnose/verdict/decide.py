@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -29,8 +29,8 @@ class Findings:
 
     detected : outcome of the gap test. judged : effects after their refits. unknown : log evidence of a free smooth
     field of forces. pair : two effects together, and the log evidence of both; None where no pair predicts more than
-    the better one alone. told : whether the scans tell any region's stiffness. rules : the numbers that the conditions
-    hang on.
+    the better one alone. told : whether the scans tell any region's stiffness. first_look : log evidence of the effects that
+    were not refitted; they share the prior. rules : the numbers that the conditions hang on.
     """
 
     detected: bool
@@ -38,12 +38,13 @@ class Findings:
     unknown: float
     pair: tuple[tuple[str, ...], float] | None = None
     told: bool = True
+    first_look: Mapping[str, float] = field(default_factory=dict)
     rules: DecisionRules = field(kw_only=True)
 
     @cached_property
     def probability(self) -> dict[str, float]:
         """Of every effect and of "unknown", given that there is a gap."""
-        evidence = {j.effect: j.log_evidence for j in self.judged}
+        evidence = {**self.first_look, **{j.effect: j.log_evidence for j in self.judged}}
         return probabilities(evidence, self.unknown, self.rules.prior_unknown)
 
     @cached_property
@@ -236,9 +237,10 @@ def decide(
     pair: tuple[tuple[str, ...], float] | None = None,
     *,
     told: bool = True,
+    first_look: Mapping[str, float] | None = None,
     rules: DecisionRules,
 ) -> Verdict:
     """The first of `RULES` that holds decides. Arguments as in `Findings`."""
-    findings = Findings(detected, judged, unknown, pair, told, rules=rules)
+    findings = Findings(detected, judged, unknown, pair, told, first_look or {}, rules=rules)
     decision = first_that_holds(RULES, findings)
     return Verdict(decision.verdict, decision.candidates, findings.probability, decision.sentence, decision.rule)

@@ -12,12 +12,12 @@ from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.gap_test import GapTest, gap_test
 from palpate.core.diagnose.detection.leave_out import bone_split, organ_split
 from palpate.core.diagnose.detection.location import DiscrepancyMaps
-from palpate.core.diagnose.detection.placebo import moved_gains, placebo_gains
+from palpate.core.diagnose.detection.placebo import PlaceboSize, moved_gains, placebo_gains
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.pairs import JOINED, refit_pairs
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.decide import decide
-from palpate.core.diagnose.verdict.verdict import Judged, Verdict, probabilities
+from palpate.core.diagnose.verdict.verdict import Judged, Verdict
 from palpate.core.inference.evidence import projected
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
 from palpate.core.inference.posterior import prior_precision
@@ -90,11 +90,8 @@ def judge(
     ):
         pair = (tuple(_name(pairs[0]).split(JOINED)), pairs[0].log_evidence)
     told = not (untold(fit.posterior).all() and _moved(fit))
-    verdict = decide(test.detected, all_judged, unknown, pair, told=told, rules=rules)
-    if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
-        evidence = {s.effect.id: s.log_evidence for s in screened}
-        none = unknown
-        verdict = replace(verdict, probability=probabilities(evidence, none, rules.prior_unknown))
+    first_look = {s.effect.id: s.log_evidence for s in screened if s.effect.id not in effects}
+    verdict = decide(test.detected, all_judged, unknown, pair, first_look=first_look, told=told, rules=rules)
     return Diagnosis(
         fit,
         test,
@@ -171,8 +168,10 @@ class _Placebos:
     def against(self, fit: PlainFit, refit: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
         """Share of placebos that gain as much as g, of random loads or of other places, and the median share random
         loads gain."""
-        size, count = _size(fit, refit), self.rules.placebos
-        loads = placebo_gains(self.split, self.plain, self.before, self.forces, size, count, self.seed)
+        change = refit.linearisation.residual - fit.linearisation.residual
+        like = PlaceboSize.of(change, len(refit.phi), fit.weighting)
+        count, response = self.rules.placebos, self.forces.response
+        loads = placebo_gains(self.split, self.plain, self.before, response, like, count, self.seed)
         p = _share_as_good(loads, g)
         variant = refit.hypothesis.variant
         if variant is not None and variant.where is not None:
@@ -234,12 +233,6 @@ def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
     residual = projected(could, done)
     length = max(float(done @ done), 1e-30)
     return float(np.sqrt(max(1.0 - float(residual @ residual) / length, 0.0)))
-
-
-def _size(fit: PlainFit, refit: Refit) -> float:
-    """Rms change of the data vector, mm, by the effect where it fits best."""
-    change = (refit.linearisation.residual - fit.linearisation.residual)[fit.model.surface]
-    return float(np.sqrt((change**2).sum() / len(refit.linearisation.residual)))
 
 
 def plain_model(fit: PlainFit) -> Linear:

@@ -63,6 +63,14 @@ def test_what_acts_in_one_place_is_confirmed_though_it_gains_nowhere_else() -> N
     assert RULES.accepts(found)
 
 
+def test_the_spread_between_patches_is_no_error_of_a_gain() -> None:
+    """Where all patches happen to gain alike, their spread is nearly 0: the smaller of two errors would confirm anything."""
+    s = split()
+    before, after = np.full(N, 1.0), np.full(N, 0.9)
+    assert gain(s, before, after, 0.3).error_mm2 == 0.3
+    assert not RULES.accepts(gain(s, before, after))  # without an error nothing is accepted
+
+
 def test_noise_is_not_confirmed() -> None:
     """A smooth shape that is fitted to nothing but noise predicts none of it."""
     s, accepted = split(), 0
