@@ -1,4 +1,4 @@
-"""Placebo effects: random smooth loads as strong as the effect under test, and the same effect at another place."""
+"""Placebo effects: random smooth loads as strong and as free as the effect under test."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.inference.heldout import Gain, Linear, Split, gain
 from palpate.core.observe.contour_noise import Weighting
 
@@ -51,23 +50,3 @@ def placebo_directions(loads: FloatArray, like: PlaceboSize, rng: np.random.Gene
     S = loads @ rng.standard_normal((loads.shape[1], like.parameters))
     lengths = np.linalg.norm(like.weighting.whiten(S), axis=0)
     return np.asarray(S * (like.size / np.sqrt(like.parameters) / np.maximum(lengths, 1e-30)))
-
-
-def moved_gains(
-    split: Split,
-    plain: Linear,
-    before: FloatArray,
-    screened: Screened,
-    where: tuple[float, float, float],
-    apart_mm: float,
-) -> list[Gain]:
-    """Gain on data left out of the same effect at every other place (mirrored or moved by at least apart_mm), its size
-    fitted."""
-    models = []
-    for variant, S in zip(screened.variants, screened.directions, strict=True):
-        if variant.where is None or np.linalg.norm(np.subtract(variant.where, where)) < apart_mm:
-            continue
-        effective = np.abs(S).max(axis=0) > 0.0
-        precision = np.concatenate([plain.precision, 1.0 / screened.effect.scales[effective] ** 2])
-        models.append(Linear(plain.r, np.column_stack([plain.J, S[:, effective]]), np.zeros(len(precision)), precision))
-    return [gain(split, before, after) for after in split.left_out(models)]
