@@ -23,69 +23,29 @@ class DecisionRules(EvidenceRules):
         float,
         sourced(
             "odds",
-            "Effects whose probability is within this factor of the best one's cannot be told from it.",
-            "Kass & Raftery (1995): less is positive evidence at best. Chosen with the verdicts of the shared sets "
-            "in view (docs/gap.md).",
+            "Effects on a bench whose probability is within this factor of the best one's cannot be told from it.",
+            "Kass & Raftery (1995): less is positive evidence at best.",
         ),
     ] = 5.0
-    tied_twins: Annotated[
-        float,
-        sourced(
-            "odds",
-            "The same for twins, for two effects together against one, and for a cause without a name against all with one.",
-            "Kass & Raftery (1995): strong evidence. Twins' odds hang on the small errors of model and noise.",
-        ),
-    ] = 20.0
-    twins: Annotated[
-        float,
-        sourced(
-            "cosine",
-            "An effect that could imitate what the best one does to the data to this is its twin.",
-            "Chosen: all but a tenth of the squares. Volume change, compressible organ and contour bias have 0.95 to "
-            "0.99 (docs/gap.md).",
-        ),
-    ] = 0.95
     sure: Annotated[
         float,
         sourced(
             "1",
-            "A verdict of one name must be this probable.",
-            "Chosen: four times as probable as all others together.",
+            "The answer is the fewest hypotheses that hold this share of the probability.",
+            "Chosen: one answer in ten may lack the cause.",
         ),
-    ] = 0.8
+    ] = 0.9
+    check_level: Annotated[
+        float,
+        sourced(
+            "1",
+            "A name alone may not leave a remainder, or data left out, that it would leave itself in fewer cases than this share.",
+            "Convention: a model check, no test for a cause.",
+        ),
+    ] = 0.01
     most_candidates: Annotated[
         int, sourced("1", "Names in an ambiguous verdict, at most.", "Chosen: more would say nothing; scored as a set.")
     ] = 3
-    remainder_level: Annotated[
-        float,
-        sourced("1", "A remainder whose p-value under the noise is below this is certainly no noise.", "Convention."),
-    ] = 0.01
-    left_over: Annotated[
-        float,
-        sourced(
-            "1",
-            "A verdict of one name may not leave a remainder with a p-value below this, unless it predicts nearly all.",
-            "The level of the gap test. The true effects of twelve cases, nine of them shared, have 0.16 to 0.94 "
-            "(gap_history.md of commit 58d590b).",
-        ),
-    ] = 0.05
-    nearly_all: Annotated[
-        float,
-        sourced(
-            "1",
-            "Share of a free field's gain on data left out from which on a remainder is laid to walls and mesh.",
-            "Chosen: true strong effects were found to leave 0.4 to 0.7 mm on four cases of an older simulator "
-            "(gap_history.md of commit 58d590b).",
-        ),
-    ] = 0.9
-    half: Annotated[
-        float,
-        sourced(
-            "1",
-            "A name that gains less of what a free field gains explains the smaller part.",
-            "Asked for with the diagnosis: `unknown` below half of it.",
-        ),
-    ] = 0.5
     step_share: Annotated[
         float,
         sourced(

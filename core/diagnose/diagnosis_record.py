@@ -93,11 +93,20 @@ class RankedRecord(msgspec.Struct, frozen=True, kw_only=True):
     refitted: bool | UnsetType = UNSET
 
 
+class PartShrinkageRecord(msgspec.Struct, frozen=True):
+    """rms of what was left out, mm: predicted by the plain model, with the effect, with a free smooth field. Distances along the normal
+    ("surface"), or components of the motion in the images ("inside" the organ, "tissue" around it)."""
+
+    before_mm: _Length
+    after_mm: _Length
+    ceiling_mm: _Length
+
+
 class ShrinkageRecord(msgspec.Struct, frozen=True, kw_only=True):
     """How far the gap shrinks on data left out, with `effect`.
 
     noise_corrected_fraction : of the error in truth, without the drawing's noise; ci95 : its interval, whichever effect is the true
-    one. noise_floor_mm : of the organ's contours.
+    one. noise_floor_mm : of the organ's contours. parts : of what is told apart; all before is of the first one.
     """
 
     held_out_rms_before_mm: float
@@ -109,6 +118,7 @@ class ShrinkageRecord(msgspec.Struct, frozen=True, kw_only=True):
     placebo_fraction: float
     noise_floor_mm: float | UnsetType = UNSET
     effect: str = ""
+    parts: dict[str, PartShrinkageRecord] | UnsetType = UNSET
 
 
 class FittedStiffnessRecord(msgspec.Struct, frozen=True):
@@ -179,7 +189,8 @@ class DiagnosisRecord(msgspec.Struct, frozen=True, kw_only=True):
     verdict : "none", "ambiguous", "unknown" or the id of an effect. candidates : effects that cannot be told apart.
     probability_unknown : of an effect that the library does not have. options : the numbers in force. states,
     remainder : of a body on a bench. simulated : present and true where the pair was computed. image : whether it stands on the
-    motion that the two images tell too; absent in records of earlier versions and of bodies on a bench.
+    motion that the two images tell too; absent in records of earlier versions and of bodies on a bench. posterior : probability of
+    every hypothesis: "none", an effect, two of them ("a+b"), "unknown"; they sum to 1. That of a ranking's row is given a gap.
     """
 
     case: str
@@ -201,3 +212,4 @@ class DiagnosisRecord(msgspec.Struct, frozen=True, kw_only=True):
     remainder: RemainderRecord | UnsetType | None = UNSET
     simulated: bool | UnsetType = UNSET
     image: bool | UnsetType = UNSET
+    posterior: dict[str, _Probability] | UnsetType = UNSET

@@ -1,4 +1,4 @@
-"""Evidence for a model: score tests and marginal likelihoods with the stiffness projected out.
+"""Evidence for a model: its marginal likelihood, and score tests with the stiffness projected out.
 
 Everything here is in whitened coordinates: r (n,) residual, J (n, t) derivative in ln G, S (n, k) derivative in phi.
 """
@@ -10,9 +10,72 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import cho_factor, cho_solve
 from scipy.special import log_ndtr, logsumexp
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import BoolArray, FloatArray
+
+# Bounds farther from 0 than so many of the prior's standard deviations cut off nothing.
+_FAR = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """What a hypothesis adds to a model, linear about phi (k,): S (n, k) derivative of the data; scales (k,) standard deviations of phi's
+    prior around 0, bounds (k, 2) of phi."""
+
+    S: FloatArray
+    scales: FloatArray
+    bounds: FloatArray
+    phi: FloatArray
+
+    @classmethod
+    def at_zero(cls, S: FloatArray, scales: FloatArray, bounds: FloatArray | None = None) -> Directions:
+        """At phi = 0. bounds : none where they are not given."""
+        anywhere = np.tile([-np.inf, np.inf], (len(scales), 1))
+        return cls(S, scales, anywhere if bounds is None else bounds, np.zeros(len(scales)))
+
+    @classmethod
+    def none(cls, n: int) -> Directions:
+        """Nothing, for n data."""
+        return cls.at_zero(np.zeros((n, 0)), np.zeros(0))
+
+
+def log_evidence(
+    r: FloatArray, J: FloatArray, precision: FloatArray, added: Directions, free: BoolArray | None = None
+) -> FloatArray:
+    """Log marginal likelihood (d,) of residuals r (n, d) of a model that is linear in all its parameters, without the noise's own terms.
+
+    J (n, t) : derivative in ln G, whose prior is normal about the linearisation with precision (t,). added : what the hypothesis adds, S
+    in the coordinates of r. free (t + k,) : parameters that are not held at a bound; the others stay where they are. Exact where the
+    model is linear, for the noise that r is whitened by: a hypothesis at its optimum and one that is only looked at from the plain fit
+    are weighed by the same integral.
+    """
+    t, z = J.shape[1], added.phi / added.scales
+    X = np.hstack([J, added.S * added.scales])
+    H = X.T @ X + np.diag(np.concatenate([precision, np.ones(len(z))]))
+    slope = X.T @ r + np.concatenate([np.zeros(t), z])[:, None]
+    moving = np.ones(len(H), dtype=bool) if free is None else free
+    step = np.zeros_like(slope)
+    step[moving] = -cho_solve(cho_factor(H[np.ix_(moving, moving)], lower=True), slope[moving])
+    out = -0.5 * np.square(r).sum(axis=0) - 0.5 * float(z @ z) - 0.5 * np.einsum("pd,pd->d", slope, step)
+    out += 0.5 * float(np.log(precision).sum()) - 0.5 * float(np.linalg.slogdet(H)[1])
+    if not len(z):
+        return np.asarray(out)
+    sd = np.sqrt(np.diag(np.linalg.inv(H))[t:])
+    return np.asarray(out + _within(z[:, None] + step[t:], sd, added.bounds / added.scales[:, None]))
+
+
+def _within(estimate: FloatArray, sd: FloatArray, limits: FloatArray) -> FloatArray:
+    """ln (d,) of how much more of the posterior than of the prior lies within limits (k, 2), parameter by parameter.
+
+    estimate (k, d), sd (k,) : of the posterior, in prior standard deviations.
+    """
+    out = np.zeros(estimate.shape[1])
+    for mean, s, (low, high) in zip(estimate, sd, limits, strict=True):
+        if low > -_FAR or high < _FAR:
+            out += log_share((low - mean) / s, (high - mean) / s) - log_share(low, high)
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Prediction of held-out data: patches of the organ's surface and of bones, and the landmarks, one at a time.
+"""Prediction of held-out data: blocks of the organ's surface and of matched motion, and the landmarks, one at a time.
 
 In-sample criteria prefer the wrong model under correlated noise; a patch at least two correlation lengths wide that the fit has not
 seen does not. Models are linear around their own best fit here: every patch takes one small solve.
@@ -6,7 +6,7 @@ seen does not. Models are linear around their own best fit here: every patch tak
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,15 +33,19 @@ class Linear:
 class Split:
     """The data, row by row, in patches.
 
-    reader : (m, n) takes the data vector to rows, constant (m,) mm is added. patch : (m,) of each row, -1 for
-    rows that are never left out. covariance (m, m). points : (p, 3) mm, of the first rows.
+    reader : (m, n) takes the data vector to rows. patch : (m,) of each row, -1 for
+    rows that are never left out. covariance (m, m). parts : rows of what is told apart, by name; the first one is the organ.
     """
 
     reader: FloatArray
-    constant: FloatArray
     patch: IntArray
     covariance: FloatArray
-    points: FloatArray
+    parts: Mapping[str, slice]
+
+    @property
+    def organ(self) -> slice:
+        """Rows of the organ."""
+        return next(iter(self.parts.values()))
 
     @property
     def n_patches(self) -> int:
@@ -50,7 +54,7 @@ class Split:
 
     def left_out(self, models: Sequence[Linear]) -> list[FloatArray]:
         """For each model the residual (m,) mm of every row, predicted without its own patch; rows never left out are 0."""
-        rows = [(self.reader @ m.r + self.constant)[:, None] for m in models]
+        rows = [(self.reader @ m.r)[:, None] for m in models]
         return [x[:, 0] for x in self.predicted(models, rows)]
 
     def predicted(self, models: Sequence[Linear], rows: Sequence[FloatArray]) -> list[FloatArray]:
@@ -74,53 +78,37 @@ class Split:
 
 @dataclass(frozen=True)
 class Gain:
-    """What an effect gains on data left out: rms before and after (mm, surface), the gain per patch and its standard error (mm2).
+    """What an effect gains on data left out: rms before and after (mm, organ), and the gain per patch (mm2).
 
-    patches : how many. share : of the mean square before.
+    share : of the mean square before. patches : how many.
     """
 
     before_mm: float
     after_mm: float
     mean_mm2: float
-    error_mm2: float
     share: float
     patches: int = 1
 
-    @property
-    def total_mm2(self) -> float:
-        """Over all patches."""
-        return self.patches * self.mean_mm2
 
-    def __add__(self, other: Gain) -> Gain:
-        """Over the patches of both, whose noise is independent; rms as of the first."""
-        n = self.patches + other.patches
-        mean = (self.total_mm2 + other.total_mm2) / n
-        error = float(np.hypot(self.patches * self.error_mm2, other.patches * other.error_mm2)) / n
-        before = sum(g.patches * g.mean_mm2 / g.share for g in (self, other) if g.share)
-        return Gain(self.before_mm, self.after_mm, mean, error, mean * n / max(before, 1e-30), n)
-
-
-def gain(split: Split, before: FloatArray, after: FloatArray, noise_mm2: float = np.inf) -> Gain:
-    """Compare two models by their residuals (m,) on data left out. noise_mm2 : what noise makes of the gain per patch, see `gain_error`.
-
-    The standard error is the smaller of that and the spread from patch to patch, for either may be too large: the first where the noise
-    is less than it is said to be, the second where an effect acts at one place, gains there and nowhere else.
-    """
+def gain(split: Split, before: FloatArray, after: FloatArray) -> Gain:
+    """Compare two models by their residuals (m,) on data left out."""
     a, b = split.patch_means(before**2), split.patch_means(after**2)
-    d = float((a - b).mean())
-    error = min(float((a - b).std(ddof=1) / np.sqrt(len(a))), noise_mm2)
-    surface = np.arange(len(split.points))
-    return Gain(rms(before[surface]), rms(after[surface]), d, error, d / max(float(a.mean()), 1e-30), len(a))
+    d, at = float((a - b).mean()), split.organ
+    return Gain(rms(before[at]), rms(after[at]), d, d / max(float(a.mean()), 1e-30), len(a))
 
 
-def gain_error(split: Split, plain: Linear, model: Linear, draws: int, seed: int = 1) -> float:
-    """Standard error (mm2) of the gain per patch of a model over the plain one, both seeing the same noise.
+def predictive_p(split: Split, model: Linear, draws: int, seed: int = 1) -> float:
+    """Posterior predictive p-value of a model on data left out (Gelman, Meng & Stern 1996): how often it would itself, true where it
+    fits best, miss by as much what it predicts from the rest.
 
-    By so many draws of the noise, the model taken for true where it fits best.
+    The misses are squared in units of their own standard deviation under the model, and averaged over rows and patches.
     """
     rng = np.random.default_rng(seed)
     noise = np.linalg.cholesky(split.covariance) @ rng.standard_normal((len(split.covariance), draws))
-    off = split.reader @ (plain.r - model.r)
-    before, after = split.predicted([plain, model], [noise + off[:, None], noise])
-    gains = split.patch_means(before**2 - after**2).mean(axis=0)
-    return float(gains.std(ddof=1))
+    missed, (drawn,) = split.left_out([model])[0], split.predicted([model], [noise])
+    rows = split.patch >= 0
+    sd = np.sqrt(np.square(drawn).mean(axis=1))
+    sizes = split.patch_means(np.square(np.column_stack([missed, drawn]) / np.where(rows, sd, 1.0)[:, None])).mean(
+        axis=0
+    )
+    return float(np.mean(sizes >= sizes[0]))

@@ -105,10 +105,31 @@ def mode_reader(rows: MotionRows) -> FloatArray:
     if not len(rows.value):
         return np.zeros((0, 0))
     factor = cholesky(rows.covariance, lower=True)
-    modes = noise_modes(rows.places, 1.0, _LENGTH_MM, _KEPT)[rows.place]
-    shown = np.concatenate([modes * rows.as_a_whole[:, a : a + 1] for a in range(3)], axis=1)
-    signal = solve_triangular(factor, shown, lower=True)
+    signal = solve_triangular(factor, _shown(rows, _smooth_motion(rows)), lower=True)
     square, turn = np.linalg.eigh(signal.T @ signal)
     kept = np.flatnonzero(square > _LEAST)[::-1][:_MOST]
     whole = signal @ (turn[:, kept] / np.sqrt(square[kept]))
     return np.asarray(solve_triangular(factor, whole, lower=True, trans="T").T)
+
+
+def motion_in_mm(rows: MotionRows, reader: FloatArray) -> FloatArray:
+    """Matrix (w, 3, m) that takes modes (m,), read by `reader` (m, d), to the motion at the rows' places, mm.
+
+    It is the mean of a smooth motion of 1 mm, as `mode_reader` takes it to be, given the modes (Rasmussen & Williams 2006): where
+    nothing was seen it is 0.
+    """
+    smooth = _smooth_motion(rows)
+    seen = reader @ _shown(rows, smooth)
+    amplitudes = np.linalg.solve(np.eye(len(reader)) + seen @ seen.T, seen).T
+    return np.einsum("wk,akm->wam", smooth, amplitudes.reshape(3, smooth.shape[1], len(reader)))
+
+
+def _smooth_motion(rows: MotionRows) -> FloatArray:
+    """Modes (w, k) mm of smooth motion along one axis, at the rows' places."""
+    return noise_modes(rows.places, 1.0, _LENGTH_MM, _KEPT)
+
+
+def _shown(rows: MotionRows, smooth: FloatArray) -> FloatArray:
+    """What the rows show (d, 3 k) of modes (w, k) along each axis."""
+    modes = smooth[rows.place]
+    return np.concatenate([modes * rows.as_a_whole[:, a : a + 1] for a in range(3)], axis=1)

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.inference.evidence import Directions, log_evidence
 from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.image_errors import ImageErrorSizes
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
@@ -78,13 +79,29 @@ class NoiseGrid:
         covariances = self.covariances.only(kept)
         return NoiseGrid([self.sizes[k] for k in kept], covariances, prior - logsumexp(prior), self.options)
 
-    def log_evidence(self, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
-        """Laplace's log evidence of a model, averaged over all sizes of the noise.
+    def log_evidence(
+        self,
+        r: FloatArray,
+        J: FloatArray,
+        precision: FloatArray,
+        added: Sequence[Directions],
+        free: BoolArray | None = None,
+    ) -> FloatArray:
+        """Log evidence (v, d) of v hypotheses for residuals r (n, d), averaged over all sizes of the noise.
 
-        r (n,) : residual where the model fits best. J (n, k) : its derivative in the model's parameters. precision (k,)
-        : of their priors. The model is not refitted for each size: far from its best fit J is no longer its derivative.
+        J (n, t), precision (t,), added, free : see `evidence.log_evidence`, in mm. Every hypothesis has the same r and J.
         """
-        return float(logsumexp([_laplace(C, r, J, precision) for C in self.covariances] + self.log_prior))
+        t, columns = J.shape[1], np.hstack([r, J, *(one.S for one in added)])
+        ends = np.cumsum([r.shape[1], t, *(one.S.shape[1] for one in added)])
+        total = np.full((len(added), r.shape[1]), -np.inf)
+        for C, log_prior in zip(self.covariances, self.log_prior, strict=True):
+            L = np.linalg.cholesky(C)
+            rw, Jw, *each = np.split(solve_triangular(L, columns, lower=True, check_finite=False), ends[:-1], axis=1)
+            noise = float(log_prior) - float(np.log(np.diag(L)).sum())
+            for k, (one, S) in enumerate(zip(added, each, strict=True)):
+                here = log_evidence(rw, Jw, precision, replace(one, S=S), free)
+                total[k] = np.logaddexp(total[k], here + noise)
+        return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,12 +164,3 @@ def fit_image_errors(
 def _prior(factor: float, sd: float) -> float:
     """Log density of the contours' factor, whose logarithm is normal with this standard deviation."""
     return float(-0.5 * (np.log(factor) / sd) ** 2 - np.log(factor))
-
-
-def _laplace(C: FloatArray, r: FloatArray, J: FloatArray, precision: FloatArray) -> float:
-    """Log of the likelihood times the posterior's volume."""
-    L = np.linalg.cholesky(C)
-    both = solve_triangular(L, np.column_stack([r, J]), lower=True, check_finite=False)
-    rw, Jw = both[:, 0], both[:, 1:]
-    volume = -0.5 * float(np.linalg.slogdet(Jw.T @ Jw + np.diag(precision))[1])
-    return -0.5 * float(rw @ rw) - float(np.log(np.diag(L)).sum()) + volume

@@ -79,8 +79,7 @@ class NoiseModelOptions:
             "mm",
             "Correlation lengths of contour noise that are told apart.",
             "Chosen: around the 5.0 to 7.8 mm of the shared sets; the data choose among them by restricted "
-            "likelihood. The blind check's "
-            "simulator has 6.5 mm, between two of them.",
+            "likelihood. The blind check draws its own for each case.",
         ),
     ] = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
     long_mm: Annotated[

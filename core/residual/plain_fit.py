@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.inference.evidence import Directions
 from palpate.core.inference.posterior import Posterior, laplace, prior_precision
 from palpate.core.inference.starts import spread_starts
 from palpate.core.observe.contour_noise import Weighting
@@ -40,6 +41,8 @@ from palpate.core.worker.progress import Progress, part, silent
 # How often the better element's correction is taken anew where the fit has moved, at most, and the move of ln G, in its
 # standard deviations, from which on it is.
 _CORRECTIONS, _MOVED_SD = 3, 0.1
+# A ln G as near to a bound as this is held there.
+_AT_BOUND = 1e-6
 # Response (n, m) of the data to further errors of unit variance, at a model's linearisation.
 FurtherErrors = Callable[[JointModel, JointLinearisation], FloatArray]
 
@@ -111,8 +114,10 @@ class PlainFit:
     @cached_property
     def log_evidence(self) -> float:
         """Log evidence of the plain model, averaged over the noise."""
-        J = self.linearisation.in_theta
-        return self.noise.log_evidence(self.linearisation.residual, J, prior_precision(self.bounds))
+        r, J = self.linearisation.residual[:, None], self.linearisation.in_theta
+        low, high = self.bounds.T
+        free = (self.linearisation.theta > low + _AT_BOUND) & (self.linearisation.theta < high - _AT_BOUND)
+        return float(self.noise.log_evidence(r, J, prior_precision(self.bounds), [Directions.none(len(r))], free)[0, 0])
 
 
 @dataclass(frozen=True, eq=False)

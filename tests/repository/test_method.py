@@ -130,7 +130,7 @@ def test_prediction_of_a_patch_from_the_others() -> None:
     patch = np.repeat(np.arange(3), N // 3)
     both, x = np.hstack([J, S]), np.random.default_rng(4).normal(size=T + K)
     prior = np.concatenate([np.full(T, 1e-4), SCALES**-2])
-    split = Split(np.eye(N), np.zeros(N), patch, SIGMA, np.zeros((N, 3)))
+    split = Split(np.eye(N), patch, SIGMA, {"surface": slice(0, N)})
     found = split.left_out([Linear(R, both, x, prior)])[0]
     for p in range(3):
         h, rest = patch == p, patch != p

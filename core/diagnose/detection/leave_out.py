@@ -1,72 +1,108 @@
-"""Splits of a case's data: patches of the organ's surface and the landmarks, and patches of the bones, left out in
-turn."""
+"""Split of a case's data into blocks that are left out in turn: the organ's surface and the motion that the images show around it,
+and the landmarks."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from palpate.core.arrays import FloatArray, IntArray
+import numpy as np
+from scipy.spatial import cKDTree
+
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.diagnose.decision_rules import DecisionRules
+from palpate.core.fem.space import locate
 from palpate.core.inference.heldout import Split
-from palpate.core.observe.contour_noise import smooth_covariance
+from palpate.core.observe.motion_rows import motion_in_mm
 from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.joint_states import apart
+from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.plain_fit import PlainFit
 
+SURFACE, INSIDE, TISSUE = _PARTS = ("surface", "inside", "tissue")
 
-def organ_split(fit: PlainFit, rules: DecisionRules) -> Split:
-    """Patches of the organ, then one of all landmarks; the bones' motion is never left out.
 
-    A patch is left out of all deformed states at once, because they share the contour at rest. Rows of the organ's
-    surfaces come first, state by state.
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Rows of one kind in one state. points (k, 3) mm at rest, of each row. reader (k, n)."""
+
+    name: str
+    points: FloatArray
+    reader: FloatArray
+
+
+def data_split(fit: PlainFit, rules: DecisionRules) -> Split:
+    """Blocks of space, each with the surface and the matched motion in it, then one of all landmarks; bones are never left out.
+
+    Parts: distances along the organ's normal where it was drawn; motion inside the organ and in the tissue around, mm an axis, where
+    images show it. A block is left out of all deformed states at once, for they share the scan at rest. With images it is as wide as
+    two lengths over which motion is matched, else as two of contour noise.
     """
-    data_vectors, at_rest = fit.model.data_vectors, fit.linearisation.first.scene.observation.points
-    chosen = _thinned(at_rest, rules.point_spacing_mm)
-    surface = apart([_rows_of_surface(data, chosen) for data in data_vectors])
-    rest = np.delete(np.eye(fit.model.n), fit.model.surface, axis=0)
-    reader = np.vstack([surface, rest])
-    points = np.tile(at_rest[chosen], (len(data_vectors), 1))
+    found = sorted(_parts(fit, rules), key=lambda part: _PARTS.index(part.name))
+    points, read = np.vstack([p.points for p in found]), np.vstack([p.reader for p in found])
+    seen = np.concatenate(
+        [_seen(data, rows) for data, rows in zip(fit.model.data_vectors, fit.model.rows, strict=True)]
+    )
+    reader = np.vstack([read, np.delete(np.eye(fit.model.n), seen, axis=0)])
+    images = any(data.n_motion for data in fit.model.data_vectors)
     patch = np.full(len(reader), -1)
-    patch[: len(points)] = np.tile(_patches(at_rest[chosen], rules.patch_mm), len(data_vectors))
-    marks = np.concatenate([np.arange(s.n - s.n_modes) < 3 * s.n_marks for s in data_vectors])
+    patch[: len(points)] = blocks(points, rules.block_mm if images else rules.patch_mm)
+    rest = [(data.n - data.n_modes - data.n_motion, 3 * data.n_marks) for data in fit.model.data_vectors]
+    marks = np.concatenate([np.arange(n) < count for n, count in rest])
     if marks.any():
         patch[len(points) + np.flatnonzero(marks)] = patch.max() + 1
     covariance = reader @ fit.weighting.covariance @ reader.T
     covariance[np.arange(len(points)), np.arange(len(points))] += fit.options.patch_nugget_mm**2
-    return Split(reader, np.zeros(len(reader)), patch, covariance, points)
+    return Split(reader, patch, covariance, _slices(found))
 
 
-def _rows_of_surface(data: DataVector, chosen: IntArray) -> FloatArray:
-    """Matrix (c, n) that takes a state's data to the organ's surface at the chosen points (c,)."""
-    out = np.zeros((len(chosen), data.n))
-    out[:, : data.n_modes] = data.modes[chosen]
+def _seen(data: DataVector, rows: slice) -> IntArray:
+    """Rows of a state's surface modes and matched motion among all data."""
+    at = np.arange(data.n)
+    here = (at < data.n_modes) | ((at >= data.motion.start) & (at < data.motion.stop))
+    return np.asarray(rows.start + at[here])
+
+
+def _slices(found: Sequence[_Part]) -> dict[str, slice]:
+    """Rows of each kind there is, which lie one after the other."""
+    out, start = {}, 0
+    for name in _PARTS:
+        end = start + sum(len(part.points) for part in found if part.name == name)
+        if end > start:
+            out[name] = slice(start, end)
+        start = end
     return out
 
 
-def bone_split(fit: PlainFit, state: int, rules: DecisionRules) -> Split | None:
-    """Patches of a state's bones, left out in turn, and all other data, which are not; None where the state shows no
-    bones."""
-    organ, bone, at = organ_split(fit, rules), fit.model.each[state].data.bone, fit.model.bones[state]
-    if bone is None or at is None:
-        return None
-    chosen = _thinned(bone.points, rules.bone_point_spacing_mm)
-    points = bone.points[chosen]
-    reader = np.zeros((len(chosen), fit.model.n))
-    reader[:, at] = bone.design[chosen]
-    sd, length = fit.sizes.contour * fit.linearisation.first.scene.problem.facts.noise_sd_mm, fit.sizes.length
-    smooth = (1.0 - fit.sizes.long) * smooth_covariance(points, sd, length)
-    smooth += fit.sizes.long * smooth_covariance(points, sd, fit.options.long_mm)
-    noise = 2.0 * smooth + bone.design[chosen] @ bone.floor @ bone.design[chosen].T
-    noise[np.diag_indices_from(noise)] += fit.options.bone_extraction_mm**2
-    kept = ~organ.reader[:, at].any(axis=1)
-    m = len(chosen) + int(kept.sum())
-    covariance = np.zeros((m, m))
-    covariance[: len(chosen), : len(chosen)] = noise
-    covariance[len(chosen) :, len(chosen) :] = organ.covariance[np.ix_(kept, kept)]
-    patch = np.full(m, -1)
-    patch[: len(chosen)] = _patches(points, rules.bone_patch_mm)
-    constant = np.concatenate([bone.misfit[chosen], np.zeros(int(kept.sum()))])
-    return Split(np.vstack([reader, organ.reader[kept]]), constant, patch, covariance, points)
+def _parts(fit: PlainFit, rules: DecisionRules) -> Iterator[_Part]:
+    """What every state shows."""
+    for at, data, rows in zip(fit.linearisation.each, fit.model.data_vectors, fit.model.rows, strict=True):
+        observation = at.scene.observation
+        if data.n_modes:
+            chosen = _thinned(observation.points, rules.point_spacing_mm)
+            own = np.zeros((len(chosen), fit.model.n))
+            own[:, rows.start : rows.start + data.n_modes] = data.modes[chosen]
+            yield _Part(SURFACE, observation.points[chosen], own)
+        if not data.n_motion:
+            continue
+        seen = observation.motion
+        distance = cKDTree(observation.points).query(seen.rows.places)[0]
+        near = np.flatnonzero(distance <= max(rules.near_mm, distance.min()))
+        chosen = near[_thinned(seen.rows.places[near], rules.motion_spacing_mm)]
+        inside = _in_organ(at, seen.rows.places[chosen])
+        read = motion_in_mm(seen.rows, seen.reader)
+        for name, places in ((INSIDE, chosen[inside]), (TISSUE, chosen[~inside])):
+            own = np.zeros((3 * len(places), fit.model.n))
+            own[:, rows.start + data.motion.start : rows.start + data.motion.stop] = read[places].reshape(
+                -1, data.n_motion
+            )
+            yield _Part(name, np.repeat(seen.rows.places[places], 3, axis=0), own)
+
+
+def _in_organ(at: Linearisation, places: FloatArray) -> BoolArray:
+    """Which places (w, 3) mm lie in a cell of the organ."""
+    mesh = at.scene.space.mesh
+    cells, _ = locate(mesh, places)
+    return np.isin(mesh.regions[cells], at.scene.problem.regions)
 
 
 def _thinned(points: FloatArray, spacing: float) -> IntArray:
@@ -75,8 +111,9 @@ def _thinned(points: FloatArray, spacing: float) -> IntArray:
     return np.sort(first)
 
 
-def _patches(points: FloatArray, width: float) -> IntArray:
-    """Patch index of each point: Voronoi cells of seeds, each the point farthest from those before."""
+def blocks(points: FloatArray, width: float) -> IntArray:
+    """Block of each point (p, 3) mm: Voronoi cells of seeds, each the point farthest from those before, until none is farther than
+    `width` from a seed."""
     seeds = [int(np.argmin(points[:, 2]))]
     distance = np.linalg.norm(points - points[seeds[0]], axis=1)
     while distance.max() > width:

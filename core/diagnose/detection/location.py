@@ -12,6 +12,7 @@ from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.diagnosis_record import RegionGapRecord
 from palpate.core.inference.evidence import projected
 from palpate.core.observe.contour_noise import Weighting
+from palpate.core.observe.motion_rows import motion_in_mm
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.noise_covariance import organ_errors
@@ -83,6 +84,29 @@ def residuals(fit: PlainFit) -> list[FloatArray]:
     noise; where nobody drew the organ there, against the surface that the images put in its place."""
     each = zip(fit.model.data_vectors, fit.linearisation.each, strict=True)
     return [_on_the_organ(data, linearisation) for data, linearisation in each]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionGap:
+    """Predicted minus matched motion where the images of one state show it: places (w, 3) mm at rest, missed (w, 3) mm, and the same over
+    its standard deviation, without unit. No rows without images."""
+
+    places: FloatArray
+    missed: FloatArray
+    standardised: FloatArray
+
+    @classmethod
+    def of(cls, fit: PlainFit, state: int = 0) -> MotionGap:
+        """At the plain fit, smooth as the matching takes motion to be."""
+        data, at, rows = fit.model.data_vectors[state], fit.linearisation.each[state], fit.model.rows[state]
+        if not data.n_motion:
+            return cls(*(np.zeros((0, 3)) for _ in range(3)))
+        seen = at.scene.observation.motion
+        read = motion_in_mm(seen.rows, seen.reader)
+        covariance = fit.weighting.covariance[rows, rows][data.motion, data.motion]
+        sd = np.sqrt(np.einsum("wai,ij,waj->wa", read, covariance, read, optimize=True))
+        missed = read @ at.residual[data.motion]
+        return cls(seen.rows.places, missed, missed / np.where(sd > 0.0, sd, 1.0))
 
 
 def _on_the_organ(data: DataVector, linearisation: Linearisation) -> FloatArray:

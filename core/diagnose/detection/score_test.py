@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.forward.effect import Effect, Surroundings, Variant
-from palpate.core.inference.evidence import Score, mean_of_exponentials, score
+from palpate.core.inference.evidence import Directions, Score, mean_of_exponentials, score
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.plain_fit import PlainFit
@@ -19,7 +19,8 @@ from palpate.core.residual.plain_fit import PlainFit
 class Screened:
     """An effect after the score test: its variants, best first, with their scores and directions S (n, k).
 
-    log_evidence : against the plain model, the mean over all variants.
+    log_evidence : against the plain model, the mean over all variants. paid : what a pair of effects pays for being one choice of
+    the variants of both, in the logarithm.
     """
 
     effect: Effect
@@ -27,6 +28,19 @@ class Screened:
     scores: list[Score]
     directions: list[FloatArray]
     log_evidence: float
+    paid: float = 0.0
+
+    @property
+    def linear(self) -> list[Directions]:
+        """What each variant adds to the plain model, linear about it."""
+        return [Directions.at_zero(S, self.effect.scales, self.effect.bounds) for S in self.directions]
+
+    def weighed(self, evidence: FloatArray) -> Screened:
+        """The same, its variants ordered by their log evidence (v,) averaged over the noise."""
+        order = np.argsort(-evidence, kind="stable")
+        scores = [replace(self.scores[k], log_evidence=float(evidence[k])) for k in order]
+        variants, directions = [self.variants[k] for k in order], [self.directions[k] for k in order]
+        return Screened(self.effect, variants, scores, directions, mean_of_exponentials(evidence), self.paid)
 
     @property
     def tried(self) -> int:

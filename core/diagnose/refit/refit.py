@@ -8,7 +8,8 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.score_test import Screened
-from palpate.core.inference.evidence import allowed
+from palpate.core.forward.effect import Effect
+from palpate.core.inference.evidence import Directions
 from palpate.core.inference.gauss_newton import gauss_newton
 from palpate.core.inference.posterior import Posterior, prior_precision
 from palpate.core.residual.element_correction import ElementCorrection
@@ -28,7 +29,7 @@ class Refit:
     """An effect's variant where it fits best.
 
     point : there. in_phi (n, k) derivative of its residual. covariance (t + k, t + k) of (ln G, phi). own_evidence :
-    log evidence of this variant alone, Laplace's, against the plain model, each model with the noise that suits it.
+    log evidence of this variant alone, linear about its optimum, against the plain model, each averaged over the noise.
     log_evidence : of the effect, the mean over its variants (`variants.of_all`). correction : what a better element adds to
     its residual. others : variants that were refitted too. beyond (t,) : how far outside its bounds ln G would fit best, to first
     order, where it ended at one; 0 elsewhere. posterior : of ln G on a grid, where it was looked at. left_mm : by how much (rms) a better
@@ -146,11 +147,10 @@ def _weighed(
     t = len(linearisation.theta)
     prior = np.diag(np.concatenate([prior_precision(fit.bounds), 1.0 / scales**2]))
     covariance = np.asarray(np.linalg.inv(J.T @ J + prior), dtype=np.float64)
-    evidence = _whatever_noise(fit, linearisation, S, scales)
-    evidence += allowed(linearisation.phi, np.sqrt(np.diag(covariance))[t:], scales, screened.effect.bounds)
     slope = J.T @ fit.weighting.whiten(linearisation.residual)
     slope[t:] += linearisation.phi / scales**2
     beyond = _beyond(linearisation.theta, -(covariance @ slope)[:t], fit.bounds)
+    evidence = _evidence(fit, linearisation, S, screened.effect, beyond)
     return Refit(hypothesis, linearisation, S, covariance, evidence, evidence, fit.model.correction, beyond)
 
 
@@ -161,9 +161,11 @@ def _beyond(theta: FloatArray, step: FloatArray, bounds: FloatArray) -> FloatArr
     return np.where(leaves, step, 0.0)
 
 
-def _whatever_noise(fit: PlainFit, linearisation: JointLinearisation, S: FloatArray, scales: FloatArray) -> float:
-    """Log evidence against the plain model, both averaged over the noise."""
-    J = np.hstack([linearisation.in_theta, S])
-    precision = np.concatenate([prior_precision(fit.bounds), 1.0 / scales**2])
-    prior = -0.5 * float(((linearisation.phi / scales) ** 2).sum()) - float(np.log(scales).sum())
-    return fit.noise.log_evidence(linearisation.residual, J, precision) + prior - fit.log_evidence
+def _evidence(fit: PlainFit, refitted: JointLinearisation, S: FloatArray, effect: Effect, beyond: FloatArray) -> float:
+    """Log evidence against the plain model, both averaged over the noise; what is held at a bound stays there."""
+    (low, high), phi = effect.bounds.T, refitted.phi
+    near = _AT_BOUND * effect.scales
+    free = np.concatenate([beyond == 0.0, (phi > low + near) & (phi < high - near)])
+    added = [Directions(S, effect.scales, effect.bounds, phi)]
+    r, J = refitted.residual[:, None], refitted.in_theta
+    return float(fit.noise.log_evidence(r, J, prior_precision(fit.bounds), added, free)[0, 0]) - fit.log_evidence

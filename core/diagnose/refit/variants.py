@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.refit import Refit, refit
+from palpate.core.inference.evidence import mean_of_exponentials
 from palpate.core.residual.plain_fit import PlainFit
 
 
@@ -27,17 +27,12 @@ def refit_variants(fit: PlainFit, screened: Screened, rules: DecisionRules) -> R
 def of_all(refits: Sequence[Refit], screened: Screened) -> Refit:
     """Likeliest of the refitted variants, the rest as its others; log_evidence : the mean over all variants.
 
-    A refitted variant counts with its own evidence. One that was not refitted counts with its score test's, plus the
-    least that a refit gained. With the gain of the best one instead, a load that may move and widen had a log evidence
-    of 5 on effect-free cases, where its score test had none.
+    A refitted variant counts with the evidence at its own optimum, one that was not refitted with the same, linear about the plain fit.
     """
     best = max(refits, key=lambda f: f.own_evidence)
-    first = np.array([s.log_evidence for s in screened.scores])
-    at = [_which(f, screened) for f in refits]
-    own = np.array([f.own_evidence for f in refits])
-    now = first + (own - first[at]).min()
-    now[at] = own
-    evidence = screened.log_evidence + float(logsumexp(now) - logsumexp(first))
+    each = np.array([s.log_evidence for s in screened.scores])
+    each[[_which(f, screened) for f in refits]] = [f.own_evidence for f in refits]
+    evidence = mean_of_exponentials(each) - screened.paid
     return replace(best, log_evidence=evidence, others=tuple(f for f in refits if f is not best))
 
 

@@ -1,4 +1,4 @@
-"""Judgement of refits: prediction of data left out, placebos, remainder, pairs; and the diagnosis as one value."""
+"""Judgement of refits: prediction of data left out, model checks, the verdict; and the diagnosis as one value."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.detection.gap_test import GapTest, gap_test
-from palpate.core.diagnose.detection.leave_out import bone_split, organ_split
+from palpate.core.diagnose.detection.gap_test import GapTest, free_field, null_distribution
+from palpate.core.diagnose.detection.leave_out import data_split
 from palpate.core.diagnose.detection.location import DiscrepancyMaps
-from palpate.core.diagnose.detection.placebo import moved_gains, placebo_gains
+from palpate.core.diagnose.detection.placebo import PlaceboSize, placebo_gains
 from palpate.core.diagnose.detection.score_test import Screened
-from palpate.core.diagnose.refit.pairs import JOINED, refit_pairs
+from palpate.core.diagnose.posterior import UNKNOWN, posterior
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.decide import decide
-from palpate.core.diagnose.verdict.verdict import Judged, Verdict, probabilities
-from palpate.core.inference.evidence import projected
-from palpate.core.inference.heldout import Gain, Linear, Split, gain, gain_error
+from palpate.core.diagnose.verdict.verdict import ModelCheck, Verdict
+from palpate.core.inference.heldout import Gain, Linear, Split, gain, predictive_p
 from palpate.core.inference.posterior import prior_precision
 from palpate.core.inference.posterior import unknown as untold
 from palpate.core.residual.plain_fit import PlainFit
@@ -31,9 +30,9 @@ from palpate.core.statistics import rms
 class Diagnosis:
     """All that was found; `palpate.core.diagnose.verdict.record` writes it down.
 
-    refits : best first. gains : of each refit, by effect id; placebo : median share gained by placebos of the best
-    one's size. forces : the free smooth field that stands for what has no name. rules : the numbers that decided.
-    pairs : refits of two effects together, best first, where the best one predicts more than one effect alone.
+    refits : best first. pairs : refits of two effects together, best first. left_out : residuals predicted without their own patch, by
+    effect id, "" for the plain model and "ceiling" for a free field; gains : of each refit; placebo : median share gained by placebos of
+    the best one's size. forces : the free smooth field that stands for what has no name. rules : the numbers that decided.
     """
 
     fit: PlainFit
@@ -57,59 +56,38 @@ def judge(
     test: GapTest,
     screened: Sequence[Screened],
     refits: Sequence[Refit],
+    pairs: Sequence[Refit],
+    factors: Mapping[str, float],
     discrepancy: DiscrepancyMaps,
     forces: UnknownDiscrepancy,
-    unknown: float,
     rules: DecisionRules,
     seed: int,
 ) -> Diagnosis:
-    split, plain = organ_split(fit, rules), plain_model(fit)
-    effects = {_name(f): effect_model(f) for f in refits}
+    """The diagnosis. factors : log Bayes factors against nothing of every hypothesis by name."""
+    split, plain = data_split(fit, rules), plain_model(fit)
+    effects = {effect_id(f): effect_model(f) for f in (*refits, *pairs)}
     models = {"": plain, "ceiling": saturated_model(fit, forces)} | effects
     left_out = dict(zip(models, split.left_out(list(models.values())), strict=True))
-    before = left_out[""]
-    ceiling = gain(split, before, left_out["ceiling"])
-    gains = {
-        name: gain(split, before, left_out[name], gain_error(split, plain, m, rules.gain_draws))
-        for name, m in effects.items()
-    }
-    gains |= {name: gains[name] + more for name, more in _gains_on_bone(fit, plain, effects, rules).items()}
-    by_id = {s.effect.id: s for s in screened}
-    model = _Placebos(split, plain, before, forces, rules, seed)
-    all_judged, shares = [], [0.0]
-    for rank, f in enumerate(refits):
-        name = _name(f)
-        p, share = model.against(fit, f, by_id[name], gains[name]) if rank < rules.placebo_tested else (1.0, 0.0)
-        shares += [share]
-        all_judged.append(_judged(fit, f, refits[0], gains[name], ceiling, p, forces, rules, seed))
-    much_left = bool(all_judged) and all_judged[0].remainder_p < rules.remainder_level
-    pairs = refit_pairs(fit, screened, refits, rules) if much_left else []
-    pair = None
-    if pairs and foretells_more(
-        fit, split, left_out[_name(refits[0])], effects[_name(refits[0])], effect_model(pairs[0]), rules
-    ):
-        pair = (tuple(_name(pairs[0]).split(JOINED)), pairs[0].log_evidence)
+    gains = {name: gain(split, left_out[""], left_out[name]) for name in models if name}
+    probability = posterior(factors, len(screened), rules)
+    lead = max((*refits, *pairs), key=lambda f: probability[effect_id(f)], default=None)
+    checks = model_checks(fit, lead, split, forces, rules, seed) if lead is not None and test.detected else []
     told = not (untold(fit.posterior).all() and _moved(fit))
-    verdict = decide(test.detected, all_judged, unknown, pair, told=told, rules=rules)
-    if not refits:  # nothing was refitted: what the first look says of each effect, had there been a gap
-        evidence = {s.effect.id: s.log_evidence for s in screened}
-        none = unknown
-        verdict = replace(verdict, probability=probabilities(evidence, none, rules.prior_unknown))
     return Diagnosis(
         fit,
         test,
         screened,
         refits,
-        verdict,
+        decide(probability, test.detected, checks, told=told, rules=rules),
         discrepancy,
         split,
         left_out,
         gains,
-        ceiling,
-        shares[:2][-1],
+        gains["ceiling"],
+        0.0 if lead is None else _placebo_share(fit, split, left_out[""], lead, forces, rules, seed),
         forces,
         rules,
-        pairs if pair is not None else (),
+        pairs,
     )
 
 
@@ -126,81 +104,58 @@ def _moved(fit: PlainFit) -> bool:
     return False
 
 
-def foretells_more(
-    fit: PlainFit, split: Split, alone: FloatArray, single: Linear, both: Linear, rules: DecisionRules
-) -> bool:
-    """Whether two effects together predict what was left out better than the better of them by itself, as a single one
-    must.
-
-    alone : (m,) what that one leaves there. By evidence alone strong motions of bone were answered with a second cause
-    that was not there: what a right model leaves of a large motion stands out of the noise too, and another effect
-    takes some of it.
-    """
-    organ_gain = gain(split, alone, split.left_out([both])[0], gain_error(split, single, both, rules.gain_draws))
-    return rules.accepts(sum(_gains_on_bone(fit, single, {"both": both}, rules).values(), organ_gain))
-
-
-def _gains_on_bone(
-    fit: PlainFit, plain: Linear, effects: Mapping[str, Linear], rules: DecisionRules
-) -> dict[str, Gain]:
-    """Of effects that move bone: what each gains on patches of it that were left out."""
-    out: dict[str, Gain] = {}
-    for state, at in enumerate(fit.model.bones):
-        moving = {} if at is None else {name: m for name, m in effects.items() if m.J[at].any()}
-        split = bone_split(fit, state, rules) if moving else None
-        if split is None:
-            continue
-        before, *after = split.left_out([plain, *moving.values()])
-        for (name, m), a in zip(moving.items(), after, strict=True):
-            bone_gain = gain(split, before, a, gain_error(split, plain, m, rules.gain_draws))
-            out[name] = out[name] + bone_gain if name in out else bone_gain
-    return out
+def model_checks(
+    fit: PlainFit, lead: Refit, split: Split, forces: UnknownDiscrepancy, rules: DecisionRules, seed: int
+) -> list[ModelCheck]:
+    """Whether the leading hypothesis predicts what was left out, leaves no more than noise, and means what its name says."""
+    ahead = predictive_p(split, effect_model(lead), rules.check_draws, seed)
+    said = _unlike(fit, lead, rules)
+    return [
+        ModelCheck(
+            "not_predicted",
+            ahead,
+            "the effect fits best, but misses what was left out by more than it says that it may",
+        ),
+        ModelCheck(
+            "something_left",
+            remainder_p(fit, lead, forces, rules, seed),
+            "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it",
+        ),
+        ModelCheck("unlike_its_name", 0.0 if said else 1.0, said),
+    ]
 
 
-@dataclass(frozen=True, eq=False)
-class _Placebos:
-    """What placebo effects are compared on."""
-
-    split: Split
-    plain: Linear
-    before: FloatArray
-    forces: UnknownDiscrepancy
-    rules: DecisionRules
-    seed: int
-
-    def against(self, fit: PlainFit, refit: Refit, screened: Screened, g: Gain) -> tuple[float, float]:
-        """Share of placebos that gain as much as g, of random loads or of other places, and the median share random
-        loads gain."""
-        size, count = _size(fit, refit), self.rules.placebos
-        loads = placebo_gains(self.split, self.plain, self.before, self.forces, size, count, self.seed)
-        p = _share_as_good(loads, g)
-        variant = refit.hypothesis.variant
-        if variant is not None and variant.where is not None:
-            apart = self.rules.placebo_apart_mm
-            moved = moved_gains(self.split, self.plain, self.before, screened, variant.where, apart)
-            p = max(p, _share_as_good(moved, g))
-        return p, float(np.median([q.share for q in loads]))
+def remainder_p(fit: PlainFit, lead: Refit, forces: UnknownDiscrepancy, rules: DecisionRules, seed: int) -> float:
+    """p-value of a nameless gap in what the hypothesis leaves; its parameters are projected out as the stiffness is."""
+    assert lead.hypothesis.effect is not None
+    J = np.hstack([lead.linearisation.in_theta, lead.in_phi])
+    precision = np.concatenate([prior_precision(fit.bounds), 1.0 / lead.hypothesis.effect.scales**2])
+    causes = {UNKNOWN: free_field(forces.free, fit.options.gap_sizes)}
+    return (
+        null_distribution(fit.noise, lead.linearisation.residual, J, precision, causes, seed, rules=rules)
+        .test()
+        .p_value
+    )
 
 
-def _judged(
+def _placebo_share(
     fit: PlainFit,
-    f: Refit,
-    best: Refit,
-    g: Gain,
-    ceiling: Gain,
-    placebo_p: float,
+    split: Split,
+    before: FloatArray,
+    lead: Refit,
     forces: UnknownDiscrepancy,
     rules: DecisionRules,
     seed: int,
-) -> Judged:
-    share = g.total_mm2 / ceiling.total_mm2 if ceiling.total_mm2 > 0.0 else 1.0
-    J = np.hstack([f.linearisation.in_theta, f.in_phi])
-    p_left = gap_test(fit.noise, f.linearisation.residual, J, forces.free, seed=seed, rules=rules).p_value
-    evidence = f.log_evidence
-    return Judged(_name(f), evidence, g, placebo_p, share, p_left, _imitation(fit, best, f), _unlike(fit, f, rules))
+) -> float:
+    """Median share of the mean square on data left out that random loads as strong and as free as an effect gain."""
+    change = lead.linearisation.residual - fit.linearisation.residual
+    like = PlaceboSize.of(change, len(lead.phi), fit.weighting)
+    gained = placebo_gains(split, plain_model(fit), before, forces.response, like, rules.placebos, seed)
+    return float(np.median([one.share for one in gained]))
 
 
-def _name(refit: Refit) -> str:
+def effect_id(refit: Refit) -> str:
+    """Id of the effect, or of two together."""
     assert refit.hypothesis.effect is not None
     return refit.hypothesis.effect.id
 
@@ -220,26 +175,6 @@ def _unlike(fit: PlainFit, refit: Refit, rules: DecisionRules) -> str:
                 "patient moved during the scan, or where bones moved against each other"
             )
     return said
-
-
-def _share_as_good(placebos: Sequence[Gain], g: Gain) -> float:
-    return float(np.mean([q.total_mm2 >= g.total_mm2 for q in placebos])) if placebos else 0.0
-
-
-def _imitation(fit: PlainFit, best: Refit, other: Refit) -> float:
-    """Cosine between the best effect's change of the data, J projected out, and its image in the other's directions."""
-    J = fit.weighting.whiten(best.linearisation.in_theta)
-    done = projected(J, fit.weighting.whiten(best.in_phi @ best.phi))
-    could = projected(J, fit.weighting.whiten(other.in_phi))
-    residual = projected(could, done)
-    length = max(float(done @ done), 1e-30)
-    return float(np.sqrt(max(1.0 - float(residual @ residual) / length, 0.0)))
-
-
-def _size(fit: PlainFit, refit: Refit) -> float:
-    """Rms change of the data vector, mm, by the effect where it fits best."""
-    change = (refit.linearisation.residual - fit.linearisation.residual)[fit.model.surface]
-    return float(np.sqrt((change**2).sum() / len(refit.linearisation.residual)))
 
 
 def plain_model(fit: PlainFit) -> Linear:

@@ -9,7 +9,7 @@ it, looks the same, but the organ's stiffness, known relative to the tissue's al
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,6 @@ from scipy.special import softmax
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.refit.refit import Refit
-from palpate.core.diagnose.verdict.decide import TWO_EFFECTS
 from palpate.core.diagnose.verdict.judge import Diagnosis, saturated_model
 from palpate.core.diagnose.verdict.verdict import UNKNOWN
 from palpate.core.inference.truncated_normal import Cut, cut
@@ -30,22 +29,16 @@ def plain_stiffness(fit: PlainFit) -> tuple[FloatArray, FloatArray]:
 
 
 def model_average(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
-    """ln G (t,) and its covariance (t, t), over every effect that was refitted and a free smooth field in place of
-    "unknown"; where two effects together are the answer, over the pairs that were refitted."""
-    if diagnosis.pairs and diagnosis.verdict.decided_by == TWO_EFFECTS:
-        mean, covariance = _over_pairs(diagnosis.pairs)
-        return _allowed(diagnosis.fit, mean), covariance
-    models = {f.hypothesis.effect.id: over_variants(f) for f in diagnosis.refits if f.hypothesis.effect is not None}
+    """ln G (t,) and its covariance (t, t), over all that was refitted, one effect or two, and a free smooth field in place of
+    "unknown"."""
+    models = {
+        f.hypothesis.effect.id: over_variants(f)
+        for f in (*diagnosis.refits, *diagnosis.pairs)
+        if f.hypothesis.effect is not None
+    }
     models[UNKNOWN] = _unnamed(diagnosis)
     mean, covariance = mixture(models, diagnosis.verdict.probability)
     return _allowed(diagnosis.fit, mean), covariance
-
-
-def _over_pairs(pairs: Sequence[Refit]) -> tuple[FloatArray, FloatArray]:
-    """Every pair is likelier by far than any effect alone, so only which pair it is is uncertain."""
-    weight = softmax([pair.log_evidence for pair in pairs])
-    models = {str(k): over_variants(pair) for k, pair in enumerate(pairs)}
-    return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
 
 
 def mixture(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.detection.location import DiscrepancyMaps, discrepancy_maps, regions, residuals
+from palpate.core.diagnose.detection.location import DiscrepancyMaps, MotionGap, discrepancy_maps, regions, residuals
 from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.diagnosis_record import (
     DecidedByRecord,
@@ -24,6 +24,7 @@ from palpate.core.diagnose.verdict.bounds_reached import bounds_reached
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.model_average import model_average, plain_stiffness
 from palpate.core.diagnose.verdict.shrinkage import shrinkage
+from palpate.core.diagnose.verdict.stiffness_with_effect import leading
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.diagnose.verdict.words import next_measurement, sentence
 from palpate.core.residual.linearised_model import Linearisation
@@ -36,7 +37,7 @@ _TWO_SIDED = 1.96
 
 def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
     """diagnosis.json for a case of this name."""
-    best = diagnosis.refits[0] if diagnosis.refits else None
+    best = leading(diagnosis)
     shown = best if diagnosis.verdict.verdict not in (NONE, UNKNOWN) else None
     names = dict(diagnosis.fit.model.first.plain.problem.region_names)
     return DiagnosisRecord(
@@ -51,7 +52,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         verdict=diagnosis.verdict.verdict,
         candidates=list(diagnosis.verdict.candidates),
         ranking=_ranking(diagnosis),
-        shrinkage=shrinkage(diagnosis, best) if best is not None and diagnosis.fit.organ_drawn else None,
+        shrinkage=None if best is None else shrinkage(diagnosis, best),
         stiffness=StiffnessRecord(
             without_effect=_plain_stiffness(diagnosis),
             with_effect=None if shown is None else _stiffness_with(diagnosis, *model_average(diagnosis)),
@@ -63,6 +64,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         probability_unknown=diagnosis.verdict.probability.get(UNKNOWN, 0.0),
         flags=_flags(diagnosis, shown),
         options=_options(diagnosis),
+        posterior=dict(diagnosis.verdict.posterior),
     )
 
 
@@ -94,7 +96,8 @@ def maps(diagnosis: Diagnosis) -> dict[str, FloatArray]:
 
     predicted/ID (q, 3) mm : where the surface's points go by the plain model ("plain") and by each refitted effect;
     correction/ID (q,) is what better element and other meshes add to that along the normal, offset/ID (1,) by how much
-    the effect has the contour too wide. Further deformed states have the same under state_2/ and so on.
+    the effect has the contour too wide. motion/ (w, 3) : predicted minus matched motion in and around the organ, from images, in mm
+    and over its standard deviation. Further deformed states have the same under state_2/ and so on.
     """
     out: dict[str, FloatArray] = {}
     for state in range(len(diagnosis.fit.model.each)):
@@ -116,7 +119,7 @@ def _maps(diagnosis: Diagnosis, state: int, discrepancy: DiscrepancyMaps) -> dic
     data, rows = diagnosis.fit.model.data_vectors[state], diagnosis.fit.model.rows[state]
     models = {"plain": (diagnosis.fit.linearisation, diagnosis.fit.model.correction)} | {
         f.hypothesis.effect.id: (f.linearisation, f.correction)
-        for f in diagnosis.refits
+        for f in (*diagnosis.refits, *diagnosis.pairs)
         if f.hypothesis.effect is not None
     }
     out: dict[str, FloatArray] = {}
@@ -125,11 +128,15 @@ def _maps(diagnosis: Diagnosis, state: int, discrepancy: DiscrepancyMaps) -> dic
         out[f"predicted/{name}"] = _predicted(linearisation)
         out[f"correction/{name}"] = data.modes @ correction.at(linearisation.theta)[rows][: data.n_modes]
         out[f"offset/{name}"] = np.array([linearisation.scene.composition.observation])
+    around = MotionGap.of(diagnosis.fit, state)
     return out | {
         "points": discrepancy.points,
         "normals": discrepancy.normals,
         "region": discrepancy.region.astype(float),
         "residual_mm": discrepancy.residual,
+        "motion/places": around.places,
+        "motion/residual_mm": around.missed,
+        "motion/standardised": around.standardised,
         "standardised": discrepancy.standardised,
         "nodes": discrepancy.nodes,
         "force_kpa_per_mm": discrepancy.force,
@@ -151,9 +158,8 @@ def _gap(diagnosis: Diagnosis) -> GapRecord:
         noise_floor_mm=rms(np.array(floors)),
         detected=diagnosis.test.detected,
         p_value=diagnosis.test.p_value,
-        statistic=diagnosis.test.statistic,
-        degrees_of_freedom=diagnosis.test.freedom,
-        p_values={"whole": diagnosis.test.p_whole, "smooth": diagnosis.test.p_smooth, "named": diagnosis.test.p_named},
+        statistic=diagnosis.test.log_factor,
+        p_values={"smooth": diagnosis.test.p_smooth, "named": diagnosis.test.p_named},
         contour_noise_sd_mm=diagnosis.fit.sizes.contour * fit.linearisation.first.scene.problem.organ_noise_mm,
         contour_noise_correlation_mm=diagnosis.fit.sizes.length,
         states=[StateGapRecord(rms(r), floor) for r, floor in zip(state_residuals, floors, strict=True)],

@@ -16,6 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from palpate.core.arrays import FloatArray
 from palpate.core.inference.heldout import Linear, Split
+from palpate.core.residual.data_vector import DataVector
+from palpate.core.residual.joint_states import apart
 from palpate.core.residual.noise_covariance import NoiseSizes, organ_noise
 from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.plain_fit import PlainFit
@@ -26,11 +28,10 @@ _NEGLIGIBLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class NoiseOfPoints:
-    """What the residuals at the organ's points, the first m rows of a split, are made of, in a basis of all that the surface modes can
-    be there.
+    """What the residuals at the organ, m rows of a split, are made of, in a basis of all that the data can be there.
 
     basis (m, k) : orthonormal. reader (k, n) : takes the data vector to coordinates in it. noise : the probable sizes. free (n, j) mm :
-    response of the data to a nameless gap of unit size. of_organ : covariance (n, n) mm2 of the drawing, for given sizes.
+    response of the data to a nameless gap of unit size. of_organ : covariance (n, n) mm2 of drawing and matching, for given sizes.
     """
 
     fit: PlainFit
@@ -43,12 +44,13 @@ class NoiseOfPoints:
     @classmethod
     def of(cls, fit: PlainFit, split: Split, free: FloatArray, most: int) -> NoiseOfPoints:
         """free (n, j) mm : response of the data to a nameless gap, see `UnknownDiscrepancy`. most : sizes of the noise that are kept."""
-        read = split.reader[: len(split.points)]
-        basis, _ = np.linalg.qr(read[:, fit.model.surface])
+        read = split.reader[split.organ]
+        basis, _ = np.linalg.qr(read[:, read.any(axis=0)])
         plain = fit.linearisation
         noise = fit.noise.probable(plain.residual, plain.in_theta, free, most)
-        of_organ = organ_noise(plain.each, fit.model.data_vectors, fit.options)
-        return cls(fit, basis, basis.T @ read, noise, free, of_organ)
+        drawn = organ_noise(plain.each, fit.model.data_vectors, fit.options)
+        matched = apart([matched_noise(data) for data in fit.model.data_vectors])
+        return cls(fit, basis, basis.T @ read, noise, free, lambda sizes: drawn(sizes) + matched)
 
     def error_of(self, model: Linear, left_out: FloatArray, gap_sizes: Sequence[float]) -> TrueError:
         """Posterior of a model's error where its residuals left_out (m,) mm were foretold.
@@ -110,3 +112,10 @@ def error_given(error: FloatArray, noise: FloatArray, seen: FloatArray) -> tuple
     covariance = error - gain @ error
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return gain @ seen, vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def matched_noise(data: DataVector) -> FloatArray:
+    """Covariance (n, n) of what the matching of a state's images errs by."""
+    out = np.zeros((data.n, data.n))
+    out[data.motion, data.motion] = data.motion_covariance
+    return out

@@ -1,61 +1,36 @@
-"""Verdicts, and what each effect is judged by."""
+"""Verdicts, and the model checks that a name alone must pass."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.inference.heldout import Gain
+from palpate.core.diagnose.posterior import NONE, UNKNOWN
 
-NONE, AMBIGUOUS, UNKNOWN = "none", "ambiguous", "unknown"
+AMBIGUOUS = "ambiguous"
+
+__all__ = ["AMBIGUOUS", "NONE", "UNKNOWN", "ModelCheck", "Verdict", "probabilities"]
 
 
 @dataclass(frozen=True)
-class Judged:
-    """One effect after its refit.
+class ModelCheck:
+    """Whether the data look like what the leading hypothesis says of them. name, sentence : what is wrong where they do not.
 
-    log_evidence : against the plain model. gain : on data left out. placebo_p : share of
-    placebo effects that gain as much. share_of_ceiling : of what a saturated field gains on data left out. remainder_p
-    : of the residual it leaves, under the noise. cosine : between what the best effect does to the data, the stiffness
-    projected out, and the nearest thing this one could do. unlike : why what fits is not what the effect's name means,
-    "" where it is.
+    p_value : how often the hypothesis itself leaves as much; 0 for what its name excludes.
     """
 
-    effect: str
-    log_evidence: float
-    gain: Gain
-    placebo_p: float
-    share_of_ceiling: float
-    remainder_p: float
-    cosine: float = 0.0
-    unlike: str = ""
-
-    def needed_odds(self, rules: DecisionRules) -> float:
-        """How many times likelier the best effect must be to be told from this one."""
-        return rules.tied_twins if self.cosine > rules.twins else rules.tied
-
-    def predicts(self, rules: DecisionRules) -> bool:
-        """Whether it predicts what it has not seen, and better than placebo effects of its size: one level decides."""
-        return self.gain.mean_mm2 > 0.0 and self.placebo_p <= rules.placebo_level
-
-    def something_left(self, rules: DecisionRules) -> bool:
-        """Whether something like it may be the cause instead: it leaves more than noise, and a free field predicts
-        better.
-
-        A free field that predicts no better: what remains is nothing that any missing force would foretell, but walls
-        and mesh, which under good contours stand out of the noise where much moves.
-        """
-        return self.remainder_p < rules.left_over and self.share_of_ceiling < rules.nearly_all
+    name: str
+    p_value: float
+    sentence: str
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """verdict and candidates as in diagnosis.json; probability of each effect and of "unknown"; why, in words.
+    """verdict and candidates as in diagnosis.json; probability of each cause and of "unknown", given a gap; why, in words.
 
-    decided_by : name of the rule that decided, a row of `decide.RULES`.
+    decided_by : name of the reason that decided. posterior : probability of every hypothesis, "none" among them; they sum to 1.
     """
 
     verdict: str
@@ -63,6 +38,7 @@ class Verdict:
     probability: Mapping[str, float]
     why: str
     decided_by: str
+    posterior: Mapping[str, float] = field(default_factory=dict)
 
 
 def probabilities(evidence: Mapping[str, float], unknown: float, prior_unknown: float) -> dict[str, float]:

@@ -9,7 +9,6 @@ import pytest
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.verdict import model_average as averaging
-from palpate.core.diagnose.verdict.decide import TWO_EFFECTS
 from palpate.core.diagnose.verdict.model_average import mixture, model_average, over_variants
 
 MODELS = {
@@ -105,30 +104,23 @@ def test_a_variant_held_at_a_bound_counts_with_what_lies_within(beyond: float) -
     assert covariance[0, 0] == pytest.approx(float(density @ (theta - exact) ** 2), rel=1e-3)
 
 
-@pytest.mark.parametrize("decided_by", [TWO_EFFECTS, "several_effects"])
-def test_where_two_effects_are_the_answer_the_stiffness_is_that_with_both(decided_by: str) -> None:
-    """Alone the best effect says 40 kPa; with a second one it is 10 kPa, with another second one, as likely, 20 kPa."""
+def test_two_effects_together_count_by_their_probability() -> None:
+    """Alone the best effect says 40 kPa; with a second one it is 10 kPa."""
 
-    def fitted(G: float, evidence: float, name: str) -> SimpleNamespace:
-        one = _variant(np.log([G]), np.array([[0.01]]), evidence, (5.0, 500.0))
-        one.log_evidence = evidence
+    def fitted(G: float, name: str) -> SimpleNamespace:
+        one = _variant(np.log([G]), np.array([[0.01]]), 0.0, (5.0, 500.0))
         one.hypothesis = SimpleNamespace(effect=SimpleNamespace(id=name))
         return one
 
-    verdict = SimpleNamespace(decided_by=decided_by, probability={"bone_motion": 1.0, "unknown": 0.0})
-    unnamed = (np.log([30.0]), np.array([[1.0]]))
-    fit = SimpleNamespace(bounds=np.log([[5.0, 500.0]]))
+    verdict = SimpleNamespace(probability={"bone_motion": 0.25, "bone_motion+prestress": 0.75, "unknown": 0.0})
     diagnosis = SimpleNamespace(
-        fit=fit,
+        fit=SimpleNamespace(bounds=np.log([[5.0, 500.0]])),
         verdict=verdict,
-        refits=[fitted(40.0, 20.0, "bone_motion")],
-        pairs=[fitted(10.0, 60.0, "bone_motion+prestress"), fitted(20.0, 60.0, "bone_motion+volume_change")],
+        refits=[fitted(40.0, "bone_motion")],
+        pairs=[fitted(10.0, "bone_motion+prestress")],
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(averaging, "_unnamed", lambda _: unnamed)
+        patch.setattr(averaging, "_unnamed", lambda _: (np.log([30.0]), np.array([[1.0]])))
         mean, covariance = model_average(diagnosis)  # type: ignore[arg-type]
-    if decided_by == TWO_EFFECTS:
-        assert mean[0] == pytest.approx(0.5 * np.log(200.0))
-        assert covariance[0, 0] == pytest.approx(0.01 + (0.5 * np.log(2.0)) ** 2)
-    else:
-        assert mean[0] == pytest.approx(np.log(40.0))
+    assert mean[0] == pytest.approx(0.25 * np.log(40.0) + 0.75 * np.log(10.0))
+    assert covariance[0, 0] == pytest.approx(0.01 + 0.25 * 0.75 * np.log(4.0) ** 2)

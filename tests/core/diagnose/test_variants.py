@@ -13,7 +13,7 @@ from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.refit.variants import corrected, of_all
 from palpate.core.diagnose.verdict.model_average import over_variants
-from palpate.core.inference.evidence import mean_of_exponentials
+from palpate.core.inference.evidence import mean_of_exponentials, score
 
 
 def looked_at(*first: float) -> Screened:
@@ -49,14 +49,27 @@ def test_the_best_variant_is_the_one_with_the_most_evidence_not_with_the_largest
     assert together.hypothesis.variant == 0
 
 
-def test_variants_that_were_not_refitted_gain_the_least_of_those_that_were() -> None:
-    """Of 50 places for a push two were refitted, and gained 4 and 1."""
+def test_variants_that_were_not_refitted_count_with_their_first_look() -> None:
+    """Of 50 places for a push two were refitted, and gained 4 and 1; the others gain nothing by that."""
     first = [5.0, 4.5, *np.full(48, 0.5)]
     together = of_all([refitted(0, 9.0), refitted(1, 5.5)], looked_at(*first))
-    now = [9.0, 5.5, *np.full(48, 1.5)]
+    now = [9.0, 5.5, *np.full(48, 0.5)]
     assert together.log_evidence == pytest.approx(logsumexp(now) - np.log(50.0))
-    one = of_all([refitted(0, 4.0)], looked_at(*first))
-    assert one.log_evidence == pytest.approx(mean_of_exponentials(np.array(first)) - 1.0)
+
+
+def test_a_pair_pays_for_the_variants_of_both() -> None:
+    pair = replace(looked_at(5.0), paid=3.0)
+    assert of_all([refitted(0, 9.0)], pair).log_evidence == pytest.approx(6.0)
+
+
+def test_variants_are_ordered_by_the_evidence_that_is_averaged_over_the_noise() -> None:
+    scores = [score(np.ones(4), np.zeros((4, 0)), np.eye(4)[:, k : k + 1], np.ones(1)) for k in range(3)]
+    seen = Screened(None, [0, 1, 2], scores, [np.full((4, 1), k) for k in range(3)], 0.0)  # type: ignore[arg-type, list-item]
+    found = seen.weighed(np.array([1.0, 3.0, 2.0]))
+    assert found.variants == [1, 2, 0]
+    assert [s.log_evidence for s in found.scores] == [3.0, 2.0, 1.0]
+    assert [d[0, 0] for d in found.directions] == [1, 2, 0]
+    assert found.log_evidence == pytest.approx(mean_of_exponentials(np.array([1.0, 2.0, 3.0])))
 
 
 def test_a_better_element_s_correction_of_the_best_variant_is_all_variants() -> None:

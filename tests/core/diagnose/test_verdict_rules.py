@@ -1,9 +1,8 @@
-"""Every row of the tables of rules, by a case that it decides and one, changed in a single fact, that it does not."""
+"""Every reason for a verdict, by a case that it decides and one, changed in a single fact, that it does not."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -12,132 +11,112 @@ import pytest
 from palpate.core.diagnose.bench_bodies.judge import BODY_RULES, BodyFindings
 from palpate.core.diagnose.bench_bodies.rivals import Rival
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.verdict.decide import RULES, Findings, decide
+from palpate.core.diagnose.verdict.decide import REASONS, decide
 from palpate.core.diagnose.verdict.rules import first_that_holds
-from palpate.core.diagnose.verdict.verdict import Judged
-from palpate.core.inference.heldout import Gain
+from palpate.core.diagnose.verdict.verdict import ModelCheck, Verdict
 
-GOOD = Gain(1.0, 0.5, 0.75, 0.2, 0.75)
-SMALL_GAIN, LOSS = Gain(1.0, 0.98, 0.04, 0.05, 0.04), Gain(1.0, 1.02, -0.04, 0.05, -0.04)
 NUMBERS = DecisionRules()
-PAIR = ("prestress", "volume_change")
+LEFT, AHEAD = ModelCheck("something_left", 0.001, "more than noise"), ModelCheck("not_predicted", 0.02, "missed")
 
 
-def judged(effect: str = "prestress", evidence: float = 20.0, **changes: object) -> Judged:
-    facts = {"gain": GOOD, "placebo_p": 0.0, "share_of_ceiling": 1.0, "remainder_p": 0.5} | changes
-    return Judged(effect, evidence, **facts)  # type: ignore[arg-type]
+@dataclass(frozen=True)
+class Found:
+    """What a verdict hangs on: probabilities of the causes, of which nothing has what is left of 1."""
+
+    causes: dict[str, float] = field(default_factory=lambda: {"prestress": 0.95, "inclusion": 0.02, "unknown": 0.02})
+    detected: bool = True
+    checks: tuple[ModelCheck, ...] = (AHEAD,)
+    told: bool = True
+    rules: DecisionRules = NUMBERS
+
+    @property
+    def verdict(self) -> Verdict:
+        posterior = {"none": 1.0 - sum(self.causes.values()), **self.causes}
+        return decide(posterior, self.detected, self.checks, told=self.told, rules=self.rules)
 
 
-CLEAR = Findings(True, [judged()], 5.0, rules=NUMBERS)
-MANY = [judged(), judged("bone_motion", 18.3), *(judged(f"rival{k}", 17.5) for k in range(3))]
+CLEAR = Found()
 
-# Rule -> findings that it decides, verdict, candidates, and findings with one fact changed that it does not decide.
-CASES: dict[str, tuple[Findings, str, tuple[str, ...], Findings]] = {
-    "nothing_told": (
-        replace(CLEAR, detected=False, told=False),
-        "ambiguous",
-        (),
-        replace(CLEAR, detected=False, told=True),
-    ),
+
+def among(**causes: float) -> Found:
+    return replace(CLEAR, causes=causes)
+
+
+PAIR = replace(CLEAR, causes={"prestress+volume_change": 0.8, "prestress": 0.1, "unknown": 0.05})
+# Reason -> what it decides, verdict, candidates, and the same with one fact changed that it does not decide.
+CASES: dict[str, tuple[Found, str, tuple[str, ...], Found]] = {
+    "nothing_told": (replace(CLEAR, detected=False, told=False), "ambiguous", (), replace(CLEAR, detected=False)),
     "no_gap": (replace(CLEAR, detected=False), "none", (), CLEAR),
-    "two_effects": (replace(CLEAR, pair=(PAIR, 24.0)), "ambiguous", PAIR, replace(CLEAR, pair=(PAIR, 22.0))),
-    "unnamed_fits_better": (
-        replace(CLEAR, unknown=25.0),
-        "ambiguous",
-        ("prestress",),
-        replace(CLEAR, unknown=25.0, judged=[judged(share_of_ceiling=0.85)]),
-    ),
     "nothing_named": (
-        replace(CLEAR, unknown=25.0, judged=[judged(share_of_ceiling=0.85)]),
+        among(prestress=0.45, unknown=0.5),
         "unknown",
         (),
-        replace(CLEAR, unknown=24.0, judged=[judged(share_of_ceiling=0.85)]),
+        among(prestress=0.5, unknown=0.45),
     ),
-    "too_little_closed": (
-        replace(CLEAR, judged=[judged(share_of_ceiling=0.4, remainder_p=0.001)]),
-        "unknown",
-        (),
-        replace(CLEAR, judged=[judged(share_of_ceiling=0.4, remainder_p=0.1)]),
+    "two_effects": (
+        PAIR,
+        "ambiguous",
+        ("prestress", "volume_change"),
+        replace(CLEAR, causes={"prestress": 0.95, "prestress+volume_change": 0.02}),
     ),
     "several_effects": (
-        replace(CLEAR, judged=[judged(), judged("inclusion", 19.0)]),
+        among(prestress=0.6, inclusion=0.35, unknown=0.01),
         "ambiguous",
         ("prestress", "inclusion"),
-        replace(CLEAR, judged=[judged(), judged("inclusion", 18.0)]),
+        among(prestress=0.9, inclusion=0.05, unknown=0.01),
     ),
-    "unnamed_as_likely": (replace(CLEAR, unknown=21.0), "ambiguous", ("prestress",), replace(CLEAR, unknown=19.0)),
-    "not_predicted": (
-        replace(CLEAR, judged=[judged(placebo_p=0.1)]),
+    "unnamed_as_likely": (
+        among(prestress=0.6, unknown=0.35, inclusion=0.01),
         "ambiguous",
         ("prestress",),
-        replace(CLEAR, judged=[judged(gain=SMALL_GAIN, placebo_p=0.04)]),
+        among(prestress=0.9, unknown=0.05, inclusion=0.01),
     ),
-    "not_sure": (
-        replace(CLEAR, judged=MANY),
-        "ambiguous",
-        PAIR[:1] + ("bone_motion",),
-        replace(CLEAR, judged=MANY[:2]),
-    ),
-    "smaller_part": (
-        replace(CLEAR, judged=[judged(share_of_ceiling=0.4)]),
-        "ambiguous",
-        ("prestress",),
-        replace(CLEAR, judged=[judged(share_of_ceiling=0.6)]),
-    ),
-    "unlike_its_name": (replace(CLEAR, judged=[judged(unlike="it pulls")]), "ambiguous", ("prestress",), CLEAR),
-    "something_left": (
-        replace(CLEAR, judged=[judged(remainder_p=0.03, share_of_ceiling=0.7)]),
-        "ambiguous",
-        ("prestress",),
-        replace(CLEAR, judged=[judged(remainder_p=0.03, share_of_ceiling=0.95)]),
-    ),
+    "something_left": (replace(CLEAR, checks=(AHEAD, LEFT)), "ambiguous", ("prestress",), CLEAR),
     "explained": (CLEAR, "prestress", ("prestress",), replace(CLEAR, detected=False)),
 }
 
 
-def test_every_row_has_a_case_and_a_name_of_its_own() -> None:
-    assert [rule.name for rule in RULES] == list(CASES)
-    assert [rule.name for rule in BODY_RULES] == list(BODY_CASES)
-    assert len({rule.sentence for rule in RULES}) == len(RULES)
-
-
 @pytest.mark.parametrize("name", CASES)
-def test_a_row_decides(name: str) -> None:
-    findings, verdict, candidates, otherwise = CASES[name]
-    told = findings.told
-    found = decide(findings.detected, findings.judged, findings.unknown, findings.pair, told=told, rules=NUMBERS)
-    assert (found.decided_by, found.verdict, found.candidates) == (name, verdict, candidates)
-    assert found.why == ("it pulls" if name == "unlike_its_name" else {r.name: r.sentence for r in RULES}[name])
-    assert first_that_holds(RULES, otherwise).rule != name
+def test_a_reason_decides(name: str) -> None:
+    found, verdict, candidates, otherwise = CASES[name]
+    assert (found.verdict.decided_by, found.verdict.verdict, found.verdict.candidates) == (name, verdict, candidates)
+    assert found.verdict.why == {**REASONS, "something_left": "more than noise"}[name]
+    assert otherwise.verdict.decided_by != name
 
 
-def test_rows_are_tried_in_order() -> None:
-    """Findings that every row but the last but one would decide, mended one after the other."""
-    worst = [
-        judged(gain=GOOD, remainder_p=0.001, unlike="it pulls"),
-        judged("inclusion", 19.9),
-    ]
-    findings = Findings(False, worst, 30.0, (PAIR, 40.0), told=False, rules=NUMBERS)
-    asked = []
-    mends: list[Callable[[Findings], Findings]] = [
-        lambda f: replace(f, told=True),
-        lambda f: replace(f, detected=True),
-        lambda f: replace(f, pair=None),
-        lambda f: replace(f, judged=[replace(worst[0], gain=LOSS, share_of_ceiling=0.4), worst[1]]),
-        lambda f: replace(f, unknown=21.0),
-        lambda f: replace(f, judged=[replace(f.judged[0], remainder_p=0.03), worst[1]]),
-        lambda f: replace(f, judged=f.judged[:1]),
-        lambda f: replace(f, unknown=5.0),
-        lambda f: replace(f, judged=[replace(f.judged[0], gain=GOOD)]),
-        lambda f: replace(f, judged=[replace(f.judged[0], share_of_ceiling=0.7)]),
-        lambda f: replace(f, judged=[replace(f.judged[0], unlike="")]),
-        lambda f: replace(f, judged=[replace(f.judged[0], remainder_p=0.5)]),
-    ]
-    for mend in mends:
-        asked.append(first_that_holds(RULES, findings).rule)
-        findings = mend(findings)
-    asked.append(first_that_holds(RULES, findings).rule)
-    assert asked == [name for name in CASES if name != "not_sure"]
+def test_every_reason_has_a_case() -> None:
+    assert set(REASONS) | {"something_left"} == set(CASES)
+
+
+def test_probabilities_of_causes_are_given_a_gap_and_those_of_all_are_kept() -> None:
+    found = among(prestress=0.4, unknown=0.1).verdict
+    assert found.probability == pytest.approx({"prestress": 0.8, "unknown": 0.2})
+    assert found.posterior == pytest.approx({"none": 0.5, "prestress": 0.4, "unknown": 0.1})
+
+
+def test_a_name_in_several_hypotheses_is_named_once_and_three_at_most() -> None:
+    causes = {"a": 0.3, "a+b": 0.3, "c": 0.2, "d": 0.1, "e": 0.1}
+    assert replace(CLEAR, causes=causes).verdict.candidates == ("a", "b", "c")
+    two = replace(NUMBERS, most_candidates=2)
+    assert replace(CLEAR, causes=causes, rules=two).verdict.candidates == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("changes", "found", "usual", "other"),
+    [
+        ({"sure": 0.99}, CLEAR, "explained", "several_effects"),
+        ({"sure": 0.5}, CASES["several_effects"][0], "several_effects", "explained"),
+        ({"check_level": 0.05}, CLEAR, "explained", "not_predicted"),
+        ({"check_level": 1e-4}, CASES["something_left"][0], "something_left", "explained"),
+    ],
+)
+def test_other_numbers_decide_otherwise(changes: dict[str, float], found: Found, usual: str, other: str) -> None:
+    assert found.verdict.decided_by == usual
+    assert replace(found, rules=replace(NUMBERS, **changes)).verdict.decided_by == other  # type: ignore[arg-type]
+
+
+def test_rows_of_a_bench_have_names_of_their_own() -> None:
+    assert [rule.name for rule in BODY_RULES] == list(BODY_CASES)
 
 
 def rival(effect: str = "inclusion", evidence: float = 20.0, predicts: bool = True) -> Rival:
@@ -167,31 +146,3 @@ def test_a_row_decides_on_a_body(name: str) -> None:
     found = first_that_holds(BODY_RULES, findings)
     assert (found.rule, found.verdict, found.candidates) == (name, verdict, candidates)
     assert first_that_holds(BODY_RULES, otherwise).rule != name
-
-
-# Numbers other than the program's -> findings that they decide by another row.
-OTHER: list[tuple[dict[str, float], Findings, str, str]] = [
-    ({"tied": 50.0}, replace(CLEAR, judged=MANY[:2]), "explained", "several_effects"),
-    ({"prior_unknown": 0.999999}, replace(CLEAR, unknown=15.0), "explained", "unnamed_fits_better"),
-    ({"nearly_all": 0.8}, CASES["nothing_named"][0], "nothing_named", "unnamed_fits_better"),
-    ({"placebo_level": 0.02}, replace(CLEAR, judged=[judged(placebo_p=0.04)]), "explained", "not_predicted"),
-    ({"placebo_level": 0.2}, replace(CLEAR, judged=[judged(placebo_p=0.1)]), "not_predicted", "explained"),
-    ({"sure": 0.9}, replace(CLEAR, judged=MANY[:2]), "explained", "not_sure"),
-    ({"half": 0.3}, replace(CLEAR, judged=[judged(share_of_ceiling=0.4)]), "smaller_part", "explained"),
-    ({"left_over": 0.01}, CASES["something_left"][0], "something_left", "explained"),
-    ({"nearly_all": 0.6}, CASES["something_left"][0], "something_left", "explained"),
-    ({"remainder_level": 1e-4}, CASES["too_little_closed"][0], "too_little_closed", "smaller_part"),
-    ({"tied_twins": 1e3}, CASES["two_effects"][0], "two_effects", "explained"),
-    (
-        {"twins": 0.99},
-        replace(CLEAR, judged=[judged(), judged("a", 17.8, cosine=0.98)]),
-        "several_effects",
-        "explained",
-    ),
-]
-
-
-@pytest.mark.parametrize(("changes", "findings", "usual", "other"), OTHER)
-def test_other_numbers_decide_otherwise(changes: dict[str, float], findings: Findings, usual: str, other: str) -> None:
-    assert first_that_holds(RULES, findings).rule == usual
-    assert first_that_holds(RULES, replace(findings, rules=replace(NUMBERS, **changes))).rule == other  # type: ignore[arg-type]

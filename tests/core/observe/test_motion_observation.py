@@ -16,7 +16,7 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.matched_motion import MatchedMotion
 from palpate.core.observe.motion_data import MotionData
 from palpate.core.observe.motion_observation import MotionObservation
-from palpate.core.observe.motion_rows import MotionRows, mode_reader
+from palpate.core.observe.motion_rows import MotionRows, mode_reader, motion_in_mm
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.element_correction import ElementCorrection
@@ -94,6 +94,24 @@ def test_modes_have_independent_errors_of_unit_size_and_lose_no_smooth_motion(po
     smooth = data.along(np.sin(points[:, [1, 2, 0]] / 12.0))
     whole = smooth @ np.linalg.solve(data.covariance(), smooth)
     assert ((reader @ smooth) ** 2).sum() == pytest.approx(whole, rel=0.02)
+
+
+def test_modes_are_read_back_as_motion_in_mm(posed: IdentificationProblem) -> None:
+    """A smooth motion comes back, of every axis its own; where nothing was seen it is 0."""
+    random = np.random.default_rng(2)
+    points = np.vstack([random.uniform(-14.0, 14.0, (120, 3)), [[0.0, 0.0, 90.0]]])
+    precision = np.tile(np.eye(3) / 0.05**2, (121, 1, 1))
+    precision[-1] *= 1e-9
+    data = MotionData.of(MatchedMotion(points, 0.0 * points, precision, 1.0))
+    rows = MotionRows.of_points(data)
+    reader = mode_reader(rows)
+    smooth = np.sin(points[:, [1, 2, 0]] / [12.0, 15.0, 18.0]) * [1.0, -2.0, 0.5]
+    found = motion_in_mm(rows, reader) @ (reader @ data.along(smooth))
+    assert found.shape == (len(rows.places), 3)
+    near = np.linalg.norm(rows.places, axis=1) < 12.0
+    np.testing.assert_allclose(found[near], smooth[: len(found)][near], atol=0.15)
+    alone = np.flatnonzero(rows.places[:, 2] > 50.0)
+    assert np.abs(found[alone]).max(initial=0.0) < 0.01
 
 
 def test_the_residual_is_predicted_minus_matched_along_what_is_told(
