@@ -84,6 +84,6 @@ def inside_points(plane: Plane, points: Sequence[Point], step_mm: float) -> Floa
 
 def _in_organ(labels: Volume, points: FloatArray) -> NDArray[np.bool_]:
     index = np.rint(labels.to_index(points)).astype(int)
-    inside = ((index >= 0) & (index < labels.array.shape)).all(axis=1)
+    inside = np.asarray(((index >= 0) & (index < labels.array.shape)).all(axis=1))
     inside[inside] = np.isin(labels.array[tuple(index[inside].T)], ORGAN_LABELS)
     return inside

@@ -180,10 +180,10 @@ class EditPanel(QWidget):
             self.radius.setValue(round(10 * display.radius_mm))
         self.radius_words.setText(f"{display.radius_mm:.1f} mm")
         tips = {name: tip for name, _, tip in (*_TOOLS, *_OUTLINED)}
-        for name, button in (*self.tools.buttons.items(), *self.outlined.buttons.items()):
+        for name, tool in (*self.tools.buttons.items(), *self.outlined.buttons.items()):
             if name in PAINTS:
-                button.setEnabled(not reason)
-                button.setToolTip(reason.capitalize() or tips[name])
+                tool.setEnabled(not reason)
+                tool.setToolTip(reason.capitalize() or tips[name])
         strokes = None if controller.case is None or reason else controller.case.corrections
         can_undo, can_redo, unsaved = (
             (False,) * 3 if strokes is None else (strokes.can_undo, strokes.can_redo, strokes.unsaved)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QGroupBox, QSlider
 
@@ -30,8 +32,8 @@ class LabelRows(QGroupBox):
             box = QCheckBox(words)
             box.setIcon(swatch(label))
             box.setToolTip(f"Whether {words} is seen, with its outline")
-            box.toggled.connect(lambda on, name=label: self._show(name, on))
-            share = slider(0, 100, 100, lambda value, name=label: self._set(name, value / 100.0), f"Opacity of {words}")
+            box.toggled.connect(partial(self._show, label))
+            share = slider(0, 100, 100, partial(self._percent, label), f"Opacity of {words}")
             grid.addWidget(box, row, 0)
             grid.addWidget(share, row, 1)
             self.shown[label], self.shares[label] = box, share
@@ -49,6 +51,9 @@ class LabelRows(QGroupBox):
         if not on:
             self._before[label] = self._controller.display.opacity_of(label)
         self._set(label, self._before.get(label, 1.0) if on else 0.0)
+
+    def _percent(self, label: int, value: int) -> None:
+        self._set(label, value / 100.0)
 
     def _set(self, label: int, share: float) -> None:
         self._controller.show(label_opacity={**self._controller.display.label_opacity, label: share})

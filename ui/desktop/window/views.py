@@ -95,7 +95,8 @@ class Views(QWidget):
             if other is not alone:
                 other.hide()
         # Rows and columns without a view would keep their share of the room.
-        row, column, _, _ = self._grid.getItemPosition(self._grid.indexOf(alone))
+        place: tuple[int, int, int, int] = self._grid.getItemPosition(self._grid.indexOf(alone))  # type: ignore[assignment]
+        row, column = place[:2]
         for number in range(4):
             self._grid.setColumnStretch(number, int(number == column))
         for number in range(2):
