@@ -48,14 +48,20 @@ def set_up() -> int:
     if not _noted("packages.sha256", _lock()) or not PYTHON.exists():
         print(f"run: making the environment in {VENV} (once; a few minutes)", file=sys.stderr)
         shutil.rmtree(VENV, ignore_errors=True)
-        made = subprocess.run([sys.executable, "-m", "venv", str(VENV)], check=False).returncode
+        made = _status([sys.executable, "-m", "venv", str(VENV)], alone=True)
         packages = ["--require-hashes", "--only-binary", ":all:", "-r", str(TOP / "requirements.lock")]
-        if made or _pip(*packages):
+        made = made or _pip(*packages)
+        if made == 130:
+            return made
+        if made:
             print("run: the packages could not be installed; check the network and run again", file=sys.stderr)
             return 3
         (VENV / "packages.sha256").write_text(_lock(), encoding="utf-8")
     if not _noted("project.sha256", _project()):
-        if _pip("--no-deps", "--no-build-isolation", "-e", str(TOP)):
+        made = _pip("--no-deps", "--no-build-isolation", "-e", str(TOP))
+        if made == 130:
+            return made
+        if made:
             print(f"run: the project could not be installed; remove {VENV} and run again", file=sys.stderr)
             return 3
         (VENV / "project.sha256").write_text(_project(), encoding="utf-8")
@@ -77,16 +83,32 @@ def _noted(name: str, wanted: str) -> bool:
 
 
 def _pip(*arguments: str) -> int:
-    return _python("-m", "pip", "install", "--quiet", "--disable-pip-version-check", *arguments)
+    return _python("-m", "pip", "install", "--quiet", "--disable-pip-version-check", *arguments, alone=True)
 
 
-def _python(*arguments: str, cwd: Path | None = None) -> int:
+def _python(*arguments: str, cwd: Path | None = None, alone: bool = False) -> int:
     """The environment's Python; a file in the caller's folder that is called like a library must not stand in for it."""
     seen = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
-    return subprocess.run(
-        [str(PYTHON), *arguments], env={**seen, "PYTHONSAFEPATH": "1"}, cwd=cwd, check=False
-    ).returncode
+    return _status([str(PYTHON), *arguments], {**seen, "PYTHONSAFEPATH": "1"}, cwd, alone)
+
+
+def _status(command: list[str], env: dict[str, str] | None = None, cwd: Path | None = None, alone: bool = False) -> int:
+    """The exit status of a command. alone : Ctrl-C reaches this process only, which ends the command and says so; else the
+    command hears it too, says so itself, and is waited for."""
+    group = {} if not alone else {"creationflags": 0x200} if os.name == "nt" else {"start_new_session": True}
+    process = subprocess.Popen(command, env=env, cwd=cwd, **group)
+    try:
+        return process.wait()
+    except KeyboardInterrupt:
+        if alone:
+            process.terminate()
+            print("run: cancelled; run the same again to go on", file=sys.stderr)
+        process.wait()
+        return 130
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -26,7 +26,7 @@ _NO_AREA = ("POINT", "OPEN_PLANAR", "OPEN_NONPLANAR")
 
 
 @dataclass(eq=False)
-class _Roi:
+class Contoured:
     """The closed contours (n, 3) mm of one structure, whether they are combined by exclusive or, and the images they were drawn on."""
 
     name: str
@@ -90,7 +90,7 @@ def read_rtstruct(
     with reading(path):
         if facts is not None:
             notes += check_same_scan(dataset, _images(dataset), facts, path)
-        rois = _rois(dataset, path, notes)
+        rois = structures_in(dataset, path, notes)
         _leave_out_other_frames(dataset, rois, facts, notes)
     with_contours = {name: roi for name, roi in rois.items() if roi.contours}
     numbers = {name: roi.number for name, roi in rois.items()}
@@ -117,7 +117,7 @@ def read_rtstruct(
 
 
 def _leave_out_other_frames(
-    dataset: pydicom.Dataset, rois: Mapping[str, _Roi], facts: SeriesFacts | None, notes: list[str]
+    dataset: pydicom.Dataset, rois: Mapping[str, Contoured], facts: SeriesFacts | None, notes: list[str]
 ) -> None:
     """A structure set may hold structures of several scans: those of another frame of reference lose their contours, with a note."""
     here = None if facts is None else facts.telling_frame_of_reference()
@@ -132,7 +132,7 @@ def _leave_out_other_frames(
             notes.append(f"structure {roi.name} lies in another frame of reference than the CT and was left out")
 
 
-def _refuse_empty(rois: Mapping[str, _Roi], wanted: Mapping[str, Sequence[str]], path: Path) -> None:
+def _refuse_empty(rois: Mapping[str, Contoured], wanted: Mapping[str, Sequence[str]], path: Path) -> None:
     for names in wanted.values():
         empty = [name for name in names if name in rois and not rois[name].contours]
         if empty:
@@ -152,14 +152,14 @@ def _images_of(contour: pydicom.Dataset) -> set[str]:
     return {str(image.get("ReferencedSOPInstanceUID", "")) for image in contour.get("ContourImageSequence") or []}
 
 
-def _rois(dataset: pydicom.Dataset, path: Path, notes: list[str]) -> dict[str, _Roi]:
+def structures_in(dataset: pydicom.Dataset, path: Path, notes: list[str]) -> dict[str, Contoured]:
     """The structures by name, each by the file's own number; what cannot be used is noted."""
     items = [item for item in dataset.get("StructureSetROISequence") or [] if item.get("ROINumber") is not None]
     numbers = [int(item.ROINumber) for item in items]
     names = distinct([" ".join(str(item.get("ROIName", "")).split()) for item in items], numbers)
-    by_number: dict[int, _Roi] = {}
+    by_number: dict[int, Contoured] = {}
     for number, name in zip(numbers, names, strict=True):
-        first = by_number.setdefault(number, _Roi(name, number, []))
+        first = by_number.setdefault(number, Contoured(name, number, []))
         if first.name != name:
             notes.append(f"structure {name} has the number of {first.name}, {number}, and was left out")
     for item in dataset.get("ROIContourSequence") or []:
@@ -172,7 +172,7 @@ def _rois(dataset: pydicom.Dataset, path: Path, notes: list[str]) -> dict[str, _
     return {roi.name: roi for roi in by_number.values()}
 
 
-def _add_contours(roi: _Roi, contours: Sequence[pydicom.Dataset], path: Path, notes: list[str]) -> None:
+def _add_contours(roi: Contoured, contours: Sequence[pydicom.Dataset], path: Path, notes: list[str]) -> None:
     unused: dict[str, int] = {}
     for contour in contours:
         points, kind = _points(contour, roi.name, path), str(contour.get("ContourGeometricType") or "").strip().upper()

@@ -24,7 +24,7 @@ def choose_series(
 
     Raises InputError listing the choices when there is none or more than one.
     """
-    groups, scouts = _image_series(files, modalities)
+    groups, scouts = image_series(files, modalities)
     if not groups:
         wanted = " or ".join(modalities)
         if scouts:
@@ -52,7 +52,7 @@ def choose_series(
 Groups = dict[str, list[DicomFile]]
 
 
-def _image_series(files: Sequence[DicomFile], modalities: Sequence[str]) -> tuple[Groups, Groups]:
+def image_series(files: Sequence[DicomFile], modalities: Sequence[str]) -> tuple[Groups, Groups]:
     """The series of slices, by UID and where needed acquisition, and those that are localizers only."""
     by_uid: Groups = {}
     for file in files:
@@ -83,9 +83,17 @@ def _choices(groups: Groups) -> str:
     lines = []
     for number, key in enumerate(sorted(groups), start=1):
         header, (uid, _, told) = groups[key][0].header, key.partition(" ")
-        date = _printable(header.get("SeriesDate") or header.get("AcquisitionDate") or "no date")
+        date = printable(header.get("SeriesDate") or header.get("AcquisitionDate") or "no date")
         size = f"{len(groups[key])} files of {header.get('Columns')} x {header.get('Rows')}"
-        facts = [date, size, told, _description(header), plane_of(header), kind_of(header), f"UID ends in {uid[-12:]}"]
+        facts = [
+            date,
+            size,
+            told,
+            description_of(header),
+            plane_of(header),
+            kind_of(header),
+            f"UID ends in {uid[-12:]}",
+        ]
         lines.append(f"{number} ({', '.join(fact for fact in facts if fact)})")
     shown = lines[:20] + ([f"and {len(lines) - 20} more"] if len(lines) > 20 else [])
     return ", ".join(shown)
@@ -95,18 +103,18 @@ def _left_out(scouts: Groups) -> str:
     return f"; left out: {len(scouts)} of localizers (scout views)" if scouts else ""
 
 
-def _description(header: pydicom.Dataset) -> str:
+def description_of(header: pydicom.Dataset) -> str:
     """What the scanner's operator called the series, unless it names the patient."""
-    text = _printable(header.get("SeriesDescription") or "", 40).strip()
+    text = printable(header.get("SeriesDescription") or "", 40).strip()
     person = re.findall(r"\w{3,}", f"{header.get('PatientName') or ''} {header.get('PatientID') or ''}".casefold())
     return "" if not text or any(word in text.casefold() for word in person) else repr(text)
 
 
 def _summary(files: Sequence[DicomFile]) -> str:
-    kinds = [_printable(file.header.get("Modality") or "unnamed") for file in files]
+    kinds = [printable(file.header.get("Modality") or "unnamed") for file in files]
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
 
 
-def _printable(value: object, longest: int = 16) -> str:
+def printable(value: object, longest: int = 16) -> str:
     """A header's short value for a message of one line: a damaged one may hold line ends."""
     return "".join(c for c in str(value) if c.isprintable())[:longest]

@@ -12,6 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "plugin" / "PalpateStiffness"))
 
+from PalpateStiffnessLib import program  # noqa: E402
 from PalpateStiffnessLib.pipeline import CANCELLED, DONE, FAILED, RUNNING, Pipeline, Step  # noqa: E402
 from PalpateStiffnessLib.process import ProgramCall, descendants  # noqa: E402
 from PalpateStiffnessLib.program import ProgramNotFoundError, program_command  # noqa: E402
@@ -103,3 +104,26 @@ def test_the_program_is_found_or_what_to_do_is_said(tmp_path: Path, monkeypatch:
     assert program_command() == [str(ROOT / "run"), "palpate"]
     monkeypatch.setenv("PALPATE", sys.executable)
     assert program_command() == [sys.executable] and os.access(sys.executable, os.X_OK)
+
+
+def test_on_windows_the_entry_is_run_cmd_and_never_the_shell_script(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(program, "_WINDOWS", True)
+    monkeypatch.setattr(program, "ENTRY", "run.cmd")
+    monkeypatch.delenv("PALPATE", raising=False)
+    for name in ("run", "run.cmd"):
+        (tmp_path / name).write_text("")
+        (tmp_path / name).chmod(0o755)
+    for given in (tmp_path, tmp_path / "run", tmp_path / "run.cmd"):
+        assert program.program_command(str(given)) == [str(tmp_path / "run.cmd"), "palpate"]
+    top = tmp_path / "clone"
+    (top / "plugin" / "PalpateStiffness" / "PalpateStiffnessLib").mkdir(parents=True)
+    monkeypatch.setattr(program, "__file__", str(top / "plugin/PalpateStiffness/PalpateStiffnessLib/program.py"))
+    (top / "run").write_text("#!/bin/sh\n")
+    (top / "run").chmod(0o755)
+    own = tmp_path / "home" / ".palpate" / "environment" / "Scripts" / "palpate.exe"
+    own.parent.mkdir(parents=True)
+    own.write_text("")
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "home")
+    assert program.program_command() == [str(own)], "a shell script alone is no program there"

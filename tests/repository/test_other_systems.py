@@ -7,11 +7,14 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from palpate.core.errors import InputError
 from palpate.core.files import atomic
 from palpate.ui.cli import signals
+from palpate.ui.desktop.session import open_case
 
 TOP = Path(__file__).resolve().parents[2]
 ROOMS = ("core", "case", "imaging", "segmentation", "meshing", "simulate", "ui", "validate", "palpate")
@@ -68,3 +71,19 @@ def test_on_windows_nobody_is_sent_a_signal_to_see_whether_he_lives(monkeypatch:
     monkeypatch.setattr(os, "kill", sent)
     assert atomic._is_another_running(4711) and not atomic._is_another_running(os.getpid())
     assert signals.descendants(os.getpid()) == []
+
+
+def test_on_windows_a_case_that_is_open_twice_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    held: list[int] = []
+
+    def locking(descriptor: int, mode: int, count: int) -> None:
+        if held:
+            raise PermissionError(13, "Permission denied")
+        held.append(descriptor)
+
+    played = SimpleNamespace(locking=locking, LK_NBLCK=2)
+    monkeypatch.setitem(sys.modules, "msvcrt", played)  # type: ignore[arg-type]
+    monkeypatch.setattr(sys, "platform", "win32")
+    open_case._locked(tmp_path / "desktop" / "lock")
+    with pytest.raises(InputError, match="open in another window"):
+        open_case._locked(tmp_path / "desktop" / "lock")

@@ -17,6 +17,7 @@ TOLD = CodedConcept("TOLD", SCHEME, "Whether the scans tell this stiffness")
 TOLD_YES = CodedConcept("TOLDYES", SCHEME, "Told by this pair of scans")
 TOLD_NO = CodedConcept("TOLDNO", SCHEME, "Not told by this pair of scans")
 STIFFNESS_FROM_PAIR = CodedConcept("PAIR", SCHEME, "Stiffness from two CT scans of one organ")
+AREA, SQUARE_MILLIMETRE, MEAN = codes.SCT.Area, codes.UCUM.SquareMillimeter, codes.SCT.Mean
 KILOPASCAL = CodedConcept("kPa", "UCUM", "kilopascal")
 STANDARD_DEVIATION = codes.SCT.StandardDeviation
 ANATOMY = codes.SCT.AnatomicalStructure

@@ -5,20 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 
 import highdicom as hd
+import numpy as np
 from highdicom import sr
+from highdicom.sr import CodedConcept
 from pydicom.sr.codedict import codes
-from pydicom.uid import generate_uid
+from pydicom.sr.coding import Code
+from pydicom.uid import UID, generate_uid
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.measurements import FILE as MEASUREMENTS
 from palpate.core.errors import InputError
+from palpate.imaging.labels import PROSTATE_LEFT
 from palpate.ui.dicom import codes as own
 from palpate.ui.dicom.label_segments import label_segmentation
 from palpate.ui.dicom.making import MANUFACTURER, MODEL, Making, making, save, version
 from palpate.ui.dicom.source import read_source
+from palpate.ui.report.measured_regions import MeasuredRegion
 from palpate.ui.report.record import CaseRecord, read_record
 from palpate.ui.report.regions import RegionStiffness
 
-WRITES = "DICOM SR (TID 1500): shear modulus G of each region with its interval; the SEG it refers to"
+WRITES = "DICOM SR (TID 1500): shear modulus G of each region, and of regions drawn on the map, with intervals; the SEG it refers to"
+
+Group = sr.VolumetricROIMeasurementsAndQualitativeEvaluations | sr.PlanarROIMeasurementsAndQualitativeEvaluations
 
 
 def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
@@ -28,13 +36,21 @@ def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
     """
     record = read_record(case, {"rest": case.labels("rest")})
     source = read_source(case, "rest")
-    made = making(case, "sr", source, ["result.json", "rest.nii.gz", "labels.txt"])
+    made = making(
+        case, "sr", source, ["result.json", "rest.nii.gz", "labels.txt", *([MEASUREMENTS] if record.measured else [])]
+    )
     segments = label_segmentation(case, "rest", tissue)
     numbers = {item.SegmentLabel: int(item.SegmentNumber) for item in segments.SegmentSequence}
     absent = [region.name for region in record.regions if region.name not in numbers]
     if absent:
         raise InputError(f"{case.file('rest.nii.gz')} has no {absent[0]}, which result.json has; identify again")
-    groups = [_group(region, segments, numbers[region.name]) for region in record.regions]
+    groups: list[Group] = [_group(region, segments, numbers[region.name]) for region in record.regions]
+    groups += [
+        _drawn_group(
+            one, source.header.FrameOfReferenceUID, generate_uid(entropy_srcs=[made.sop_uid, one.measurement.name])
+        )
+        for one in record.measured
+    ]
     report = sr.MeasurementReport(
         observation_context=_observer(),
         procedure_reported=codes.LN.CTUnspecifiedBodyRegion,
@@ -42,7 +58,9 @@ def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
         title=codes.DCM.ImagingMeasurementReport,
     )
     report[0].ContentSequence.append(_remark(record, made))
-    document = sr.ComprehensiveSR(
+    # Outlines in patient coordinates need the form for 3D; without any, more programs read the plain one.
+    form = sr.Comprehensive3DSR if record.measured else sr.ComprehensiveSR
+    document = form(
         evidence=[*source.images, segments],
         content=report[0],
         is_complete=True,
@@ -83,6 +101,33 @@ def _group(
             sr.Measurement(name, float(f"{value:.4g}"), own.KILOPASCAL, derivation=how) for value, how, name in values
         ],
         qualitative_evaluations=[sr.QualitativeEvaluation(own.TOLD, own.TOLD_YES if region.told else own.TOLD_NO)],
+    )
+
+
+def _drawn_group(
+    region: MeasuredRegion, frame_of_reference: str, uid: UID
+) -> sr.PlanarROIMeasurementsAndQualitativeEvaluations:
+    """TID 1410: a region that a person drew on the stiffness map, by its outline in patient coordinates."""
+    drawn, mean = region.measurement, region.mean
+    outline = np.array([*drawn.points, drawn.points[0]], dtype=np.float64)
+    values: list[tuple[float, CodedConcept | Code | None, CodedConcept | Code, CodedConcept | Code]]
+    values = [(region.area_mm2, None, own.AREA, own.SQUARE_MILLIMETRE)]
+    if mean.G_kpa is not None and mean.interval_kpa is not None:
+        low, high = mean.interval_kpa
+        values.append((mean.G_kpa, own.MEAN, own.SHEAR_MODULUS, own.KILOPASCAL))
+        values += [(low, None, own.INTERVAL_LOW, own.KILOPASCAL), (high, None, own.INTERVAL_HIGH, own.KILOPASCAL)]
+    _, kind, _ = own.OF_LABEL[PROSTATE_LEFT]
+    return sr.PlanarROIMeasurementsAndQualitativeEvaluations(
+        tracking_identifier=sr.TrackingIdentifier(uid=uid, identifier=f"region {drawn.name}"),
+        referenced_region=sr.ImageRegion3D(sr.GraphicTypeValues3D.POLYGON, outline, frame_of_reference),
+        finding_type=kind,
+        method=own.STIFFNESS_FROM_PAIR,
+        measurements=[
+            sr.Measurement(name, float(f"{value:.4g}"), unit, derivation=how) for value, how, name, unit in values
+        ],
+        qualitative_evaluations=[
+            sr.QualitativeEvaluation(own.TOLD, own.TOLD_NO if mean.G_kpa is None else own.TOLD_YES)
+        ],
     )
 
 

@@ -17,8 +17,9 @@ from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, LABEL_VALUES, O
 
 RGB = tuple[float, float, float]
 STIFFNESS_LABEL = "shear modulus G (kPa)"
-# Perceptually uniform and rising in lightness, so that it reads the same in grey and by the colour-blind.
-_MAP = "viridis"
+# The first is perceptually uniform and rises in lightness, so that it reads the same in grey and by the colour-blind: report and
+# exports have it. The window offers the others; turbo is the rainbow of elastography with steps that the eye sees alike.
+COLOUR_MAPS = ("viridis", "cividis", "inferno", "turbo", "gray")
 # Beyond this ratio a linear scale would show the softer regions all alike.
 _LOG_ABOVE = 8.0
 # Signed distances, blue inside and red outside: of the misfit, and of nothing else.
@@ -54,11 +55,12 @@ OUTLINES: Mapping[int, str] = {
 
 @dataclass(frozen=True)
 class StiffnessScale:
-    """Colours for stiffness between low and high, kPa; logarithmic where ``log``."""
+    """Colours for stiffness between low and high, kPa; logarithmic where ``log``. colours : one of COLOUR_MAPS."""
 
     low: float
     high: float
     log: bool = False
+    colours: str = COLOUR_MAPS[0]
 
     @classmethod
     def of(cls, values: Iterable[float]) -> StiffnessScale:
@@ -73,7 +75,7 @@ class StiffnessScale:
     @property
     def colormap(self) -> Colormap:
         """The map."""
-        return colormaps[_MAP]
+        return colormaps[self.colours]
 
     @property
     def norm(self) -> Normalize:

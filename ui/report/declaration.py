@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from palpate.case.measurements import FILE as MEASUREMENTS
 from palpate.case.steps.step import Step
 from palpate.ui.report.drawn_by import drawn_by
 
@@ -11,7 +12,7 @@ REPORT = Step(
     (
         *("case.json", "rest.nii.gz", "deformed.nii.gz", "rest_ct", "alignment.json", "segmentation.json", "mesh.json"),
         *("import.json", "result.json", "surfaces.npz", "identify/fields.npz", "identify/stiffness_map.npz"),
-        "diagnosis.json",
+        *("diagnosis.json", MEASUREMENTS),
     ),
     ("report/report.html", "report/report.pdf"),
     "palpate.ui.report.report_step:ReportOptions",

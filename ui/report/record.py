@@ -17,6 +17,7 @@ from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.history import Entry
 from palpate.case.identified import read_result
 from palpate.case.matched import read_matched_motion
+from palpate.case.measurements import read_measurements
 from palpate.case.step_records import AlignmentRecord, ImportRecord, SegmentationRecord
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
@@ -26,7 +27,8 @@ from palpate.core.identify.result_record import ResultRecord
 from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.report.case_scale import regions_of
+from palpate.ui.report.case_scale import map_arrays, regions_of
+from palpate.ui.report.measured_regions import MeasuredRegion, measured_regions
 from palpate.ui.report.regions import RegionStiffness
 
 T = TypeVar("T")
@@ -73,7 +75,7 @@ class CaseRecord:
     simulated : None, or in words what of this pair was computed rather than scanned. volumes_cc : of labels, by state.
     ln_covariance : (t, t) of ln G, regions in the order of their labels; None where unknown.
     diagnosis : diagnosis.json; matched : motion from the images; None where there is none. scans : what the CTs' headers say of
-    how they were made, by state.
+    how they were made, by state. measured : regions that a person drew on the stiffness map.
     """
 
     facts: CaseFacts
@@ -89,6 +91,7 @@ class CaseRecord:
     diagnosis: DiagnosisRecord | None = None
     matched: MatchedMotion | None = None
     scans: Mapping[str, ScanFacts] = field(default_factory=dict)
+    measured: tuple[MeasuredRegion, ...] = ()
 
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
@@ -162,6 +165,9 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
         read_diagnosis(case) if case.has(DIAGNOSIS) else None,
         read_matched_motion(case),
         {state: scan for state in STATES if (scan := _scan(case, state)) is not None},
+        tuple(measured_regions(read_measurements(case), labels["rest"], map_arrays(case, result)))
+        if "rest" in labels
+        else (),
     )
 
 

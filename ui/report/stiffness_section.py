@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
+from palpate.ui.report.measured_table import measured_table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness, in_words
 from palpate.ui.words.number_words import three_figures
@@ -39,6 +40,7 @@ def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
         Paragraph("What this pair can tell:"),
         Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
         *_shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
+        *measured_table(record.measured),
         *figures.interactive,
     ]
     return Section("Stiffness", blocks)

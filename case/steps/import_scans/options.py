@@ -21,7 +21,8 @@ class ImportOptions:
     """How to import. Each pair is (rest, deformed).
 
     name : of the case; None for that of the folder. series : identifier of the series in a folder that holds several.
-    labels : contours of that scan, in any format of `imaging.contours`. roi : organ -> structure names. landmarks : CSV
+    labels : contours of that scan, in any format of `imaging.contours`. roi : organ -> structure names, in both files;
+    rois : the same for each file by itself, which goes before. landmarks : CSV
     of matched points, each in its own scan's coordinates. same_patient : skips the comparison of patients. align :
     False where both states are in one frame already.
     """
@@ -33,6 +34,11 @@ class ImportOptions:
     landmarks: Path | None = None
     same_patient: bool = False
     align: bool = True
+    rois: tuple[Mapping[str, Sequence[str]], Mapping[str, Sequence[str]]] = field(default_factory=lambda: ({}, {}))
+
+    def roi_of(self, state: str) -> Mapping[str, Sequence[str]]:
+        """Organ -> structure names in the file of a state."""
+        return self.rois[0 if state == "rest" else 1] or self.roi
 
 
 def check_kinds(paths: tuple[Path, Path]) -> None:
@@ -70,6 +76,8 @@ def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Seq
         **{f"beside {path.name}": file_sha256(file) for path in scans for file in described_by(path)},
         "options": [options.series, {k: list(v) for k, v in options.roi.items()}, options.align, options.same_patient],
     }
+    if any(options.rois):
+        content["rois"] = [{k: list(v) for k, v in roi.items()} for roi in options.rois]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

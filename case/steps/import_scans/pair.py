@@ -82,7 +82,7 @@ def _import_scans(job: _Job) -> ImportRecord:
     notes = [f"{state}: {note}" for state, scan in zip(STATES, scans, strict=True) for note in scan[1].notes]
     notes += check_pair(scans[0], scans[1], options.same_patient)
     contours = {
-        state: read_user_labels(path, *scan, options.roi, placed=state == "rest" or not options.align)
+        state: read_user_labels(path, *scan, options.roi_of(state), placed=state == "rest" or not options.align)
         for state, path, scan in zip(STATES, options.labels, scans, strict=True)
         if path is not None
     }
@@ -116,7 +116,7 @@ def _import_scans(job: _Job) -> ImportRecord:
 
 def _import_labels(job: _Job) -> ImportRecord:
     job.progress(0.1, "reading the label volumes")
-    both = [read_label_volume(path, job.options.roi) for path in job.paths]
+    both = [read_label_volume(path, job.options.roi_of(state)) for state, path in zip(STATES, job.paths, strict=True)]
     volumes = [labels.volume for labels in both]
     if np.array_equal(volumes[0].array, volumes[1].array) and np.allclose(volumes[0].affine, volumes[1].affine):
         raise InputError(

@@ -6,8 +6,11 @@ import os
 import shutil
 from pathlib import Path
 
+_WINDOWS = os.name == "nt"
+# The repository's entry: Windows cannot run the shell script that lies beside it.
+ENTRY = "run.cmd" if _WINDOWS else "run"
 INSTALL = (
-    "The palpate program was not found. Clone its repository and give the path of its file `run` in the field Program, "
+    f"The palpate program was not found. Clone its repository and give the path of its file `{ENTRY}` in the field Program, "
     "or put `palpate` on the PATH."
 )
 # What Slicer sets for its own Python and libraries, which another Python must not get.
@@ -19,19 +22,19 @@ class ProgramNotFoundError(Exception):
 
 
 def program_command(given: str = "") -> list[str]:
-    """The beginning of every command line. ``given`` : path of the program or of the repository's `run`; may be empty.
+    """The beginning of every command line. ``given`` : path of the program or of the repository's ENTRY; may be empty.
 
-    Looked for in this order: ``given``, the variable PALPATE, `run` of the repository that this extension lies in, the
+    Looked for in this order: ``given``, the variable PALPATE, ENTRY of the repository that this extension lies in, the
     environment that the module installed (`install.py`), PATH.
     Raises ProgramNotFoundError saying what to do.
     """
     for text in (given.strip(), os.environ.get("PALPATE", "").strip()):
         if text:
             return _command_of(Path(text).expanduser())
-    beside = Path(__file__).resolve().parents[3] / "run"
+    beside = Path(__file__).resolve().parents[3] / ENTRY
     if beside.is_file() and os.access(beside, os.X_OK):
         return _command_of(beside)
-    own = Path.home() / ".palpate" / "environment" / ("Scripts/palpate.exe" if os.name == "nt" else "bin/palpate")
+    own = Path.home() / ".palpate" / "environment" / ("Scripts/palpate.exe" if _WINDOWS else "bin/palpate")
     if own.is_file():
         return [str(own)]
     found = shutil.which("palpate")
@@ -54,8 +57,10 @@ def environment() -> dict[str, str]:
 
 
 def _command_of(path: Path) -> list[str]:
-    if path.is_dir() and (path / "run").is_file():
-        path = path / "run"
+    if path.is_dir() and (path / ENTRY).is_file():
+        path = path / ENTRY
+    if _WINDOWS and path.name == "run" and path.with_name(ENTRY).is_file():
+        path = path.with_name(ENTRY)
     if not path.is_file() or not os.access(path, os.X_OK):
         raise ProgramNotFoundError(f"{path} is no program that can be run. {INSTALL}")
-    return [str(path), "palpate"] if path.name == "run" else [str(path)]
+    return [str(path), "palpate"] if path.name == ENTRY else [str(path)]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
+import re
+import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -23,16 +27,14 @@ class Asked:
         self.environment: dict[str, str] = {}
         self.status: Callable[[list[str]], int] = lambda command: 0
 
-    def run(
-        self, command: list[str], env: dict[str, str] | None = None, **_: object
-    ) -> subprocess.CompletedProcess[str]:
+    def run(self, command: list[str], env: dict[str, str] | None = None, *_: object, **__: object) -> int:
         self.commands.append(command)
         self.environment = env or self.environment
         if command[1:3] == ["-m", "venv"]:
             python = Path(command[3]) / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
             python.parent.mkdir(parents=True)
             python.touch()
-        return subprocess.CompletedProcess(command, self.status(command))
+        return self.status(command)
 
     def count(self, word: str) -> int:
         return sum(word in command for command in self.commands)
@@ -58,7 +60,7 @@ def entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 @pytest.fixture
 def asked(entry: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Asked:
     found = Asked()
-    monkeypatch.setattr(entry.subprocess, "run", found.run)
+    monkeypatch.setattr(entry, "_status", found.run)
     return found
 
 
@@ -119,3 +121,37 @@ def test_both_entries_take_an_environment_for_ready_that_the_other_made(entry: M
 def test_run_cmd_calls_it_with_windows_line_ends() -> None:
     text = (TOP / "run.cmd").read_bytes()
     assert text.count(b"run.py") >= 2 and text.count(b"\r\n") == text.count(b"\n") and b"exit /b %errorlevel%" in text
+
+
+def test_run_cmd_has_no_block_that_a_bracket_in_a_path_would_end() -> None:
+    """cmd.exe puts %~dp0 and %* into a block before it looks for the block's end: C:\\Program Files (x86) would be it."""
+    assert not re.search(r"\([^\r\n]*%(~dp0|\*)", (TOP / "run.cmd").read_text())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGINT to a group")
+@pytest.mark.parametrize(("command", "line"), [("palpate", "cancelled"), ("setup", "run: cancelled")])
+def test_ctrl_c_is_one_line_and_130(tmp_path: Path, command: str, line: str) -> None:
+    top = tmp_path / "project"
+    python = top / ".venv" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    for name in ("requirements.lock", "pyproject.toml"):
+        (top / name).write_text("one\n")
+    shutil.copy(TOP / "run.py", top)
+    # The program hears Ctrl-C, takes its time to end, and says so; pip would not be quiet about it.
+    told = "echo cancelled >&2" if command == "palpate" else "echo Traceback >&2"
+    python.write_text(f"#!/bin/sh\ntrap 'sleep 0.5; {told}; exit 130' INT\necho ready\nsleep 20 & wait $!\n")
+    python.chmod(0o755)
+    noted = hashlib.sha256((top / "requirements.lock").read_bytes()).hexdigest()
+    (top / ".venv" / "packages.sha256").write_text(noted)
+    if command == "palpate":
+        project = hashlib.sha256(f"{top}\n".encode() + (top / "pyproject.toml").read_bytes()).hexdigest()
+        (top / ".venv" / "project.sha256").write_text(project)
+    process = subprocess.Popen(
+        [sys.executable, str(top / "run.py"), command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert len(err.splitlines()) == 1 and err.startswith(line), err

@@ -197,7 +197,7 @@ def test_the_map_says_where_it_tells_nothing(controller: Controller, tmp_path: P
     wait(controller)
     controller.show(overlay="map", crosshair=ORGAN)
     assert words_at_crosshair(controller) == (
-        "prostate left, G here = 60.0 kPa (95 % 49.3\N{EN DASH}73.0), quote the half: 120 kPa (95 % 100\N{EN DASH}144)"
+        "prostate left, G here = 60.0 kPa (95 % 49.3\N{EN DASH}73.0), E = 180 kPa, quote the half: 120 kPa (95 % 100\N{EN DASH}144)"
     )
     opened = controller.case
     assert opened is not None and opened.stiffness_map is not None

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QRectF, QSize, Qt
 
-from palpate.ui.desktop.slices import slice_marks
+from palpate.case.measurements import Measurement, angle_degrees
+from palpate.ui.desktop.session.display import Display
+from palpate.ui.desktop.slices import shape_marks, slice_marks
 from palpate.ui.desktop.slices.slice_viewport import Screen, Viewport
 from palpate.ui.pictures.planes import PLANES, Plane
 
@@ -38,7 +40,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, QRectF]]:
             found.append((words, QRectF(x, y, wide, high)))
 
     monkeypatch.setattr(slice_marks, "text", note)
-    monkeypatch.setattr(slice_marks, "_wide", lambda painter, words: WIDE * len(words))
+    monkeypatch.setattr(slice_marks, "wide", lambda painter, words: WIDE * len(words))
     monkeypatch.setattr(slice_marks, "QFont", MagicMock())
     return found
 
@@ -51,8 +53,9 @@ def test_letters_titles_window_and_scale_bar_keep_apart(
     screen = Screen(plane, Viewport(np.zeros(3), 0.7), QSize(width, 220))
     painter = MagicMock()
     slice_marks.letters(painter, screen)
+    brush = shape_marks.tool_words(painter, screen, Display(tool="brush", label=6))
     slice_marks.captions(
-        painter, screen, plane.name.capitalize(), "deformed", ("z = -140.0 mm", "map is shown at rest only")
+        painter, screen, plane.name.capitalize(), "deformed", (brush, "z = -140.0 mm", "map is shown at rest only")
     )
     slice_marks.window_words(painter, screen, 40.0, 400.0)
     slice_marks.scale_bar(painter, screen)
@@ -61,23 +64,24 @@ def test_letters_titles_window_and_scale_bar_keep_apart(
     for (first, a), (second, b) in combinations(written, 2):
         assert not a.intersects(b), f"{first!r} covers {second!r}"
     words = " ".join(w for w, _ in written)
+    assert "Brush" in words and ((width < 300) or "Brush: rectum" in words)
     assert "deformed" in words and "mm" in words and plane.name[:2].capitalize() in words
     assert (width < 235) or "W 400 L 40" in " ".join(words.split())
     assert (width < 500) or f"{plane.name.capitalize()}, deformed" in words
 
 
 def test_an_angle_is_that_at_its_second_point() -> None:
-    assert slice_marks.degrees([(1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 2.0, 0.0)]) == pytest.approx(90.0)
-    assert slice_marks.degrees([(3.0, 0.0, 5.0), (0.0, 0.0, 5.0), (1.0, 1.0, 5.0)]) == pytest.approx(45.0)
-    assert slice_marks.degrees([(0.0, 0.0, 0.0)] * 3) == 0.0
+    assert angle_degrees([(1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 2.0, 0.0)]) == pytest.approx(90.0)
+    assert angle_degrees([(3.0, 0.0, 5.0), (0.0, 0.0, 5.0), (1.0, 1.0, 5.0)]) == pytest.approx(45.0)
+    assert angle_degrees([(0.0, 0.0, 0.0)] * 3) == 0.0
 
 
-def test_an_angle_is_written_where_its_slice_is_shown(written: list[tuple[str, QRectF]]) -> None:
-    screen, points = (
-        Screen(PLANES[0], Viewport(np.zeros(3)), QSize(300, 300)),
-        [(9.0, 0.0, 5.0), (0.0, 0.0, 5.0), (0.0, 9.0, 5.0)],
-    )
-    for shown, position, words in ((points, 5.0, ["90.0\N{DEGREE SIGN}"]), (points, 40.0, []), (points[:2], 5.0, [])):
+def test_a_measurement_is_written_where_its_slice_is_shown(written: list[tuple[str, QRectF]]) -> None:
+    screen = Screen(PLANES[0], Viewport(np.zeros(3)), QSize(300, 300))
+    outline = ((9.0, 0.0, 5.0), (0.0, 0.0, 5.0), (0.0, 9.0, 5.0))
+    angle = Measurement("A", "angle", "axial", outline)
+    axial, coronal = Measurement("B", "region", "axial", outline), Measurement("C", "region", "coronal", outline)
+    for one, position, shown in ((angle, 5.0, 1), (angle, 40.0, 0), (axial, 5.0, 1), (coronal, 5.0, 0)):
         written.clear()
-        slice_marks.angle(MagicMock(), screen, shown, position)
-        assert [word for word, _ in written] == words
+        shape_marks.measurement(MagicMock(), screen, one, one.name, position)
+        assert [word for word, _ in written] == [one.name] * shown

@@ -13,8 +13,8 @@ from phantoms import affine, labels
 from palpate.core.arrays import IntArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.journal import Journal, content_hash, replay
-from palpate.ui.desktop.session.strokes import Corrections, Drag, Stroke, erased_to, footprint
+from palpate.ui.desktop.session.labels.journal import Journal, content_hash, replay
+from palpate.ui.desktop.session.labels.strokes import Corrections, Drag, Stroke, erased_to, footprint
 from palpate.ui.pictures.planes import AXIAL, PLANES
 
 CENTRE = np.array([-10.0, 24.0, -148.0])

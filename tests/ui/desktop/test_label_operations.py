@@ -13,10 +13,10 @@ from palpate.imaging.labels import BLADDER, PROSTATE_LEFT, PROSTATE_RIGHT, RECTU
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.panels.job_panel import time_words
 from palpate.ui.desktop.session.jobs import JobState
-from palpate.ui.desktop.session.label_operations import OPERATIONS, changed_label, values_at
-from palpate.ui.desktop.session.label_statistics import MapStatistics, label_statistics
+from palpate.ui.desktop.session.labels.label_operations import OPERATIONS, changed_label, values_at
+from palpate.ui.desktop.session.labels.label_statistics import MapStatistics, label_statistics
+from palpate.ui.desktop.session.labels.strokes import Corrections, Stroke
 from palpate.ui.desktop.session.map_values import map_at
-from palpate.ui.desktop.session.strokes import Corrections, Stroke
 from palpate.ui.desktop.slices.slice_sampling import numbered
 from palpate.ui.pictures.planes import AXIAL, SAGITTAL
 

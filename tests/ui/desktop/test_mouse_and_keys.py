@@ -83,7 +83,8 @@ told["marker"] = [len(painted), float(ct.array[tuple(np.rint(ct.to_index(painted
 QTest.keyClick(window, "6")
 here = at(centre)
 drag(left, here, here + QPoint(50, 0))
-told["ruler"] = [float(np.linalg.norm(np.subtract(*display.ruler))), 50 * view.viewport.mm_per_pixel]
+process(0.05)
+told["ruler"] = [float(np.linalg.norm(np.subtract(*controller.measuring.kept[-1].points))), 50 * view.viewport.mm_per_pixel]
 z = display.crosshair[2]
 view.setFocus()
 QTest.keyClick(view, Qt.Key.Key_PageUp)

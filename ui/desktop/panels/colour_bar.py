@@ -60,10 +60,15 @@ class ColourBar(QWidget):
         painter.setFont(QFont("DejaVu Sans", 8))
         if display.overlay == "labels":
             self._legend(
-                painter, [label for label in _LISTED if any((v.array == label).any() for v in case.volumes.values())]
+                painter,
+                [
+                    label
+                    for label in _LISTED
+                    if display.opacity_of(label) > 0.0 and any((v.array == label).any() for v in case.volumes.values())
+                ],
             )
         elif display.overlay in ("stiffness", "map"):
-            draw_stiffness_bar(painter, self.height(), case.scale, [r.G for r in case.regions if r.told])
+            draw_stiffness_bar(painter, self.height(), self._controller.scale, [r.G for r in case.regions if r.told])
         elif case.gap is not None:
             limit = overlay.residual_limit(case.gap.residual)
             shares = {float(v): (float(v) / limit + 1.0) / 2.0 for v in np.linspace(-limit, limit, 5)}

@@ -5,9 +5,12 @@ from __future__ import annotations
 from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
+from palpate.ui.desktop.panels.label_rows import LabelRows
 from palpate.ui.desktop.panels.panel_parts import Choice, combo, group, slider
 from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.session.display import FIXED_SCALES, OWN_SCALE
 from palpate.ui.desktop.session.window_level import PRESETS
+from palpate.ui.pictures.colours import COLOUR_MAPS
 
 _MODES = (
     ("rest", "Rest", "The scan at rest"),
@@ -26,6 +29,10 @@ _OVERLAYS = (
     ("misfit", "Misfit", "Where the model's organ lies off the scan's, mm"),
     ("none", "None", "The scan alone"),
 )
+_TOOLS = (
+    ("look", "Look", "Click or drag: move the crosshair (1)"),
+    ("window", "Window and level", "Drag: window (sideways) and level (up and down) (5)"),
+)
 # The loosest setting of the uncertainty mask stands for "no limit but what cannot be told".
 _NO_LIMIT_TENTHS = 60
 
@@ -40,11 +47,15 @@ class DisplayPanel(QWidget):
         column.setContentsMargins(0, 0, 0, 0)
         column.addWidget(self._view())
         column.addWidget(self._overlay())
+        self.labels = LabelRows(controller)
+        column.addWidget(self.labels)
 
     def _view(self) -> QWidget:
         box, form = group("Arrangement")
         self.modes = Choice(_MODES, lambda mode: self._controller.show(mode=mode))
         form.addRow(self.modes)
+        self.tools = Choice(_TOOLS, lambda tool: self._controller.show(tool=tool))
+        form.addRow(self.tools)
         self.blend = slider(0, 100, 50, lambda v: self._controller.show(blend=v / 100.0), "Share of the deformed scan")
         form.addRow("Blend", self.blend)
         self.preset = combo(["Custom", *PRESETS], self._choose_preset, "Which Hounsfield units are black and white")
@@ -65,6 +76,11 @@ class DisplayPanel(QWidget):
         form.addRow(self.overlays)
         self.opacity = slider(0, 100, 45, lambda v: self._controller.show(opacity=v / 100.0), "Opacity of the overlay")
         form.addRow("Opacity", self.opacity)
+        self.scale = combo([OWN_SCALE, *FIXED_SCALES], lambda name: self._controller.show(scale=name),
+                           "Which stiffness has which colour: by this case, or the same for every patient")  # fmt: skip
+        form.addRow("Scale", self.scale)
+        self.colours = combo(COLOUR_MAPS, lambda name: self._controller.show(colours=name), "Colours of the stiffness")
+        form.addRow("Colours", self.colours)
         self.low, self.high = self._limit(), self._limit()
         row = QHBoxLayout()
         row.addWidget(self.low)
@@ -105,6 +121,9 @@ class DisplayPanel(QWidget):
 
     def told(self, what: str) -> None:
         """Something has changed."""
+        if what in ("view", "case", "tools"):
+            self.tools.select(self._controller.display.tool)
+            self.labels.refresh()
         if what not in ("view", "case", "results"):
             return
         display, case = self._controller.display, self._controller.case
@@ -122,6 +141,8 @@ class DisplayPanel(QWidget):
             self.outlines.setChecked(display.outlines)
         named = next((name for name, preset in PRESETS.items() if preset == display.window), "Custom")
         self.preset.setCurrentText(named)  # only a person's choice is told
+        self.scale.setCurrentText(display.scale)
+        self.colours.setCurrentText(display.colours)
         factor = display.surest_factor
         self.sure_words.setText(
             "Hatch regions that the scans cannot determine"

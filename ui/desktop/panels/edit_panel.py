@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QSignalBlocker
-from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import (
     QCheckBox,
     QDoubleSpinBox,
@@ -18,10 +17,11 @@ from PySide6.QtWidgets import (
 )
 
 from palpate.core.errors import InputError
-from palpate.imaging.labels import LABEL_COLOURS, LABELS
+from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
-from palpate.ui.desktop.panels.panel_parts import Choice, combo, group, slider
+from palpate.ui.desktop.panels.panel_parts import Choice, combo, group, slider, swatch
 from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.session.display import PAINTS
 
 _TOOLS = (
     ("look", "Look", "Click or drag: move the crosshair (1)"),
@@ -29,11 +29,16 @@ _TOOLS = (
     ("brush", "Brush", "Paint the chosen label; with Ctrl, take it away (3)"),
     ("eraser", "Eraser", "Take the chosen label away (4)"),
 )
-_MEASURING = (
-    ("window", "Window", "Drag: window (sideways) and level (up and down) (5)"),
-    ("ruler", "Ruler", "Drag: a distance in mm (6)"),
-    ("angle", "Angle", "Three clicks: an end, the vertex, the other end (7)"),
+_OUTLINED = (
+    ("lasso", "Lasso", "Drag around what the chosen label shall have; with Ctrl, what it shall lose (8)"),
+    (
+        "polygon",
+        "Polygon",
+        "Click the corners, double click ends; with Ctrl at the first, what the label shall lose (9)",
+    ),
 )
+# Tools of this tab: who leaves it leaves them.
+EDITS = ("seed", "brush", "eraser", "lasso", "polygon")
 # Title, operation, tip, and row, column and columns of the button.
 _OPERATIONS = (
     ("Fill between slices", "fill between slices", "Draw the axial slices that lie between drawn ones", 0, 0, 3),
@@ -64,16 +69,16 @@ class EditPanel(QWidget):
         box, form = group("Point and correct")
         self.tools = Choice(_TOOLS, lambda tool: controller.show(tool=tool))
         form.addRow(self.tools)
-        self.measuring = Choice(_MEASURING, lambda tool: controller.show(tool=tool))
-        form.addRow(self.measuring)
+        self.outlined = Choice(_OUTLINED, lambda tool: controller.show(tool=tool))
+        form.addRow(self.outlined)
         self.seed = combo(
             SEED_NAMES, lambda name: controller.show(seed_name=name, tool="seed"), "What the click points at"
         )
         form.addRow("Point at", self.seed)
-        self.label = combo([], self._choose_label, "What brush and eraser change")
+        self.label = combo([], self._choose_label, "What brush, eraser, lasso and polygon change")
         for value, name in LABELS.items():
             if value:
-                self.label.addItem(_swatch(value), name.replace("_", " "), value)
+                self.label.addItem(swatch(value), name.replace("_", " "), value)
         form.addRow("Label", self.label)
         self.radius = slider(
             5,
@@ -154,8 +159,8 @@ class EditPanel(QWidget):
         return out
 
     def _choose_label(self, _: str) -> None:
-        tool = self._controller.display.tool
-        self._controller.show(label=int(self.label.currentData()), tool=tool if tool == "eraser" else "brush")
+        # The tool stays: a label that is chosen by mistake must not make the next click paint.
+        self._controller.show(label=int(self.label.currentData()))
 
     def told(self, what: str) -> None:
         """Something has changed."""
@@ -164,7 +169,7 @@ class EditPanel(QWidget):
         controller, display = self._controller, self._controller.display
         reason = controller.editing.why_not()
         self.tools.select(display.tool)
-        self.measuring.select(display.tool)
+        self.outlined.select(display.tool)
         with QSignalBlocker(self.ball):
             self.ball.setChecked(display.ball)
         for button in self.operations:
@@ -174,9 +179,11 @@ class EditPanel(QWidget):
         with QSignalBlocker(self.radius):
             self.radius.setValue(round(10 * display.radius_mm))
         self.radius_words.setText(f"{display.radius_mm:.1f} mm")
-        for name in ("brush", "eraser"):
-            self.tools.buttons[name].setEnabled(not reason)
-            self.tools.buttons[name].setToolTip(reason.capitalize() or {t[0]: t[2] for t in _TOOLS}[name])
+        tips = {name: tip for name, _, tip in (*_TOOLS, *_OUTLINED)}
+        for name, tool in (*self.tools.buttons.items(), *self.outlined.buttons.items()):
+            if name in PAINTS:
+                tool.setEnabled(not reason)
+                tool.setToolTip(reason.capitalize() or tips[name])
         strokes = None if controller.case is None or reason else controller.case.corrections
         can_undo, can_redo, unsaved = (
             (False,) * 3 if strokes is None else (strokes.can_undo, strokes.can_redo, strokes.unsaved)
@@ -190,9 +197,3 @@ class EditPanel(QWidget):
     def _state(self, button: QPushButton, possible: bool, tip: str, reason: str) -> None:
         button.setEnabled(possible)
         button.setToolTip(tip if possible else reason.capitalize())
-
-
-def _swatch(label: int) -> QIcon:
-    pixmap = QPixmap(12, 12)
-    pixmap.fill(QColor(*LABEL_COLOURS[label][:3]))
-    return QIcon(pixmap)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import (
     QButtonGroup,
     QComboBox,
@@ -15,6 +16,8 @@ from PySide6.QtWidgets import (
     QToolButton,
     QWidget,
 )
+
+from palpate.imaging.labels import LABEL_COLOURS
 
 
 def group(title: str) -> tuple[QGroupBox, QFormLayout]:
@@ -44,6 +47,13 @@ def combo(entries: Sequence[str], chosen: Callable[[str], None], tip: str) -> QC
     out.setToolTip(tip)
     out.textActivated.connect(chosen)
     return out
+
+
+def swatch(label: int) -> QIcon:
+    """A square in a label's colour."""
+    pixmap = QPixmap(12, 12)
+    pixmap.fill(QColor(*LABEL_COLOURS[label][:3]))
+    return QIcon(pixmap)
 
 
 class Choice(QWidget):

@@ -13,6 +13,7 @@ from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.report.diagnosis_words import says_little
+from palpate.ui.report.measured_regions import YOUNG
 from palpate.ui.report.summary import MISSING, NOTHING_TOLD
 from palpate.ui.words.number_words import three_figures
 
@@ -38,6 +39,11 @@ class ResultPanel(QWidget):
         # Room for a result from the start, so that what stands below stays where it is when one comes.
         self.words.setMinimumHeight(_LINES * self.words.fontMetrics().lineSpacing())
         self.words.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
+        # A place of its own from the start: nothing jumps when a result becomes out of date.
+        self.old = QLabel()
+        self.old.setStyleSheet(f"color: {style.WARN}")
+        self.old.setFixedHeight(self.old.fontMetrics().lineSpacing())
+        form.addRow(self.old)
         form.addRow(self.words)
         self.report = QPushButton("Show the report")
         self.report.clicked.connect(lambda: open_report())  # type: ignore[operator]
@@ -55,7 +61,10 @@ class ResultPanel(QWidget):
         self.report.setText("Show the report (out of date)" if has_report and old[1] else "Show the report")
         tip = f"It shows what was found before: {old[1]}" if old[1] else "In the web browser"
         self.report.setToolTip(tip if has_report else "There is no report yet; run Report")
-        words = _found(case, old[0]) if case is not None and case.regions else _NOTHING
+        is_old = case is not None and bool(case.regions) and bool(old[0])
+        self.old.setText("Out of date: found before what is there now" if is_old else "")
+        self.old.setToolTip(old[0])
+        words = _found(case, is_old) if case is not None and case.regions else _NOTHING
         words = _simulated(case) + _doubts(case) + words
         if words != self.words.text():  # a stroke tells often
             self.words.setText(words)
@@ -76,11 +85,10 @@ def _doubts(case: OpenCase | None) -> str:
     return "".join(f"<span style='color:{style.WARN}'>{text}</span><br>" for text in said)
 
 
-def _found(case: OpenCase, old: str) -> str:
-    """old : why the stiffness is out of date, or empty."""
+def _found(case: OpenCase, old: bool) -> str:
+    """old : whether the stiffness is out of date; its words then take as much room as before."""
     rows = []
-    beside_value = f" <span style='color:{style.WARN}'>out of date</span>" if old else ""
-    weight, tone = ("span", style.FAINT) if old else ("b", style.TEXT)
+    tone = style.FAINT if old else style.TEXT
     for region in case.regions:
         if region.told:
             interval = (
@@ -88,8 +96,9 @@ def _found(case: OpenCase, old: str) -> str:
                 if region.ci is None
                 else f"{three_figures(region.ci[0])}\N{EN DASH}{three_figures(region.ci[1])} kPa"
             )
-            value = f"<{weight} style='color:{tone}'>{three_figures(region.G)} kPa</{weight}>{beside_value}"
-            value += f"<br><span style='color:{style.FAINT}'>95 % {interval}</span>"
+            value = f"<b style='color:{tone}'>{three_figures(region.G)} kPa</b>"
+            value += f" <span style='color:{style.FAINT}'>(E {three_figures(YOUNG * region.G)} kPa)"
+            value += f"<br>95 % {interval}</span>"
         else:
             value = f"<span style='color:{style.WARN}'>the scans cannot determine it</span>"
         rows.append(f"<tr><td style='padding-right:10px'>{escape(region.words)}</td><td>{value}</td></tr>")
@@ -97,9 +106,8 @@ def _found(case: OpenCase, old: str) -> str:
     expected = None if misfit is None else known(misfit.expected_noise_rms_mm)
     beside = "" if expected is None else f" (contour error alone: {expected:.2f} mm)"
     # The values stand below it.
-    parts = [f"<span style='color:{style.WARN}'>Out of date: {escape(old)}. Found before that:</span>"] if old else []
-    parts += [_first(sentence) for sentence in case.first_words]
-    parts += [f"Shear modulus G<table cellspacing=2>{''.join(rows)}</table>",
+    parts = [_first(sentence) for sentence in case.first_words]
+    parts += [f"Shear modulus G (Young's modulus E = 3 G)<table cellspacing=2>{''.join(rows)}</table>",
              f"Misfit {float('nan') if misfit is None else misfit.rms_mm:.2f} mm rms{beside}"]  # fmt: skip
     parts += _gap(case)
     parts.append(f"<span style='color:{style.FAINT}'>{_RESEARCH}</span>")

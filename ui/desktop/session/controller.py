@@ -2,31 +2,37 @@
 next.
 
 Widgets call its methods and are told by name what has changed: "case", "labels", "results", "view", "tools", "job",
-"steps", "said". All calls come from one thread; work is done by `jobs.JobControl` in other processes.
+"steps", "said", "measured", "drawn" (a shape that is being drawn), "choice" (`offered`). All calls come from one thread; work is done by
+`jobs.JobControl` in other processes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from palpate.case.case_folder import STATES
+from palpate.case.measurements import REGIONS
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session import steps
-from palpate.ui.desktop.session.display import Display
+from palpate.ui.desktop.session.display import FIXED_SCALES, OVER_LABELS, PAINTS, Display
+from palpate.ui.desktop.session.drawing import Drawing
 from palpate.ui.desktop.session.editing import Editing
 from palpate.ui.desktop.session.jobs import JobControl
+from palpate.ui.desktop.session.measuring import Measuring
 from palpate.ui.desktop.session.open_case import OpenCase
-from palpate.ui.desktop.session.opening import Labels, Opening, ScanPair
+from palpate.ui.desktop.session.opening import Labels, Opening, Rois, ScanPair
 from palpate.ui.desktop.session.out_of_date import OutOfDateCheck
-from palpate.ui.desktop.session.read_scans import Scan
+from palpate.ui.desktop.session.read_scans import Offered, Scan
 from palpate.ui.desktop.session.recent import remember
 from palpate.ui.desktop.session.running import Running
+from palpate.ui.pictures.colours import StiffnessScale
 
 
 class Controller:
     """case : the open case or None. scans : what has been read of its CTs. jobs : the steps. reader : reading of scans.
-    out_of_date_check : which steps are out of date.
+    out_of_date_check : which steps are out of date. measuring, drawing : what is measured, and the shape being drawn.
 
     available : commands of this version. said : the last thing a person was told.
     """
@@ -37,8 +43,11 @@ class Controller:
         self.jobs = JobControl()
         self._opening, self._running = Opening(self), Running(self)
         self.editing, self.out_of_date_check = Editing(self), OutOfDateCheck()
+        self.measuring = Measuring(self)
+        self.drawing = Drawing(self, self.editing, self.measuring)
         self.available = frozenset(steps.BY_COMMAND)
         self.said = ""
+        self._then: tuple[str, ...] = ()
         self.made: dict[str, Path] = {}
         self.listeners: list[Callable[[str], None]] = []
 
@@ -54,6 +63,8 @@ class Controller:
 
     def notify(self, what: str) -> None:
         """Tells the widgets that something has changed."""
+        if what in ("case", "labels"):
+            self.measuring.forget_values()
         for listener in self.listeners:
             listener(what)
 
@@ -66,22 +77,40 @@ class Controller:
 
     def open_case(self, path: Path) -> None:
         """Opens a case folder; its scans are read by the worker. Raises InputError."""
+        if self.case is not None and path.exists() and path.samefile(self.case.folder.path):
+            self.say(f"{path.name} is open already")
+            return
         opened = OpenCase(path)
         self.close()
         self._take(opened)
         folder = opened.folder
         self._opening.read({state: folder.file(f"{state}_ct") for state in STATES if folder.has(f"{state}_ct")})
 
-    def open_pair(self, rest: Path, deformed: Path, case: Path, labels: Labels = (None, None)) -> None:
+    def open_pair(
+        self, rest: Path, deformed: Path, case: Path, labels: Labels = (None, None), then: tuple[str, ...] = ()
+    ) -> None:
         """Shows two scans as soon as they are read, then makes their case, with contours of them where there are any.
 
-        Raises InputError for paths that are not there.
+        then : steps that are run on the case. Raises InputError for paths that are not there.
         """
-        pair = ScanPair(rest, deformed, case, labels)
+        pair = ScanPair(rest, deformed, case, labels, then=then)
         pair.check()
         self.close()
         self._opening.begin(pair)
         self.notify("case")
+
+    @property
+    def offered(self) -> Offered | None:
+        """Series and structures of which a person must choose before the case is made."""
+        return self._opening.offered
+
+    def choose(self, series: Mapping[str, str], rois: Mapping[str, Rois]) -> None:
+        """Goes on with what was chosen, by state."""
+        self._opening.choose(series, rois)
+
+    def choose_nothing(self) -> None:
+        """Gives the two scans up."""
+        self._opening.give_up()
 
     def close(self) -> None:
         """Closes the case and stops what runs. Unsaved corrections stay in the case's journal."""
@@ -99,6 +128,7 @@ class Controller:
         self.case = None
         self.display = Display()
         self.editing.reset()
+        self.drawing.reset()
         self.notify("case")
 
     def quit(self) -> None:
@@ -126,7 +156,26 @@ class Controller:
         """Changes how the case is shown: fields of `Display`."""
         for name, value in changes.items():
             setattr(self.display, name, value)
+        if "tool" in changes:
+            self.drawing.reset()
+            self._uncover(self.display.tool)
         self.notify("tools" if set(changes) <= {"tool", "label", "radius_mm", "seed_name"} else "view")
+
+    def _uncover(self, tool: str) -> None:
+        """Shows what a tool works on: labels to whoever paints them, the map to whoever measures on it."""
+        display = self.display
+        if tool in PAINTS and display.overlay in OVER_LABELS:
+            self.show(overlay="labels")
+        elif tool in REGIONS and self.case is not None and self.case.stiffness_map is not None:
+            self.show(overlay="map", mode="rest" if display.mode == "deformed" else display.mode)
+
+    @property
+    def scale(self) -> StiffnessScale:
+        """Colours of stiffness: of the case, or one that is the same for every patient."""
+        scale = FIXED_SCALES.get(self.display.scale)
+        if scale is None:
+            scale = StiffnessScale(0.0, 100.0) if self.case is None else self.case.scale
+        return replace(scale, colours=self.display.colours)
 
     def look_at(self, x: float, y: float, z: float) -> None:
         """Moves the crosshair to patient coordinates, mm LPS."""
@@ -150,6 +199,12 @@ class Controller:
         cannot run.
         """
         self._running.start(names)
+
+    def go_on(self) -> None:
+        """Runs the steps that were asked for with the import, once."""
+        names, self._then = self._then, ()
+        if names and self.case is not None:
+            self._running.start(names)
 
     def export(self, form: str, folder: Path) -> None:
         """Writes the case in one of the forms of `palpate export` into a folder. Raises InputError when it cannot."""
@@ -207,6 +262,7 @@ class Controller:
             self._take(OpenCase(pair.case))
             self.display.crosshair = kept
             self._opening.read({})
+            self._then = pair.then
             return "the case is made; both scans lie in one frame, aligned on bone"
         elif pair is not None:
             self._opening.pair = None

@@ -12,6 +12,7 @@ from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.pictures.planes import centre_of
+from palpate.ui.report.measured_regions import YOUNG
 from palpate.ui.report.regions import RegionStiffness
 from palpate.ui.words.number_words import three_figures
 
@@ -55,7 +56,8 @@ def _map_words(case: OpenCase, label: int, at: FloatArray, factor: float | None,
     if not told:
         return ["the map does not tell G here"]
     spread = float(np.exp(1.96 * np.asarray(arrays["sd"])[nearest_patch(arrays, at)][0]))
-    here = f"G here = {three_figures(G)} kPa (95 % {three_figures(G / spread)}\N{EN DASH}{three_figures(G * spread)})"
+    interval = f"{three_figures(G / spread)}\N{EN DASH}{three_figures(G * spread)}"
+    here = f"G here = {three_figures(G)} kPa (95 % {interval}), E = {three_figures(YOUNG * G)} kPa"
     halves = [f"quote the half: {value_words(r)}" for r in case.regions if r.label == label and r.told]
     return [here, *old, *halves]
 

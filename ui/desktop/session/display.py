@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import msgspec
 
 from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel
+from palpate.ui.pictures.colours import COLOUR_MAPS, StiffnessScale
 
 MODES = ("rest", "deformed", "side by side", "blend")
 OVERLAYS = ("labels", "stiffness", "map", "misfit", "none")
+# Overlays under which labels are not seen.
+OVER_LABELS = ("stiffness", "map", "misfit")
+# Tools that change labels.
+PAINTS = ("brush", "eraser", "lasso", "polygon")
+OWN_SCALE = "this case"
+# The same for every patient, so that two windows compare; kPa of G.
+FIXED_SCALES = {
+    "0 to 50 kPa": StiffnessScale(0.0, 50.0),
+    "0 to 100 kPa": StiffnessScale(0.0, 100.0),
+    "0 to 200 kPa": StiffnessScale(0.0, 200.0),
+    "5 to 500 kPa, log": StiffnessScale(5.0, 500.0, True),
+}
 
 
 @dataclass
@@ -19,8 +32,9 @@ class Display:
 
     low_kpa, high_kpa : stiffness outside is not coloured; None is no limit. surest_factor : stiffness known to a larger
     factor than this is hatched instead of coloured; None hatches only what the pair does not tell at all. ball : the brush
-    paints in 3D. paint_low_hu, paint_high_hu : the brush changes only voxels whose CT lies between. ruler : its two ends, mm.
-    angle : end, vertex and other end, as far as they are clicked, mm.
+    paints in 3D. paint_low_hu, paint_high_hu : the brush changes only voxels whose CT lies between. scale : OWN_SCALE or one
+    of FIXED_SCALES. colours : one of `pictures.colours.COLOUR_MAPS`. label_opacity : by label, share of `opacity`; 0 hides the label
+    and its outline.
     """
 
     crosshair: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -41,8 +55,13 @@ class Display:
     ball: bool = False
     paint_low_hu: float | None = None
     paint_high_hu: float | None = None
-    ruler: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
-    angle: tuple[tuple[float, float, float], ...] = ()
+    scale: str = OWN_SCALE
+    colours: str = COLOUR_MAPS[0]
+    label_opacity: dict[int, float] = field(default_factory=dict)
+
+    def opacity_of(self, label: int) -> float:
+        """Share of the overlay's opacity that a label has, 0 to 1."""
+        return self.label_opacity.get(label, 1.0)
 
     @property
     def window(self) -> WindowLevel:
@@ -57,10 +76,12 @@ class Display:
     def from_dict(cls, data: Mapping[str, object]) -> Display:
         """A display as it was; what is missing or of another version is as by default, and all of it where one is of another type."""
         try:
-            out = msgspec.convert(data, cls)
+            out = msgspec.convert(data, cls, str_keys=True)
         except msgspec.ValidationError:
             out = cls()
-        out.tool, out.ruler, out.angle = "look", None, ()
+        out.tool = "look"
         if out.mode not in MODES or out.overlay not in OVERLAYS:
             out.mode, out.overlay = MODES[0], OVERLAYS[0]
+        if out.scale not in (OWN_SCALE, *FIXED_SCALES) or out.colours not in COLOUR_MAPS:
+            out.scale, out.colours = OWN_SCALE, COLOUR_MAPS[0]
         return out

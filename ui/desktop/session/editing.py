@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
-from palpate.ui.desktop.session.label_operations import changed_label, values_at
+from palpate.ui.desktop.session.labels.label_operations import changed_label, values_at
+from palpate.ui.desktop.session.labels.outlined import within_outline
+from palpate.ui.desktop.session.labels.strokes import Drag, Stroke, erased_to, footprint
+from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
-from palpate.ui.desktop.session.strokes import Drag, erased_to, footprint
 from palpate.ui.pictures.planes import Plane
 
 Point = tuple[float, float, float]
@@ -66,13 +70,7 @@ class Editing:
 
         Raises InputError when it cannot draw.
         """
-        reason = self.why_not()
-        if reason:
-            raise InputError(reason)
-        shown, case = self._session.display, self._session.case
-        assert case is not None
-        if shown.label not in LABELS or state not in case.volumes:
-            raise InputError(f"the {state} scan has no labels yet; run Segment first")
+        shown, case = self._session.display, self._ready(state)
         erase = erase or shown.tool == "eraser"
         label = erased_to(shown.label) if erase else shown.label
         self._drag = Drag(case.corrections, state, label, shown.label if erase else None)
@@ -104,23 +102,40 @@ class Editing:
         hu = values_at(ct, labels, index)
         return index[(low <= hu) & (hu <= high)]
 
-    def apply(self, state: str, operation: str, amount_mm: float = 0.0) -> None:
-        """One of `label_operations.OPERATIONS` on the chosen label of a scan; one undo takes it back. Raises InputError when it
-        cannot be done or changes nothing."""
-        reason = self.why_not()
-        if reason:
+    def fill(self, state: str, plane: Plane, outline: Sequence[Point], erase: bool = False) -> None:
+        """Gives the chosen label what lies within an outline on a slice, or takes it away; one undo takes it back. Raises InputError
+        when it cannot draw."""
+        case, label = self._ready(state), self._session.display.label
+        index = self._within_threshold(state, within_outline(case.volumes[state], outline, plane))
+        after, only = (erased_to(label), label) if erase else (label, None)
+        self._made(case, case.corrections.paint(state, index, after, only))
+
+    def _ready(self, state: str) -> OpenCase:
+        """The case whose labels of a state can be corrected now."""
+        reason, case = self.why_not(), self._session.case
+        if reason or case is None:
             raise InputError(reason)
-        case, label = self._session.case, self._session.display.label
-        assert case is not None
         if state not in case.volumes:
             raise InputError(f"the {state} scan has no labels yet; run Segment first")
-        stroke = changed_label(case.volumes[state], state, label, operation, amount_mm)
+        return case
+
+    def _made(self, case: OpenCase, stroke: Stroke | None) -> None:
+        """Makes a stroke and writes it into the journal."""
         if stroke is None:
-            raise InputError(f"that changes nothing of {LABELS[label].replace('_', ' ')} in the {state} scan")
+            return
         case.corrections.make(stroke)
         if case.journal is not None:
             case.journal.stroke(stroke)
         self._session.notify("labels")
+
+    def apply(self, state: str, operation: str, amount_mm: float = 0.0) -> None:
+        """One of `label_operations.OPERATIONS` on the chosen label of a scan; one undo takes it back. Raises InputError when it
+        cannot be done or changes nothing."""
+        case, label = self._ready(state), self._session.display.label
+        stroke = changed_label(case.volumes[state], state, label, operation, amount_mm)
+        if stroke is None:
+            raise InputError(f"that changes nothing of {LABELS[label].replace('_', ' ')} in the {state} scan")
+        self._made(case, stroke)
 
     def end(self) -> None:
         """Releases the brush: the stroke can be undone, and is on disk."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,12 +17,13 @@ import numpy as np
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.identified import read_result
+from palpate.case.measurements import read_measurements
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.display import Display
-from palpate.ui.desktop.session.journal import Journal, content_hash, replay
-from palpate.ui.desktop.session.strokes import Corrections
+from palpate.ui.desktop.session.labels.journal import Journal, content_hash, replay
+from palpate.ui.desktop.session.labels.strokes import Corrections
 from palpate.ui.report.case_scale import map_arrays, regions_of, scale_of
 from palpate.ui.report.record import read_record, simulated
 from palpate.ui.report.regions import RegionStiffness
@@ -51,7 +53,7 @@ class GapMap:
 class OpenCase:
     """folder : the case. deformed_to_rest : (4, 4).
 
-    volumes : state -> labels, in place. corrections : on them. seeds : state -> name -> (x, y, z) mm,
+    measurements : that a person made. volumes : state -> labels, in place. corrections : on them. seeds : state -> name -> (x, y, z) mm,
     both states in the rest frame.
 
     Raises InputError when the folder is no case, a file in it is damaged, or another window has it open.
@@ -59,7 +61,7 @@ class OpenCase:
 
     def __init__(self, path: Path) -> None:
         self.folder = CaseFolder(path)
-        self._lock = _locked(self.folder.file(LOCK))
+        self._lock: int | None = _locked(self.folder.file(LOCK))
         self._writer = ThreadPoolExecutor(1, "palpate-writer")
         session = self._session()
         self.display = Display.from_dict(dict(session.get("display", {})))
@@ -71,6 +73,7 @@ class OpenCase:
         self.deformed_to_rest = self.folder.deformed_to_rest()
         self.corrections = Corrections({})
         self.journal: Journal | None = None
+        self.measurements = read_measurements(self.folder)
         self.read_results()
 
     def take_labels(self, volumes: dict[str, Volume], hashes: Mapping[str, str]) -> None:
@@ -188,17 +191,25 @@ class OpenCase:
         return [str(note) for note in found.get("notes", ())] if isinstance(found, dict) else []
 
 
-def _locked(path: Path) -> int | None:
+def _locked(path: Path) -> int:
     """Holds the case for this window; the system lets go when the process ends, however it ends."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return None
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
+        _lock(descriptor)
+    except OSError as error:
         os.close(descriptor)
         raise InputError(f"{path.parent.parent} is open in another window; close that one first") from error
     return descriptor
+
+
+def _lock(descriptor: int) -> None:
+    """Raises OSError where another process, or another opening in this one, holds it."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

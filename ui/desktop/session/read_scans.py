@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TypedDict
@@ -13,13 +13,16 @@ import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.core.arrays import FloatArray
+from palpate.core.errors import InputError
 from palpate.core.worker.executors import cores, make_executor
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
+from palpate.imaging.contours.structure_list import is_clear, list_structures
 from palpate.imaging.dicom.series import read_series
+from palpate.imaging.dicom.series_list import list_series
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.journal import content_hash
+from palpate.ui.desktop.session.labels.journal import content_hash
 
 KIND = "palpate.ui.desktop.session.read_scans:run"
 
@@ -43,11 +46,40 @@ class ReadLabels(MappedFile):
     hash: str
 
 
+class OfferedSeries(TypedDict):
+    """One of several series of a folder; see `imaging.dicom.series_list`. picture : HU of its middle slice, None without."""
+
+    identifier: str
+    date: str
+    slices: int
+    size: tuple[int, int]
+    thickness_mm: float | None
+    description: str
+    picture: list[list[float]] | None
+
+
+class OfferedStructure(TypedDict):
+    """One of the structures of a file; see `imaging.contours.structure_list`."""
+
+    identifier: str
+    name: str
+    volume_cc: float
+    organ: str
+
+
+class Offered(TypedDict):
+    """What a person has to choose from: series of folders, and structures of files, by state."""
+
+    series: dict[str, list[OfferedSeries]]
+    structures: dict[str, list[OfferedStructure]]
+
+
 class Found(TypedDict, total=False):
-    """What one progress message brings: a scan, or the labels of all states."""
+    """What one progress message brings: a scan, the labels of all states, or what is to be chosen first."""
 
     scan: ReadScan
     labels: dict[str, ReadLabels]
+    offered: Offered
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,17 +90,32 @@ class Scan:
     file: Path
 
 
-def scans_job(sources: Mapping[str, Path], case: Path | None, folder: Path) -> Job:
-    """The job that reads scans, and the labels of a case; folder : where their voxels go."""
-    options = {"sources": {s: str(p) for s, p in sources.items()}, "case": None if case is None else str(case)}
+def scans_job(
+    sources: Mapping[str, Path],
+    case: Path | None,
+    folder: Path,
+    series: Mapping[str, str] | None = None,
+    contours: Mapping[str, Path] | None = None,
+) -> Job:
+    """The job that reads scans, and the labels of a case. folder : where their voxels go. series : that were chosen.
+    contours : files whose structures may have to be named."""
+    options = {
+        "sources": {s: str(p) for s, p in sources.items()},
+        "case": None if case is None else str(case),
+        "series": dict(series or {}),
+        "contours": {s: str(p) for s, p in (contours or {}).items()},
+    }
     return Job(KIND, str(folder), options=options, workers=cores())
 
 
 class ReadScans(msgspec.Struct, frozen=True):
-    """Options. sources : folder of each state's scan. case : folder whose labels are read."""
+    """Options. sources : folder of each state's scan. case : folder whose labels are read. series : chosen ones, by state.
+    contours : file of each state whose structures may have to be named."""
 
     sources: dict[str, str]
     case: str | None = None
+    series: dict[str, str] = {}
+    contours: dict[str, str] = {}
 
 
 def run(job: Job, reporter: Reporter) -> dict[str, object]:
@@ -80,18 +127,49 @@ def run(job: Job, reporter: Reporter) -> dict[str, object]:
     sources, folder = asked.sources, Path(job.folder)
     if asked.case is not None:
         reporter.progress(0.05, "labels", found={"labels": read_labels(folder, CaseFolder(asked.case))})
+    offered: Offered = {"series": {}, "structures": unclear_structures(asked.contours)}
     if sources:
         reporter.progress(0.1, "reading the scans")
         with make_executor(min(job.workers, len(sources))) as executor:
-            read = executor.map(partial(read_scan, folder), sources, sources.values())
-            for number, one in enumerate(read, start=1):
-                reporter.progress(number / len(sources), f"the {one['state']} scan is read", found={"scan": one})
+            chosen = [asked.series.get(state) for state in sources]
+            read = executor.map(partial(read_or_offer, folder), sources, sources.values(), chosen)
+            for number, (state, one) in enumerate(zip(sources, read, strict=True), start=1):
+                if isinstance(one, list):
+                    offered["series"][state] = one
+                else:
+                    reporter.progress(number / len(sources), f"the {state} scan is read", found={"scan": one})
+    if any(offered.values()):
+        reporter.progress(1.0, "a choice is needed", found={"offered": offered})
     return {}
 
 
-def read_scan(folder: Path, state: str, source: str) -> ReadScan:
+def unclear_structures(contours: Mapping[str, str]) -> dict[str, list[OfferedStructure]]:
+    """Structures of the files whose names do not tell which is which, by state. Raises InputError for unreadable files."""
+    found = {state: list_structures(Path(path)) for state, path in contours.items()}
+    return {
+        state: [OfferedStructure(**asdict(entry)) for entry in entries]  # type: ignore[typeddict-item]
+        for state, entries in found.items()
+        if not is_clear(entries, Path(contours[state]))
+    }
+
+
+def read_or_offer(folder: Path, state: str, source: str, series: str | None) -> ReadScan | list[OfferedSeries]:
+    """One scan; or the series of its folder where there are several and none is chosen. Raises InputError as `read_series`."""
+    try:
+        return read_scan(folder, state, source, series)
+    except InputError:
+        entries = list_series(Path(source)) if series is None and Path(source).is_dir() else []
+        if len(entries) < 2:
+            raise
+    return [
+        OfferedSeries(**(vars(entry) | {"picture": None if entry.picture is None else entry.picture.tolist()}))  # type: ignore[typeddict-item]
+        for entry in entries
+    ]
+
+
+def read_scan(folder: Path, state: str, source: str, series: str | None = None) -> ReadScan:
     """One scan into STATE.npy of a folder, in Fortran order, so that axial slices lie together."""
-    volume, _ = read_series(source)
+    volume, _ = read_series(source, series)
     volume = in_lps_order(volume)
     path = folder / f"{state}.npy"
     with path.open("wb") as stream:

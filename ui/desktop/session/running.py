@@ -115,6 +115,8 @@ class Running:
             said = f"{state.name} is done; it took {duration(state.seconds_since(time.monotonic()))}"
         if said:
             self._session.say(said)
+        if outcome == "done":
+            self._session.go_on()
 
     def _made(self, result: Mapping[str, object]) -> str:
         """Takes note of what a job has made outside of the case; in words, where there is something to say."""

@@ -45,5 +45,8 @@ class Session(Protocol):
     def save(self) -> None:
         """Writes corrected labels into the case."""
 
+    def go_on(self) -> None:
+        """Runs the steps that were asked for with the import, once."""
+
     def take_in(self, done: bool, labels: bool) -> str:
         """Reads what a job has written; in words, where there is something to say. Raises InputError for damaged files."""

@@ -67,13 +67,24 @@ class StepRequest:
 
 
 def import_request(
-    rest: Path, deformed: Path, case: Path, labels: tuple[Path | None, Path | None] = (None, None)
+    rest: Path,
+    deformed: Path,
+    case: Path,
+    labels: tuple[Path | None, Path | None] = (None, None),
+    series: Mapping[str, str] | None = None,
+    rois: Mapping[str, Mapping[str, Sequence[str]]] | None = None,
 ) -> StepRequest:
-    """Two folders to a case. labels : contours of the scan at rest and of the deformed one."""
+    """Two folders to a case. labels : contours of the scan at rest and of the deformed one. series, rois : chosen ones, by state."""
+    series, rois = series or {}, rois or {}
     rest_labels, deformed_labels = (None if path is None else path.absolute() for path in labels)
     given = [f"--{state}-labels FILE" for state, path in zip(STATES, labels, strict=True) if path is not None]
+    given += [f"--{state}-series {name}" for state, name in series.items()]
     typed = " ".join(["REST DEFORMED", "-o CASE", *given])
-    options = ImportOptions(labels=(rest_labels, deformed_labels))
+    options = ImportOptions(
+        series=(series.get("rest"), series.get("deformed")),
+        labels=(rest_labels, deformed_labels),
+        rois=(rois.get("rest", {}), rois.get("deformed", {})),
+    )
     step = BY_COMMAND["import"].declared
     return StepRequest(step, case.absolute(), options, typed, (rest.absolute(), deformed.absolute()))
 

@@ -45,8 +45,10 @@ def map_layer(
     shown = told & (low <= G) & (high >= G)
     data = np.zeros((*inside.shape, 4), dtype=np.uint8)
     colours = scale.colormap(scale.norm(G[shown]))
-    colours[:, 3] = display.opacity
-    colours[:, :3] *= display.opacity
+    labels = sampled.values[rows[shown], columns[shown]]
+    share = display.opacity * np.array([display.opacity_of(label) for label in range(256)])[labels.astype(int)]
+    colours[:, 3] = share
+    colours[:, :3] *= share[:, None]
     data[rows[shown], columns[shown]] = np.rint(255.0 * colours)
     untold = np.zeros(inside.shape)
     untold[rows[~told], columns[~told]] = 1.0

@@ -11,7 +11,7 @@ from skimage import measure
 
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BONE, LABEL_COLOURS, SURROUNDING_TISSUE
-from palpate.ui.desktop.session.display import Display
+from palpate.ui.desktop.session.display import PAINTS, Display
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice
 from palpate.ui.pictures.colours import DISTANCE_MAP, StiffnessScale
 from palpate.ui.report.regions import RegionStiffness
@@ -31,9 +31,11 @@ class Painted:
 def painted_labels(display: Display) -> Painted:
     """Every label in its colour; tissue all around stays as it is unless it is being drawn."""
     alpha = round(255 * display.opacity)
-    table = {label: (*rgb, alpha) for label, (*rgb, _) in LABEL_COLOURS.items() if label}
-    table[BONE] = (*table[BONE][:3], alpha // 3)
-    if not (display.label == SURROUNDING_TISSUE and display.tool in ("brush", "eraser")):
+    table = {
+        label: (*rgb, round(alpha * display.opacity_of(label))) for label, (*rgb, _) in LABEL_COLOURS.items() if label
+    }
+    table[BONE] = (*table[BONE][:3], table[BONE][3] // 3)
+    if not (display.label == SURROUNDING_TISSUE and display.tool in PAINTS):
         table.pop(SURROUNDING_TISSUE)
     return Painted({label: (c[0], c[1], c[2], c[3]) for label, c in table.items()})
 
@@ -47,7 +49,7 @@ def painted_stiffness(display: Display, regions: Iterable[RegionStiffness], scal
             hatched.add(region.label)
         elif is_within(region.G, display):
             r, g, b = (round(255 * c) for c in scale.rgb(region.G))
-            table[region.label] = (r, g, b, round(255 * display.opacity))
+            table[region.label] = (r, g, b, round(255 * display.opacity * display.opacity_of(region.label)))
     return Painted(table, frozenset(hatched))
 
 

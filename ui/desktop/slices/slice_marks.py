@@ -14,7 +14,7 @@ from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.pictures.slice_axes import LETTER_FONT
 
 _BARS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
-_NEAR_MM = 3.0
+NEAR_MM = 3.0
 # Where the edge of a letter is drawn, pixels: around it, one and two away.
 _EDGE = [(dx, dy) for dx in (-2, -1, 0, 1, 2) for dy in (-2, -1, 0, 1, 2) if 0 < dx * dx + dy * dy <= 5]
 _SHORT = {"Axial": "Ax", "Sagittal": "Sag", "Coronal": "Cor"}
@@ -43,41 +43,41 @@ def letters(painter: QPainter, screen: Screen) -> None:
 
 def captions(painter: QPainter, screen: Screen, plane: str, state: str, further: Sequence[str]) -> None:
     """Which slice it is, in the upper left corner: on one line left of the letter above where there is room, else below it."""
-    room, corner = _half(screen) - 8.0, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
+    room, corner = half(screen) - 8.0, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
     whole, lines = f"{plane}, {state}", [*further]
-    if _wide(painter, whole) <= room:
+    if wide(painter, whole) <= room:
         first = whole
     else:
-        first = plane if _wide(painter, plane) <= room else _SHORT[plane]
+        first = plane if wide(painter, plane) <= room else _SHORT[plane]
         lines = [state, *further]
     text(painter, QRectF(8, 4, room, 16), first, corner)
-    wide = screen.size.width() - 12.0
+    most = screen.size.width() - 12.0
     for row, words in enumerate(filter(None, lines), start=1):
-        if _wide(painter, words) > wide:
+        if wide(painter, words) > most:
             words = words.removesuffix(" mm")
-        if _wide(painter, words) > wide and words.startswith("slice "):
+        if wide(painter, words) > most and words.startswith("slice "):
             words = words.partition(",")[0]
         # The last words may need further lines; they end above the letter at the left.
         top = 4.0 + 16.0 * row
         room = max(16.0, min(48.0, screen.size.height() / 2.0 - 12.0 - top))
-        text(painter, QRectF(8, top, wide, room), words, corner | Qt.TextFlag.TextWordWrap)
+        text(painter, QRectF(8, top, most, room), words, corner | Qt.TextFlag.TextWordWrap)
 
 
 def window_words(painter: QPainter, screen: Screen, centre: float, width: float) -> None:
     """Window and level, in this order as everywhere, in the lower right corner, as long as there is room beside the letter below."""
     size, low = screen.size, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom
-    room = _half(screen) - 8.0
+    room = half(screen) - 8.0
     forms = tuple(f"W {width:.0f}{gap}L {centre:.0f}".replace("-", "\N{MINUS SIGN}") for gap in ("  ", " "))
-    words = next((form for form in forms if _wide(painter, form) <= room), "")
+    words = next((form for form in forms if wide(painter, form) <= room), "")
     text(painter, QRectF(size.width() - 8 - room, size.height() - 24, room, 18), words, low)
 
 
-def _half(screen: Screen) -> float:
+def half(screen: Screen) -> float:
     """Pixels from an edge to the letter in the middle of a side."""
     return screen.size.width() / 2.0 - 12.0
 
 
-def _wide(painter: QPainter, words: str) -> float:
+def wide(painter: QPainter, words: str) -> float:
     return QFontMetricsF(painter.font()).horizontalAdvance(words) + 1.0
 
 
@@ -93,7 +93,7 @@ def scale_bar(painter: QPainter, screen: Screen) -> None:
     corner = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignBottom
     words = f"{length:g} mm"
     # Beside the letter below where there is room for both, else above it.
-    low = y - 4.0 if x + _wide(painter, words) <= _half(screen) else y - 10.0
+    low = y - 4.0 if x + wide(painter, words) <= half(screen) else y - 10.0
     text(painter, QRectF(x, low - 18, 90, 18), words, corner)
 
 
@@ -111,9 +111,9 @@ def seeds(painter: QPainter, screen: Screen, found: Mapping[str, Sequence[float]
     """A ring with its name where a person has pointed; faint when it lies in a slice nearby."""
     for name, point in found.items():
         away = abs(point[screen.plane.normal] - position)
-        if away > 5 * _NEAR_MM:
+        if away > 5 * NEAR_MM:
             continue
-        tone = style.colour(style.SEED, 255 if away <= _NEAR_MM else 90)
+        tone = style.colour(style.SEED, 255 if away <= NEAR_MM else 90)
         p = screen.to_pixel(point[screen.plane.across], point[screen.plane.down])
         painter.setBrush(Qt.BrushStyle.NoBrush)
         # Dark around light around colour: to be seen on any label and on bone.
@@ -125,7 +125,7 @@ def seeds(painter: QPainter, screen: Screen, found: Mapping[str, Sequence[float]
             painter.setPen(QPen(ink, width))
             painter.drawEllipse(p, 6.0, 6.0)
         painter.drawPoint(p)
-        if away <= _NEAR_MM:
+        if away <= NEAR_MM:
             left = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
             text(painter, QRectF(p.x() + 10, p.y() - 9, 90, 18), name, left, style.SEED)
 
@@ -133,7 +133,7 @@ def seeds(painter: QPainter, screen: Screen, found: Mapping[str, Sequence[float]
 def misfit_points(painter: QPainter, screen: Screen, points: FloatArray, rgb: LabelArray, position: float) -> None:
     """Points of the organ's surface near the slice, coloured by the model's misfit there."""
     plane = screen.plane
-    near = np.flatnonzero(np.abs(points[:, plane.normal] - position) <= _NEAR_MM / 2.0)
+    near = np.flatnonzero(np.abs(points[:, plane.normal] - position) <= NEAR_MM / 2.0)
     painter.setPen(QPen(QColor(0, 0, 0, 120), 0.8))
     for n in near:
         painter.setBrush(QColor(*(int(c) for c in rgb[n])))
@@ -152,45 +152,3 @@ def position_words(screen: Screen, position: float, slices: tuple[int, int] | No
     sign = "\N{MINUS SIGN}" if position < 0 else ""
     place = f"{'xyz'[screen.plane.normal]} = {sign}{abs(position):.1f} mm"
     return place if slices is None else f"slice {slices[0]} of {slices[1]}, {place}"
-
-
-def ruler(painter: QPainter, screen: Screen, ends: tuple[Sequence[float], Sequence[float]], position: float) -> None:
-    """A measured distance with its length in mm, where both ends lie near the slice."""
-    if any(abs(end[screen.plane.normal] - position) > _NEAR_MM for end in ends):
-        return
-    a, b = (screen.to_pixel(end[screen.plane.across], end[screen.plane.down]) for end in ends)
-    for ink, width in ((QColor("black"), 4.0), (QColor(style.RULER), 1.8)):
-        painter.setPen(QPen(ink, width))
-        painter.drawLine(a, b)
-        for end in (a, b):
-            painter.drawEllipse(end, 3.0, 3.0)
-    length = float(np.linalg.norm(np.subtract(*ends)))
-    side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
-    text(painter, QRectF(max(a.x(), b.x()) + 8, (a.y() + b.y()) / 2 - 9, 90, 18), f"{length:.1f} mm", side, style.RULER)
-
-
-def angle(painter: QPainter, screen: Screen, points: Sequence[Sequence[float]], position: float) -> None:
-    """An angle with its degrees at the vertex, the second point, where all points lie near the slice; till then what is clicked."""
-    if not points or any(abs(point[screen.plane.normal] - position) > _NEAR_MM for point in points):
-        return
-    pixels = [screen.to_pixel(point[screen.plane.across], point[screen.plane.down]) for point in points]
-    painter.setBrush(Qt.BrushStyle.NoBrush)
-    for ink, width in ((QColor("black"), 4.0), (QColor(style.RULER), 1.8)):
-        painter.setPen(QPen(ink, width))
-        painter.drawPolyline(pixels)
-        for pixel in pixels:
-            painter.drawEllipse(pixel, 3.0, 3.0)
-    if len(points) == 3:
-        at = pixels[1]
-        side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
-        text(
-            painter, QRectF(at.x() + 8, at.y() - 9, 90, 18), f"{degrees(points):.1f}\N{DEGREE SIGN}", side, style.RULER
-        )
-
-
-def degrees(points: Sequence[Sequence[float]]) -> float:
-    """The angle at the second of three points, 0 to 180; 0 where two of them are the same."""
-    first, vertex, last = (np.asarray(point, dtype=float) for point in points)
-    a, b = first - vertex, last - vertex
-    lengths = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return float(np.degrees(np.arccos(np.clip(a @ b / lengths, -1.0, 1.0)))) if lengths > 0.0 else 0.0

@@ -5,9 +5,11 @@ from __future__ import annotations
 from PySide6.QtCore import QPoint, QPointF, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPainterPath, QPen, QPolygonF
 
+from palpate.case.measurements import REGIONS
+from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
-from palpate.ui.desktop.slices import overlay, slice_marks
+from palpate.ui.desktop.slices import overlay, shape_marks, slice_marks
 from palpate.ui.desktop.slices.map_layer import map_layer
 from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image, outline_paths, sampled_slice
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice, numbered, scan_outline
@@ -68,7 +70,7 @@ class SlicePicture:
             return
         painted = self._painted()
         in_mm, to_pixels = outline_paths(self._kept, state, sampled, tuple(OUTLINES)), screen.transform()
-        paths = {label: to_pixels.map(path) for label, path in in_mm.items()}
+        paths = {label: to_pixels.map(path) for label, path in in_mm.items() if display.opacity_of(label) > 0.0}
         if display.overlay == "map" and state == "rest":
             self._map(painter, screen, position, sampled)
         if painted is not None and (self._state != BLEND or state == "rest"):
@@ -87,8 +89,9 @@ class SlicePicture:
         case, display = self._controller.case, self._controller.display
         if case is None or case.stiffness_map is None:
             return
-        arrays, scale = case.stiffness_map, case.scale
-        key = (id(sampled), id(arrays), display.opacity, display.low_kpa, display.high_kpa, display.surest_factor)
+        arrays, scale = case.stiffness_map, self._controller.scale
+        key = (id(sampled), id(arrays), display.opacity, display.low_kpa, display.high_kpa, display.surest_factor, scale,
+               *(display.opacity_of(label) for label in ORGAN_LABELS))  # fmt: skip
         layer = self._kept.get("map", key, lambda: map_layer(arrays, sampled, self._plane, position, display, scale))
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         painter.drawImage(screen.rect(sampled.extent), layer.image)
@@ -99,8 +102,17 @@ class SlicePicture:
         if display.overlay == "labels":
             return overlay.painted_labels(display)
         if display.overlay == "stiffness" and case is not None and case.regions:
-            return overlay.painted_stiffness(display, case.regions, case.scale)
+            return overlay.painted_stiffness(display, case.regions, self._controller.scale)
         return None
+
+    def _shapes(self, painter: QPainter, screen: Screen, position: float) -> None:
+        """What is measured on this slice, and what is being drawn on it."""
+        measuring, drawing = self._controller.measuring, self._controller.drawing
+        for one in measuring.kept:
+            if one.kind not in REGIONS or self._state != "deformed":
+                shape_marks.measurement(painter, screen, one, measuring.short_words(one), position)
+        if drawing.plane is self._plane and (drawing.state == "deformed") == (self._state == "deformed"):
+            shape_marks.begun(painter, screen, drawing.tool, drawing.outline, position)
 
     def _number(self, position: float) -> tuple[int, int] | None:
         """Which slice of how many."""
@@ -124,10 +136,9 @@ class SlicePicture:
         there = case is not None and (case.stiffness_map if display.overlay == "map" else case.gap) is not None
         why = overlay.only_at_rest(display.overlay, self._state) if there else ""
         place = slice_marks.position_words(screen, position, self._number(position))
-        if display.ruler is not None:
-            slice_marks.ruler(painter, screen, display.ruler, position)
-        slice_marks.angle(painter, screen, display.angle, position)
-        slice_marks.captions(painter, screen, self._plane.name.capitalize(), name, (place, why))
+        self._shapes(painter, screen, position)
+        tool = shape_marks.tool_words(painter, screen, display)
+        slice_marks.captions(painter, screen, self._plane.name.capitalize(), name, (tool, place, why))
         slice_marks.window_words(painter, screen, display.centre, display.width)
         if not shown:
             text = "reading the scan \N{HORIZONTAL ELLIPSIS}" if self._controller.reader.running else "no scan here"

@@ -15,12 +15,14 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from palpate.core.errors import InputError
 from palpate.ui.desktop.session.controller import Controller
+from palpate.ui.desktop.session.drawing import SHAPES
 from palpate.ui.desktop.slices.slice_picture import SlicePicture
 from palpate.ui.desktop.slices.slice_viewport import Screen, Viewport
 from palpate.ui.pictures.planes import Plane
 
 _LEFT, _RIGHT, _MIDDLE = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton, Qt.MouseButton.MiddleButton
 _DRAWS = ("brush", "eraser")
+_ENLARGES = ("look", "window")
 # Right drag: pixels up that double the magnification. Window tool: HU a pixel.
 DOUBLES_PIXELS, _HU_PIXEL = 120.0, 2.0
 # Voxels across and down the screen, and slices, that a key moves the crosshair by; five times that with shift.
@@ -29,8 +31,6 @@ _KEYS = {
     Qt.Key.Key_PageUp: (0, 0, 1), Qt.Key.Key_PageDown: (0, 0, -1),
 }  # fmt: skip
 _SHIFTED = 5
-# Points of an angle.
-_ENDS = 3
 
 
 class SliceView(QWidget):
@@ -72,7 +72,7 @@ class SliceView(QWidget):
         """Something has changed."""
         if what in ("case", "labels"):
             self._picture.labels_version += 1
-        if what in ("case", "labels", "view", "tools", "results"):
+        if what in ("case", "labels", "view", "tools", "results", "measured", "drawn", "steps"):
             self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -96,11 +96,8 @@ class SliceView(QWidget):
         if act in ("pan", "zoom", "window"):
             return
         point = self.screen_map.point(event.position(), self.controller.display.crosshair)
-        try:
-            self._begin(act, point, bool(event.modifiers() & Qt.KeyboardModifier.ControlModifier))
-        except InputError as error:
-            self._pressed = None
-            self.controller.say(str(error))
+        erase = bool(event.modifiers() & Qt.KeyboardModifier.ControlModifier)
+        self._try(lambda: self._begin(act, point, erase))
 
     def _act(self, event: QMouseEvent) -> str:
         """What a button does: the tool's name, or "pan", "zoom"."""
@@ -114,10 +111,8 @@ class SliceView(QWidget):
             controller.editing.seed(self.editing_state, display.seed_name, point)
         elif act in _DRAWS:
             controller.editing.begin(self.editing_state, None if display.ball else self.plane, point, erase)
-        elif act == "ruler":
-            controller.show(ruler=(point, point))
-        elif act == "angle":
-            controller.show(angle=(*(display.angle if len(display.angle) < _ENDS else ()), point))
+        elif act in SHAPES:
+            controller.drawing.press(act, self.editing_state, self.plane, point, erase)
         else:
             controller.look_at(*point)
 
@@ -146,20 +141,31 @@ class SliceView(QWidget):
             controller.notify("view")
         elif act in _DRAWS:
             controller.editing.go_on(None if display.ball else self.plane, point)
-        elif act == "ruler" and display.ruler is not None:
-            controller.show(ruler=(display.ruler[0], point))
+        elif act in SHAPES:
+            controller.drawing.move(point)
         elif act == "look":
             controller.look_at(*point)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        if self._pressed is not None and self._pressed[2] in _DRAWS:
+        pressed, self._pressed = self._pressed, None
+        if pressed is not None and pressed[2] in _DRAWS:
             self.controller.editing.end()
-        self._pressed = None
+        elif pressed is not None and pressed[2] in SHAPES:
+            self._try(self.controller.drawing.release)
+
+    def _try(self, act: Callable[[], None]) -> None:
+        try:
+            act()
+        except InputError as error:
+            self._pressed = None
+            self.controller.say(str(error))
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        if event.button() == _LEFT and self.controller.display.tool in ("look", "window"):
+        if event.button() == _LEFT and self.controller.display.tool in _ENLARGES:
             self._pressed = None
             self._enlarge(self)
+        elif event.button() == _LEFT and self.controller.display.tool == "polygon":
+            self._try(self.controller.drawing.close)
         else:
             self.mousePressEvent(event)
 
@@ -173,7 +179,7 @@ class SliceView(QWidget):
             self.viewport.zoom(1.15**turns)
             self.controller.notify("view")
         else:
-            self._step(0, 0, turns)
+            self.step(0, 0, turns)
 
     # Keys
 
@@ -183,9 +189,9 @@ class SliceView(QWidget):
             super().keyPressEvent(event)
             return
         times = _SHIFTED if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
-        self._step(*(times * voxels for voxels in move))
+        self.step(*(times * voxels for voxels in move))
 
-    def _step(self, across: float, down: float, slices: float) -> None:
+    def step(self, across: float, down: float, slices: float) -> None:
         """Moves the crosshair by voxels of the scan across and down the screen, and through the slices: towards the head, the
         left or the back."""
         state = self.editing_state

@@ -12,7 +12,7 @@
 `colours` is {label: [r, g, b, opacity 0 to 1]}.
 
 `map` is null, or what colours the organ at rest: file (of the stiffness map), version (changes with the file), scale (low, high,
-logarithmic), untold (r, g, b), low_kpa, high_kpa, surest_factor as in `Display`.
+logarithmic, colour map), untold (r, g, b), low_kpa, high_kpa, surest_factor as in `Display`.
 """
 
 from __future__ import annotations

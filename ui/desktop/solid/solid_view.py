@@ -113,10 +113,10 @@ class SolidView(QWidget):
         case, display = self.controller.case, self.controller.display
         if case is None or case.stiffness_map is None or display.overlay != "map":
             return None
-        scale = case.scale
+        scale = self.controller.scale
         return {
             "file": str(case.folder.file(MAP_FILE)), "version": self._version,
-            "scale": (scale.low, scale.high, scale.log), "untold": [round(255 * c) for c in _UNTOLD[:3]],
+            "scale": (scale.low, scale.high, scale.log, scale.colours), "untold": [round(255 * c) for c in _UNTOLD[:3]],
             "low_kpa": display.low_kpa, "high_kpa": display.high_kpa, "surest_factor": display.surest_factor,
         }  # fmt: skip
 
@@ -124,7 +124,7 @@ class SolidView(QWidget):
         case, display = self.controller.case, self.controller.display
         organ = dict(_HALVES)
         if display.overlay == "stiffness" and case is not None and case.regions:
-            table = overlay.painted_stiffness(display, case.regions, case.scale).table
+            table = overlay.painted_stiffness(display, case.regions, self.controller.scale).table
             organ = {k: (*(c / 255.0 for c in table[k][:3]), 1.0) if k in table else _UNTOLD for k in ORGAN_LABELS}  # type: ignore[misc]
         elif display.overlay in ("map", "misfit"):
             organ = dict.fromkeys(ORGAN_LABELS, _UNTOLD)  # no colour that the bar would seem to explain
@@ -136,7 +136,7 @@ class SolidView(QWidget):
                     rgba = _DEFORMED if label in ORGAN_LABELS else (0.0, 0.0, 0.0, 0.0)
                 else:
                     rgba = organ[label] if label in organ else _AROUND[label]
-                out[f"{state} {label}"] = [float(c) for c in rgba]
+                out[f"{state} {label}"] = [*(float(c) for c in rgba[:3]), float(rgba[3]) * display.opacity_of(label)]
         return out
 
     def _misfit(self) -> FloatArray | None:

@@ -10,7 +10,7 @@ class MapRequest(TypedDict):
 
     file: str
     version: int
-    scale: tuple[float, float, bool]
+    scale: tuple[float, float, bool, str]
     untold: list[int]
     low_kpa: float | None
     high_kpa: float | None

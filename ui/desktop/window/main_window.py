@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer, QUrl
-from PySide6.QtGui import QCloseEvent, QDesktopServices, QDragEnterEvent, QDropEvent, QKeySequence, QPixmap, QShortcut
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeySequence, QPixmap, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -21,21 +21,27 @@ from PySide6.QtWidgets import (
 from palpate.core.errors import InputError
 from palpate.ui.desktop.panels.colour_bar import ColourBar
 from palpate.ui.desktop.panels.display_panel import DisplayPanel
-from palpate.ui.desktop.panels.edit_panel import EditPanel
+from palpate.ui.desktop.panels.edit_panel import EDITS, EditPanel
 from palpate.ui.desktop.panels.job_panel import JobPanel
+from palpate.ui.desktop.panels.measure_panel import MEASURES, MeasurePanel
 from palpate.ui.desktop.panels.result_panel import ResultPanel
 from palpate.ui.desktop.panels.search_panel import SearchPanel
 from palpate.ui.desktop.panels.step_bar import StepBar
+from palpate.ui.desktop.panels.tool_tabs import ToolTabs
+from palpate.ui.desktop.panels.wheel_guard import WheelGuard
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import words_at_crosshair
+from palpate.ui.desktop.session.read_scans import Offered
 from palpate.ui.desktop.window import geometry, questions
+from palpate.ui.desktop.window.choosers import ChoicePage
 from palpate.ui.desktop.window.desktop_notice import show_notice
 from palpate.ui.desktop.window.menu import Menu, MenuParts
 from palpate.ui.desktop.window.notices import Notices
 from palpate.ui.desktop.window.open_page import OpenPage
 from palpate.ui.desktop.window.organ_pages import OrganPages
+from palpate.ui.desktop.window.outer_pages import show_outside
 from palpate.ui.desktop.window.responsiveness import ResponsivenessMeter
-from palpate.ui.desktop.window.statistics_page import statistics_page
+from palpate.ui.desktop.window.statistics_page import StatisticsPage
 from palpate.ui.desktop.window.views import Views
 
 _POLL_MS = 30
@@ -55,7 +61,11 @@ class MainWindow(QMainWindow):
         self.steps = StepBar(controller, self.step_pressed)
         self.views = Views(controller, Path(self._folder.name))
         self.bar = ColourBar(controller)
-        self.display, self.edit = DisplayPanel(controller), EditPanel(controller)
+        self.display, self.edit, self.measure = (
+            DisplayPanel(controller),
+            EditPanel(controller),
+            MeasurePanel(controller),
+        )
         self.results, self.job = ResultPanel(controller, self.open_report), JobPanel(controller)
         self.page = OpenPage(controller, self._opened)
         self._lay_out()
@@ -77,11 +87,14 @@ class MainWindow(QMainWindow):
         column.setContentsMargins(6, 2, 8, 6)
         self.tabs = QTabWidget()
         self.tabs.addTab(self.display, "View")
-        self.tabs.addTab(self.edit, "Point and correct")
+        self.tabs.addTab(self.edit, "Correct")
+        self.tabs.addTab(self.measure, "Measure")
         self.search = SearchPanel(self.controller, self.tabs)
+        self.tool_tabs = ToolTabs(self.controller, self.tabs, {self.edit: EDITS, self.measure: MEASURES})
         for part in (self.job, self.results, self.tabs):
             column.addWidget(part)
         column.addStretch(1)
+        WheelGuard(panel)
         scroll = QScrollArea()
         scroll.setWidget(panel)
         scroll.setWidgetResizable(True)
@@ -118,7 +131,9 @@ class MainWindow(QMainWindow):
         self._second.start(1000)
 
     def _shortcuts(self) -> None:
-        QShortcut(QKeySequence("F"), self).activated.connect(self.views.fit)
+        QShortcut(QKeySequence("F"), self).activated.connect(self.views.go_to_organ)
+        for keys, count in (("PgUp", 1), ("PgDown", -1), ("Shift+PgUp", 5), ("Shift+PgDown", -5)):
+            QShortcut(QKeySequence(keys), self).activated.connect(lambda n=count: self.views.through_slices(n))
         for keys, factor in (("+", _WIDER), ("=", _WIDER), ("-", 1.0 / _WIDER)):
             QShortcut(QKeySequence(keys), self).activated.connect(lambda f=factor: self._brush(f))
         for key, tool in (
@@ -129,6 +144,10 @@ class MainWindow(QMainWindow):
             ("5", "window"),
             ("6", "ruler"),
             ("7", "angle"),
+            ("8", "lasso"),
+            ("9", "polygon"),
+            ("E", "ellipse"),
+            ("R", "region"),
         ):
             QShortcut(QKeySequence(key), self).activated.connect(lambda t=tool: self.controller.show(tool=t))
 
@@ -139,6 +158,8 @@ class MainWindow(QMainWindow):
             self.bar,
             self.display,
             self.edit,
+            self.measure,
+            self.tool_tabs,
             self.results,
             self.job,
             self.search,
@@ -152,10 +173,19 @@ class MainWindow(QMainWindow):
             if self.controller.case is None and not self.controller.jobs.running and not self.controller.scans:
                 self.page.show_problem(self.controller.said)
                 self.stack.setCurrentWidget(self.page)
+        if what == "choice" and self.controller.offered is not None:
+            self.choose(self.controller.offered)
         if what in ("case", "labels"):
             self._title()
         if what in ("case", "view", "labels", "steps"):
             self.where.setText(self.place_words())
+
+    def choose(self, offered: Offered) -> None:
+        """The page on which a person chooses series and structures; the case is made after that."""
+        self.choice = page = ChoicePage(self, offered)
+        page.accepted.connect(lambda: self.controller.choose(page.chosen_series(), page.chosen_rois()))
+        page.rejected.connect(self.controller.choose_nothing)
+        page.open()
 
     def place_words(self) -> str:
         """Crosshair in patient coordinates and what lies there."""
@@ -186,11 +216,11 @@ class MainWindow(QMainWindow):
         """The report, in the web browser."""
         case = self.controller.case
         if case is not None:
-            QDesktopServices.openUrl(QUrl.fromLocalFile(str(case.folder.file("report/report.html").absolute())))
+            show_outside(self.controller, case.folder.file("report/report.html"))
 
     def show_statistics(self) -> None:
         """The table of what is in every label."""
-        statistics_page(self, self.controller)
+        StatisticsPage(self, self.controller).show()
 
     def picture(self) -> QPixmap:
         """The views with the bar that says what their colours stand for."""

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QUrl
-from PySide6.QtGui import QAction, QDesktopServices, QPixmap
+from PySide6.QtGui import QAction, QPixmap
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from palpate.core.errors import InputError
@@ -18,6 +17,7 @@ from palpate.ui.desktop.session.display import MODES
 from palpate.ui.desktop.session.recent import recent_cases
 from palpate.ui.desktop.window import help_page
 from palpate.ui.desktop.window.open_page import OpenPage
+from palpate.ui.desktop.window.outer_pages import show_outside
 from palpate.ui.desktop.window.views import Views
 from palpate.ui.export import names
 
@@ -72,7 +72,7 @@ class Menu:
         for mode in MODES:
             self._entry(view, mode.capitalize(), partial(parts.controller.show, mode=mode))
         view.addSeparator()
-        self._entry(view, "Fit to the organ (F)", parts.views.fit)
+        self._entry(view, "Go to the organ (F)", parts.views.go_to_organ)
         self._statistics = self._entry(view, "Statistics of labels \N{HORIZONTAL ELLIPSIS}", parts.show_statistics)
         more = "\N{HORIZONTAL ELLIPSIS}"
         self._of_organ = [
@@ -155,7 +155,7 @@ class Menu:
     def _show_file(self, name: str) -> None:
         case = self._parts.controller.case
         if case is not None:
-            QDesktopServices.openUrl(QUrl.fromLocalFile(str(case.folder.file(name).absolute())))
+            show_outside(self._parts.controller, case.folder.file(name))
 
     def _save_picture(self) -> None:
         chosen, _ = QFileDialog.getSaveFileName(self._window, "Save the views as a picture", "views.png", "PNG (*.png)")

@@ -25,6 +25,7 @@ from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.dropped_files import Pair, case_beside
 from palpate.ui.desktop.session.recent import recent_cases
+from palpate.ui.desktop.session.sample import STEPS, finished_sample, sample_pair
 
 _CONTOURS = "if you have any: RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace, .seg.nrrd"
 _STATES = (
@@ -77,7 +78,15 @@ class OpenPage(QWidget):
         column.addWidget(self.recent, 3)
         other = QPushButton("Open another case folder \N{HORIZONTAL ELLIPSIS}")
         other.clicked.connect(self._choose_case)
-        column.addWidget(other, 0, Qt.AlignmentFlag.AlignLeft)
+        row = QHBoxLayout()
+        self.sample, self.run_sample = QPushButton("Open the finished sample"), QPushButton("Run the sample")
+        self.sample.clicked.connect(self._open_sample)
+        self.run_sample.clicked.connect(self._run_sample)
+        self.run_sample.setToolTip("Two simulated CTs to a report in one go, in a new case folder; some minutes")
+        for button in (other, self.sample, self.run_sample):
+            row.addWidget(button)
+        row.addStretch(1)
+        column.addLayout(row)
         self.problem = QLabel()
         self.problem.setWordWrap(True)
         self.problem.setStyleSheet(f"color: {style.BAD}")
@@ -118,6 +127,11 @@ class OpenPage(QWidget):
             words = "" if path is None else str(path)
             if name != typing and field.text() != words:
                 field.setText(words)
+        finished = finished_sample()
+        self.sample.setEnabled(finished is not None)
+        self.sample.setToolTip(
+            str(finished) if finished else "It has not been run on this machine yet; press Run the sample"
+        )
         reason = self.pair.why_not()
         self.go.setEnabled(not reason)
         self.go.setToolTip(reason or "Reads both scans and aligns them on bone")
@@ -166,8 +180,9 @@ class OpenPage(QWidget):
     def _choose(self, name: str) -> None:
         if name.endswith("_labels"):
             chosen, _ = QFileDialog.getOpenFileName(self, "Choose a file with contours")
-            setattr(self.pair, name, Path(chosen) if chosen else None)
-            self.refresh()
+            if chosen:
+                setattr(self.pair, name, Path(chosen))
+                self.refresh()
             return
         chosen = QFileDialog.getExistingDirectory(self, "Choose a folder")
         if chosen:
@@ -175,6 +190,14 @@ class OpenPage(QWidget):
             if name != "case" and self.pair.case is None:
                 self.pair.case = case_beside(Path(chosen))
             self.refresh()
+
+    def _open_sample(self) -> None:
+        finished = finished_sample()
+        if finished is not None:
+            self.open_case(finished)
+
+    def _run_sample(self) -> None:
+        self._try(lambda: self._controller.open_pair(*sample_pair(), then=STEPS))
 
     def _choose_case(self) -> None:
         chosen = QFileDialog.getExistingDirectory(self, "Choose a case folder")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from PySide6.QtCore import QUrl
-from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QApplication
 
 from palpate.core.touch.body_file import load_body
@@ -14,6 +12,7 @@ from palpate.ui.desktop.qt_application import events_for
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.touch.model import TouchModel
 from palpate.ui.desktop.touch.window import TouchWindow
+from palpate.ui.desktop.window.outer_pages import show_outside
 
 # As `palpate touch` without options.
 _RADIUS_MM = 8.0
@@ -36,7 +35,7 @@ class OrganPages:
         if "body" in made and case is not None:
             self._touch(made["body"])
         if "film" in made:
-            QDesktopServices.openUrl(QUrl.fromLocalFile(str(made["film"].absolute())))
+            show_outside(self._controller, made["film"])
 
     def close(self) -> None:
         """Ends the probe."""
@@ -48,6 +47,8 @@ class OrganPages:
         case, application = self._controller.case, QApplication.instance()
         assert case is not None and isinstance(application, QApplication)
         self.close()
-        model = TouchModel(load_body(file), _RADIUS_MM, Path(self._folder.name), events_for(application), case.scale)
+        model = TouchModel(
+            load_body(file), _RADIUS_MM, Path(self._folder.name), events_for(application), self._controller.scale
+        )
         self.touching = TouchWindow(model, case.folder.file("touch"))
         self.touching.show()

@@ -19,7 +19,7 @@ from typing import TypedDict
 import numpy as np
 
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.strokes import Corrections, Stroke, StrokeData
+from palpate.ui.desktop.session.labels.strokes import Corrections, Stroke, StrokeData
 
 
 class Line(TypedDict, total=False):

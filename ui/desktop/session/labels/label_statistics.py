@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.core.arrays import IntArray
 from palpate.imaging.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.label_operations import values_at
+from palpate.ui.desktop.session.labels.label_operations import values_at
 from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.report.regions import RegionStiffness
 

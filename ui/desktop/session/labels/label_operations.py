@@ -14,7 +14,7 @@ from scipy import ndimage
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.imaging.labels import OUTSIDE, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.strokes import Stroke, erased_to
+from palpate.ui.desktop.session.labels.strokes import Stroke, erased_to
 
 # Voxels kept beside the label's own box: a label that grows or is smoothed needs room.
 _MARGIN = 2

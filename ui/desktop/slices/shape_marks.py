@@ -1,0 +1,81 @@
+"""Shapes on a slice view: distances, angles and regions that are kept, what is being drawn, and the tool in force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QPainter, QPen
+
+from palpate.case.measurements import REGIONS, Measurement
+from palpate.imaging.labels import LABELS
+from palpate.ui.desktop import style
+from palpate.ui.desktop.session.display import PAINTS, Display
+from palpate.ui.desktop.slices import slice_marks
+from palpate.ui.desktop.slices.slice_viewport import Screen
+
+TOOLS = {
+    **{"look": "Look", "seed": "Point", "brush": "Brush", "eraser": "Eraser", "lasso": "Lasso", "polygon": "Polygon"},
+    **{"window": "Window", "ruler": "Ruler", "angle": "Angle", "ellipse": "Ellipse", "region": "Free region"},
+}
+_WORDS_WIDE, _WORDS_HIGH = 180.0, 18.0
+
+
+def tool_words(painter: QPainter, screen: Screen, display: Display) -> str:
+    """The tool in force, in the upper right corner; one that changes labels in another colour, with the label.
+
+    The tool's name where it has no room there: it belongs to the captions then. Else empty.
+    """
+    name, room = TOOLS[display.tool], slice_marks.half(screen) - 8.0
+    on = LABELS[display.label].replace("_", " ") if display.tool in PAINTS else ""
+    on = display.seed_name.replace("_", " ") if display.tool == "seed" else on
+    words = f"{name}: {on}" if on and slice_marks.wide(painter, f"{name}: {on}") <= room else name
+    corner = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignTop
+    tone = style.WARN if display.tool in (*PAINTS, "seed") else style.FAINT if display.tool == "look" else style.RULER
+    if slice_marks.wide(painter, words) > room:
+        return name
+    slice_marks.text(painter, QRectF(screen.size.width() - 8 - room, 4, room, 16), words, corner, tone)
+    return ""
+
+
+def measurement(painter: QPainter, screen: Screen, one: Measurement, words: str, position: float) -> None:
+    """A kept measurement with its value, where all of it lies near the slice; of regions, where they lie in this plane."""
+    if one.kind in REGIONS and one.plane != screen.plane.name:
+        return
+    pixels = _near(screen, one.points, position)
+    if not pixels:
+        return
+    _lines(painter, pixels, closed=one.kind in REGIONS, ends=one.kind not in REGIONS)
+    at = pixels[1] if one.kind == "angle" else max(pixels, key=lambda pixel: pixel.x())
+    left = max(8.0, min(at.x() + 8.0, screen.size.width() - slice_marks.wide(painter, words) - 8.0))
+    side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
+    slice_marks.text(painter, QRectF(left, at.y() - 9, _WORDS_WIDE, _WORDS_HIGH), words, side, style.RULER)
+
+
+def begun(painter: QPainter, screen: Screen, tool: str, points: Sequence[Sequence[float]], position: float) -> None:
+    """A shape that is being drawn."""
+    pixels = _near(screen, points, position)
+    if pixels:
+        _lines(
+            painter, pixels, closed=tool in ("ellipse", "region", "lasso"), ends=tool in ("ruler", "angle", "polygon")
+        )
+
+
+def _near(screen: Screen, points: Sequence[Sequence[float]], position: float) -> list[QPointF]:
+    """The points as pixels; none where one of them lies away from the slice."""
+    plane = screen.plane
+    if any(abs(point[plane.normal] - position) > slice_marks.NEAR_MM for point in points):
+        return []
+    return [screen.to_pixel(point[plane.across], point[plane.down]) for point in points]
+
+
+def _lines(painter: QPainter, pixels: list[QPointF], closed: bool, ends: bool) -> None:
+    painter.setBrush(Qt.BrushStyle.NoBrush)
+    for ink, width in ((QColor("black"), 4.0), (QColor(style.RULER), 1.8)):
+        painter.setPen(QPen(ink, width))
+        if closed:
+            painter.drawPolygon(pixels)
+        else:
+            painter.drawPolyline(pixels)
+        for pixel in pixels if ends else ():
+            painter.drawEllipse(pixel, 3.0, 3.0)

@@ -1,0 +1,89 @@
+"""Regions that a person drew on the stiffness map: area, mean stiffness and its interval, for window, report and SR."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.path import Path as Outline
+from numpy.typing import NDArray
+
+from palpate.case.measurements import REGIONS, Measurement, Point
+from palpate.core.arrays import FloatArray
+from palpate.core.identify.map.region_mean import RegionMean, region_mean
+from palpate.imaging.labels import ORGAN_LABELS
+from palpate.imaging.volume import Volume
+from palpate.ui.pictures.planes import PLANES, Plane
+from palpate.ui.words.number_words import three_figures
+
+YOUNG = 3.0  # E = 3 G of an incompressible material
+_STEP_MM = 0.5
+_PLANES = {plane.name: plane for plane in PLANES}
+
+
+@dataclass(frozen=True)
+class MeasuredRegion:
+    """One region. area_mm2 : of its outline. organ_share : of the area that lies in the organ, 0 to 1. mean : over that part."""
+
+    measurement: Measurement
+    area_mm2: float
+    organ_share: float
+    mean: RegionMean
+
+    @property
+    def where(self) -> str:
+        """The slice: ``axial, z = -148.0 mm``."""
+        plane = _PLANES[self.measurement.plane]
+        place = f"{'xyz'[plane.normal]} = {self.measurement.points[0][plane.normal]:.1f} mm"
+        return f"{plane.name}, {place}".replace("-", "\N{MINUS SIGN}")
+
+    @property
+    def interval_words(self) -> str:
+        """The 95 % interval of G, kPa; empty where nothing is told."""
+        interval = self.mean.interval_kpa
+        return "" if interval is None else f"{three_figures(interval[0])} to {three_figures(interval[1])}"
+
+
+def measured_region(
+    measurement: Measurement, labels: Volume, arrays: Mapping[str, NDArray[np.generic]] | None
+) -> MeasuredRegion:
+    """A region on labels at rest and the map's arrays, None where there is no map."""
+    plane = _PLANES[measurement.plane]
+    points = inside_points(plane, measurement.points, _STEP_MM)
+    organ = points[_in_organ(labels, points)]
+    mean = RegionMean(None, None, 0.0) if arrays is None else region_mean(arrays, organ)
+    share = len(organ) / len(points) if len(points) else 0.0
+    return MeasuredRegion(measurement, area_mm2(plane, measurement.points), share, mean)
+
+
+def measured_regions(
+    found: Sequence[Measurement], labels: Volume, arrays: Mapping[str, NDArray[np.generic]] | None
+) -> list[MeasuredRegion]:
+    """The regions among a person's measurements."""
+    return [measured_region(one, labels, arrays) for one in found if one.kind in REGIONS]
+
+
+def area_mm2(plane: Plane, points: Sequence[Point]) -> float:
+    """Area within a closed outline."""
+    x, y = np.array(points, dtype=float)[:, [plane.across, plane.down]].T
+    return float(0.5 * abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
+
+
+def inside_points(plane: Plane, points: Sequence[Point], step_mm: float) -> FloatArray:
+    """Places (n, 3) mm on a grid of the slice that lie within a closed outline."""
+    outline = np.array(points, dtype=float)
+    flat = outline[:, [plane.across, plane.down]]
+    axes = [np.arange(low + 0.5 * step_mm, high, step_mm) for low, high in zip(flat.min(0), flat.max(0), strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = grid[Outline(flat).contains_points(grid)] if len(grid) else grid
+    out = np.full((len(grid), 3), outline[0, plane.normal])
+    out[:, [plane.across, plane.down]] = grid
+    return out
+
+
+def _in_organ(labels: Volume, points: FloatArray) -> NDArray[np.bool_]:
+    index = np.rint(labels.to_index(points)).astype(int)
+    inside = np.asarray(((index >= 0) & (index < labels.array.shape)).all(axis=1))
+    inside[inside] = np.isin(labels.array[tuple(index[inside].T)], ORGAN_LABELS)
+    return inside

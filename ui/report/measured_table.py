@@ -1,0 +1,28 @@
+"""The table of the regions that a person measured on the stiffness map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from palpate.ui.report.document import Block, Table
+from palpate.ui.report.measured_regions import YOUNG, MeasuredRegion
+from palpate.ui.words.number_words import three_figures
+
+_DASH = "\N{EN DASH}"
+_HEADER = ("region", "slice", "area, mm\u00b2", "mean G, kPa", "95 % interval, kPa", "E = 3 G, kPa", "determined")
+_CAPTION = (
+    "Regions that a person drew on the stiffness map: mean over the part in the organ that the scans determine. The map is smoothed and "
+    "less certain than the values of the halves."
+)
+
+
+def measured_table(found: Sequence[MeasuredRegion]) -> list[Block]:
+    """The table as the report's block; nothing where nothing was measured."""
+    return [Table(_HEADER, [_row(region) for region in found], _CAPTION)] if found else []
+
+
+def _row(region: MeasuredRegion) -> tuple[str, ...]:
+    mean, G = region.mean, region.mean.G_kpa
+    values = (_DASH,) * 3 if G is None else (three_figures(G), region.interval_words, three_figures(YOUNG * G))
+    name = f"{region.measurement.name} ({region.measurement.kind})"
+    return name, region.where, f"{region.area_mm2:.0f}", *values, f"{100.0 * mean.told_share:.0f} %"
