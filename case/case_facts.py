@@ -1,4 +1,4 @@
-"""Facts of a case (case.json): typed and checked; unknown keys are kept."""
+"""Facts of a case (case.json): typed and checked; unknown keys are refused."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from msgspec import Meta
 
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import refusal, typed
+from palpate.core.files.nearest_name import nearest
 
 Vector = tuple[float, float, float]
 # Upper bound for the length of a stated gravity vector, m/s2: twice the Earth's.
@@ -18,9 +19,22 @@ _GRAVITY_MAX = 20.0
 _Modulus = Annotated[float, Meta(ge=1e-3, le=1e6)]
 _Bounds = Annotated[tuple[_Modulus, _Modulus], Meta(description="two rising numbers from 0.001 to 1e+06")]
 _Component = Annotated[float, Meta(ge=-_GRAVITY_MAX, le=_GRAVITY_MAX)]
-_Gravity = Annotated[
+Gravity = Annotated[
     tuple[_Component, _Component, _Component], Meta(description="three numbers in m/s^2 of length at most 20")
 ]
+# Keys of case.json beyond the facts: a body on a bench and further deformed states (`stated_files`), what a simulated
+# case says of itself, and remarks of a person, which nothing reads.
+OTHER_KEYS = (
+    "body",
+    "states",
+    "supports",
+    "density_kg_m3",
+    "model_gravity",
+    "cells",
+    "simulated",
+    "simulated_note",
+    "notes",
+)
 _Name = Annotated[str, Meta(pattern=r"^[^\n]*\S[^\n]*$(?!\n)", description="a name of one line")]
 
 
@@ -29,9 +43,7 @@ class CaseFacts:
     """Content of case.json (docs/case.md).
 
     Moduli are small-strain shear moduli in kPa; noise is in mm; gravity is in m/s^2 in patient coordinates (LPS), None
-    where unknown. ``other`` holds all further keys, so that saving loses nothing. They are the keys of a body on a
-    bench and of further deformed states (body, supports, states, density_kg_m3, model_gravity: `stated_files`), and
-    keys that a person added.
+    where unknown. ``other`` holds the further keys (`OTHER_KEYS`), so that saving loses nothing.
     """
 
     name: _Name
@@ -39,8 +51,8 @@ class CaseFacts:
     tissue_poisson_ratio: Annotated[float, Meta(ge=0.0, le=0.4999)] = 0.49
     organ_shear_modulus_bounds_kpa: _Bounds = (5.0, 500.0)
     boundary_noise_sd_mm: Annotated[float, Meta(ge=1e-3, le=20.0)] | None = None
-    gravity_rest: _Gravity | None = None
-    gravity_deformed: _Gravity | None = None
+    gravity_rest: Gravity | None = None
+    gravity_deformed: Gravity | None = None
     outer_surface: Literal["fixed", "free"] = "fixed"
     other: Mapping[str, object] = field(default_factory=dict)
 
@@ -48,17 +60,22 @@ class CaseFacts:
     def from_dict(cls, data: object, source: str) -> CaseFacts:
         """Facts from a parsed case.json; absent keys take the defaults of the fields.
 
-        ``source`` is the file's path. Raises InputError naming the property, its value and the allowed values.
+        ``source`` is the file's path. Raises InputError naming the property, its value and the allowed values, or a key
+        that is unknown.
         """
         if not isinstance(data, Mapping):
             raise InputError(f"{source} holds {type(data).__name__}; write one JSON object as docs/case.md shows")
         own = {f.name for f in fields(cls)} - {"other"}
         other = {key: value for key, value in data.items() if key not in own}
+        known = sorted(own.union(OTHER_KEYS))
+        for key in other:
+            if key not in OTHER_KEYS:
+                raise InputError(f"{source}: {key} is unknown; {nearest(key, known)} (remarks go under 'notes')")
         facts = typed({key: data[key] for key in data if key in own} | {"other": other}, cls, source)
         low, high = facts.organ_shear_modulus_bounds_kpa
         refused = [] if low < high else ["organ_shear_modulus_bounds_kpa"]
         stated = {"gravity_rest": facts.gravity_rest, "gravity_deformed": facts.gravity_deformed}
-        refused += [key for key, g in stated.items() if g is not None and math.hypot(*g) > _GRAVITY_MAX]
+        refused += [key for key, g in stated.items() if g is not None and is_too_long(g)]
         for key in refused:
             raise refusal(cls, key, data[key], source)
         return facts
@@ -71,3 +88,8 @@ class CaseFacts:
             if key != "other"
         }
         return own | dict(self.other)
+
+
+def is_too_long(gravity: Vector) -> bool:
+    """Whether a gravity vector, m/s2, is longer than any that a body on Earth meets."""
+    return math.hypot(*gravity) > _GRAVITY_MAX

@@ -12,6 +12,7 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.files.csv_table import Row, read_csv_table
 from palpate.core.surfaces.rigid_motion import transformed
 
 COLUMNS = ("name", "rest_x", "rest_y", "rest_z", "deformed_x", "deformed_y", "deformed_z")
@@ -33,51 +34,36 @@ def read_landmarks(path: Path, may_miss: Collection[str] = (), may_be_blank: Col
     Raises InputError naming the file when it is unreadable, lacks a column, holds no point or repeats a name, and
     naming the line too when a point has no name or a coordinate is no finite number.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = _rows(csv.DictReader(stream), path, may_miss, {*may_miss, *may_be_blank})
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} is not a readable CSV file; save it again as CSV in UTF-8") from error
-    names = tuple(name for name, _ in rows)
+    rows = read_csv_table(path, [column for column in COLUMNS if column not in may_miss], may_miss)
+    names = tuple(_name(row, path) for row in rows)
     if not rows:
         raise InputError(f"{path} holds no point; add points or remove the file")
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{path} names the point {twice!r} more than once; give each its own name")
-    values = np.array([numbers for _, numbers in rows])
+    values = np.array([_numbers(row, path, {*may_miss, *may_be_blank}) for row in rows])
     return Landmarks(names, values[:, :3], values[:, 3:])
 
 
-def _rows(
-    reader: csv.DictReader[str], path: Path, may_miss: Collection[str], may_be_blank: Collection[str]
-) -> list[tuple[str, list[float]]]:
-    header = [name.strip() for name in reader.fieldnames or ()]
-    missing = [column for column in COLUMNS if column not in header and column not in may_miss]
-    if missing:
-        raise InputError(f"{path} lacks the column {missing[0]}; its first line must be {','.join(COLUMNS)}")
-    reader.fieldnames = header
-    return [(_name(row, path, reader.line_num), _numbers(row, path, reader.line_num, may_be_blank)) for row in reader]
+def _name(row: Row, path: Path) -> str:
+    if not row.cells["name"]:
+        raise InputError(f"{path} line {row.line}: the point has no name; give it one")
+    return row.cells["name"]
 
 
-def _name(row: dict[str, str], path: Path, line: int) -> str:
-    name = (row["name"] or "").strip()
-    if not name:
-        raise InputError(f"{path} line {line}: the point has no name; give it one")
-    return name
-
-
-def _numbers(row: dict[str, str], path: Path, line: int, may_be_blank: Collection[str]) -> list[float]:
+def _numbers(row: Row, path: Path, may_be_blank: Collection[str]) -> list[float]:
     numbers = []
     for column in COLUMNS[1:]:
-        if column in may_be_blank and not (row.get(column) or "").strip():
+        text = row.cells.get(column, "")
+        if column in may_be_blank and not text:
             numbers.append(np.nan)
             continue
         try:
-            number = float(row[column])
-        except (TypeError, ValueError):
+            number = float(text)
+        except ValueError:
             number = np.nan
         if not np.isfinite(number):
-            raise InputError(f"{path} line {line}: {column} is {row[column]!r}; a number in mm is needed")
+            raise InputError(f"{path} line {row.line}: {column} is {text!r}; a number in mm is needed")
         numbers.append(number)
     return numbers
 

@@ -5,16 +5,16 @@ case.json names the files of further deformed states and of a body on a bench.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
+from palpate.case.case_facts import Gravity, is_too_long
 from palpate.case.case_folder import CaseFolder
 from palpate.case.measured_noise import FILE as NOISE_FILE
 from palpate.core.errors import InputError
-from palpate.core.files.json_types import typed
+from palpate.core.files.json_types import refusal, typed
 
 # Errors of the surfaces that the segmentation found, by place (`surface_errors`).
 ERRORS_FILE = "surface_errors.npz"
@@ -35,10 +35,13 @@ _Errors = Annotated[
     float | tuple[float | None, float | None, float | None],
     Meta(description="a number, or 3 numbers of which some may be null"),
 ]
+# Solids and liquids, from the lightest foam up to metals. 0 is a body without weight.
+_LIGHTEST = 10.0
+Density = Annotated[float, Meta(ge=0.0, le=25e3, description="a density in kg/m3 from 10 to 25000 (water: 1000), or 0")]
 _AS_SHOWN = "; write it as docs/case.md shows"
 
 
-class FurtherState(msgspec.Struct, frozen=True, omit_defaults=True):
+class FurtherState(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
     """Entry of `states` in case.json: one deformed state beyond the first.
 
     labels, landmarks : names of files in the case folder; landmarks is None where there are none. name : shown to
@@ -78,10 +81,11 @@ def stated_states(case: CaseFolder) -> list[FurtherState]:
     States of a body on a bench have no labels and are left out. Raises InputError naming what is wrong with an entry.
     """
     source = str(case.file("case.json"))
+    if is_body(case):
+        return []
     return [
         typed(entry, FurtherState, f"{source}: states[{k}]", "; write states as docs/case.md shows")
         for k, entry in enumerate(state_entries(case))
-        if isinstance(entry, Mapping) and "labels" in entry
     ]
 
 
@@ -116,7 +120,7 @@ def by_axis(errors: _Errors, where: str, least: float = 0.0) -> tuple[float | No
     return found
 
 
-class Load(msgspec.Struct, frozen=True):
+class Load(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Point load. at : position on the body, mm. force_n : force, N."""
 
     at: _Vector
@@ -124,7 +128,7 @@ class Load(msgspec.Struct, frozen=True):
     name: str = ""
 
 
-class Patch(msgspec.Struct, frozen=True, kw_only=True):
+class Patch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Part of the body's surface: faces whose corners all lie within tolerance_mm of a plane, or whose centres lie within
     radius_mm of a centre, or both where both are given. Points in mm.
     """
@@ -157,7 +161,7 @@ class MovedPatch(Patch, frozen=True, kw_only=True):
     reaction_sd_n: _Errors | None = None
 
 
-class MarkerState(msgspec.Struct, frozen=True):
+class MarkerState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One state of a body on a bench.
 
     points : name of its marker file, columns as in landmarks.csv. gravity : m/s2. points_sd_mm : standard deviation of
@@ -167,7 +171,7 @@ class MarkerState(msgspec.Struct, frozen=True):
 
     name: str
     points: str
-    gravity: _Vector = (0.0, 0.0, 0.0)
+    gravity: Gravity = (0.0, 0.0, 0.0)
     loads: tuple[Load, ...] = ()
     points_sd_mm: _Errors | None = None
     points_common: Annotated[float, Meta(ge=0.0, lt=1.0, description="a share from 0 to 1")] | None = None
@@ -183,7 +187,7 @@ class BenchBody(msgspec.Struct, frozen=True):
     body: str
     states: Annotated[tuple[MarkerState, ...], Meta(min_length=1, description="a list of states, at least one")]
     supports: tuple[Support, ...] | None = ()
-    density_kg_m3: Annotated[float, Meta(ge=0.0, lt=1e6, description="a density in kg/m3 from 0 to 1e+06")] = 1000.0
+    density_kg_m3: Density = 1000.0
     model_gravity: bool = True
     cells: Annotated[int, Meta(ge=50, le=50_000, description="a number of tetrahedra from 50 to 50000")] | None = None
 
@@ -197,6 +201,10 @@ def bench_body(case: CaseFolder) -> BenchBody:
     """Description of the body in case.json. Raises InputError naming the property that is wrong."""
     source = str(case.file("case.json"))
     body = typed(case.facts.other, BenchBody, source, _AS_SHOWN)
+    for k, state in enumerate(body.states):
+        if is_too_long(state.gravity):
+            raise refusal(MarkerState, "gravity", list(state.gravity), f"{source}: states[{k}]", _AS_SHOWN)
+    check_density(body.density_kg_m3, source)
     if not all(name.isprintable() for name in (body.body, *(state.points for state in body.states))):
         raise InputError(f"{source}: a file's name holds a line break; correct it")
     return body
@@ -208,3 +216,9 @@ def body_inputs(case: CaseFolder) -> tuple[str, ...]:
     """
     body = bench_body(case)
     return "case.json", body.body, *(state.points for state in body.states)
+
+
+def check_density(density: float, source: str) -> None:
+    """Raises InputError naming ``source`` where a density, kg/m3, is so low that it is in g/cm3 or t/mm3."""
+    if 0.0 < density < _LIGHTEST:
+        raise refusal(BenchBody, "density_kg_m3", density, source, _AS_SHOWN)

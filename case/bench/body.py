@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pyvista as pv
 
-from palpate.case.bench.patches import check_held, held_faces, patches
+from palpate.case.bench.patches import check_agreeing, check_held, held_faces, patches
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.landmarks import COLUMNS, read_landmarks
 from palpate.case.stated_files import BenchBody, MarkerState, bench_body, by_axis
@@ -14,6 +13,7 @@ from palpate.core.diagnose.bench_bodies.problem import BODY, BodyProblem, BodySt
 from palpate.core.errors import InputError
 from palpate.core.forward.composition import PerAxis
 from palpate.core.mesh import TetMesh
+from palpate.imaging.surfaces.surface_files import read_closed_surface
 from palpate.meshing.mesh_solid import CELLS, mesh_solid
 
 MESH = "body_mesh.npz"
@@ -35,6 +35,7 @@ def body_problem(case: CaseFolder) -> BodyProblem:
     held, every = held_faces(mesh, supports, source), patches(mesh, supports, body.states, source)
     if not supports and not every:
         raise InputError(f"{source}: no supports; say what holds the body")
+    check_agreeing(held, every, [s.name for s in states], source)
     check_held(mesh, held, every, [s.name for s in states], source)
     bounds = case.facts.organ_shear_modulus_bounds_kpa
     return BodyProblem(mesh, held, states, body.density_kg_m3, bounds, body.model_gravity, tuple(every))
@@ -73,15 +74,14 @@ def _mesh(case: CaseFolder, body: BenchBody) -> TetMesh:
         kept = case.read_npz(MESH)
         if np.array_equal(kept.get("made_from", np.zeros(0)), made_from):
             return TetMesh(kept["points"], kept["cells"], np.full(len(kept["cells"]), BODY))
-    try:
-        with pv.vtk_verbosity("off"):
-            surface = pv.read(path).triangulate().clean()
-    except (OSError, ValueError, RuntimeError, AttributeError) as error:
-        raise InputError(f"{path} is not readable as a surface; save it again as STL, OBJ or PLY") from error
-    points = np.asarray(surface.points, dtype=np.float64)
-    faces = np.asarray(surface.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
-    if surface.n_open_edges or not surface.volume > 0.0:
-        raise InputError(f"{path} is not a closed surface; mend it")
-    mesh = mesh_solid(points, faces, body.cells or CELLS, BODY)
-    case.write_npz(MESH, points=mesh.points, cells=mesh.cells, made_from=made_from)
+    read = read_closed_surface(path)
+    mesh = mesh_solid(read.surface.points, read.surface.faces, body.cells or CELLS, BODY)
+    notes = np.frombuffer("\n".join(read.notes).encode(), dtype=np.uint8)
+    case.write_npz(MESH, points=mesh.points, cells=mesh.cells, made_from=made_from, notes=notes)
     return mesh
+
+
+def surface_notes(case: CaseFolder) -> list[str]:
+    """What was mended or turned when the body's surface was meshed, one line each. Precondition: `body_problem` was called."""
+    kept = case.read_npz(MESH).get("notes", np.zeros(0, dtype=np.uint8))
+    return [f"{bench_body(case).body}: {line}" for line in kept.tobytes().decode().splitlines()]

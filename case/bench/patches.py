@@ -10,6 +10,7 @@ from palpate.case.stated_files import MarkerState, MovedPatch, Patch, Support, b
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.diagnose.bench_bodies.problem import NO_AXIS, BodyPatch, PatchFacts
 from palpate.core.errors import InputError
+from palpate.core.forward.composition import PerAxis
 from palpate.core.mesh import TetMesh
 from palpate.core.surfaces.triangles import areas
 
@@ -63,6 +64,29 @@ def check_held(mesh: TetMesh, held: IntArray, every: Sequence[BodyPatch], states
             )
 
 
+def check_agreeing(held: IntArray, every: Sequence[BodyPatch], states: Sequence[str], source: str) -> None:
+    """Raises InputError naming a state in which one face is given two displacements along one axis."""
+    support = BodyPatch(held, PatchFacts("that holds along all axes", (0.0, 0.0, 0.0)))
+    for k, name in enumerate(states):
+        acting = [support, *(p for p in every if p.facts.state in (None, k))]
+        for at, one in enumerate(acting):
+            for other in acting[at + 1 :]:
+                axis = _contradicted(one.facts.displacement_mm, other.facts.displacement_mm)
+                shared = {tuple(f) for f in one.faces.tolist()} & {tuple(f) for f in other.faces.tolist()}
+                if axis is not None and shared:
+                    told = [f"{part.facts.displacement_mm[axis]:g} mm" for part in (one, other)]
+                    raise InputError(
+                        f"{source}: in the state {name!r} {len(shared)} faces lie in the support or patch {one.facts.name!r} and in "
+                        f"{other.facts.name!r}, which prescribe {' and '.join(told)} along {_ALL_AXES[axis]}; correct one of them"
+                    )
+
+
+def _contradicted(one: PerAxis, other: PerAxis) -> int | None:
+    """The first axis along which both prescribe a displacement, and not the same."""
+    pairs = enumerate(zip(one, other, strict=True))
+    return next((axis for axis, (a, b) in pairs if a is not None and b is not None and a != b), None)
+
+
 def _faces(mesh: TetMesh, patch: Patch, where: str) -> IntArray:
     """Boundary faces (f, 3) of a patch. where : names it in errors."""
     faces = mesh.boundary[0]
@@ -101,8 +125,12 @@ def _on_plane(X: FloatArray, patch: Patch, where: str) -> BoolArray | None:
     if patch.plane_point is None or patch.plane_normal is None:
         raise InputError(f"{where} has half of a plane; give both plane_point and plane_normal")
     normal = np.array(patch.plane_normal)
-    normal = normal / max(np.abs(normal).max(), 1e-300)
-    distance = (X - np.array(patch.plane_point)) @ (normal / max(np.linalg.norm(normal), 1e-9))
+    if not np.abs(normal).max() > 0.0:
+        raise InputError(
+            f"{where}: plane_normal is {list(patch.plane_normal)} and has no length; give the plane's direction"
+        )
+    normal = normal / np.abs(normal).max()
+    distance = (X - np.array(patch.plane_point)) @ (normal / np.linalg.norm(normal))
     return np.asarray((np.abs(distance) < patch.tolerance_mm).all(axis=1))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec import UNSET, structs
 
-from palpate.case.bench.body import body_problem
+from palpate.case.bench.body import body_problem, surface_notes
 from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.deformed_states import state_rigid_offset
@@ -92,7 +92,11 @@ def run(
         given = arrays(replace(data_of(case, image), remeshed=others))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    notes = [] if body else [*[without] * bool(without), *missing_structures(case, image), *rigid_offset_notes(case)]
+    notes = (
+        surface_notes(case)
+        if body
+        else [*[without] * bool(without), *missing_structures(case, image), *rigid_offset_notes(case)]
+    )
     record = _of_case(case, typed(answer, DiagnosisRecord, "the worker's answer", ""), notes)
     record = structs.replace(record, image=UNSET if body else image)
     case.write_json(DIAGNOSIS, record)

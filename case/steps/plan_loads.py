@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.stated_files import Density, check_density
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.fem.space import Space
@@ -41,8 +42,9 @@ def turned_gravity(case: CaseFolder, problem: IdentificationProblem, amount: flo
     before = np.array(case.facts.gravity_rest or _SUPINE)
     angle = np.radians(amount)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    stated = case.facts.other.get("density_kg_m3", _DENSITY)
-    density = typed(stated, float, f"{case.file('case.json')}: density_kg_m3")
+    source = str(case.file("case.json"))
+    density = typed(case.facts.other.get("density_kg_m3", _DENSITY), Density, f"{source}: density_kg_m3")
+    check_density(density, source)
     change = _WEIGHT * density * (turn @ before - before)
     bladder = problem.boundary.get("bladder")
 

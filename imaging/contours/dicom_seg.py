@@ -17,7 +17,8 @@ from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.contours.dicom_seg_filled import fill_in, pixel_measures
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
-from palpate.imaging.contours.roi_names import distinct, organ_of
+from palpate.imaging.contours.roi_names import distinct
+from palpate.imaging.contours.structure_names import organ_of
 from palpate.imaging.dicom.files import DAMAGE, DicomFile, quiet, read_file, reading
 from palpate.imaging.dicom.slices import Slice, slices_of
 from palpate.imaging.dicom.stack import EVEN_WITHIN_MM

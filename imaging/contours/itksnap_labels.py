@@ -8,7 +8,7 @@ from pathlib import Path
 
 from palpate.core.errors import InputError
 from palpate.imaging.contours.numbered_labels import meaning_of_names
-from palpate.imaging.contours.roi_names import label_named
+from palpate.imaging.contours.structure_names import label_named
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 
 _HEADER = """\

@@ -46,6 +46,15 @@ NEUTRAL_BESIDE_BONE = _words(
 # The anus goes with the rectum in many contours; a rectum alone goes before one with it.
 BESIDE_RECTUM = _words("anus ano anal anale canal canale kanal kanaal ampulla ampolla ampulle")
 
+# Who or what drew a contour, and how far it has come.
+DRAWN_BY = _words("dl mbs ai auto autoseg autosegmented autocontour final approved clinical edited corrected reviewed")
+
+# Types of a structure (RTROIInterpretedType, DICOM PS3.3 C.8.8.8) that no organ has.
+NO_ORGAN_TYPES = _words(
+    "PTV BOLUS CAVITY CONTRAST_AGENT CONTROL DOSE_MEASUREMENT DOSE_REGION EXTERNAL FIDUCIAL FIXATION IRRAD_VOLUME ISOCENTER "
+    "MARKER REGISTRATION SUPPORT TREATED_VOLUME BRACHY_ACC_DEV BRACHY_CHANNEL BRACHY_CHNL_SHLD BRACHY_SRC_APP"
+)
+
 LEFT = _words(
     "left l lt li links linker linke sinistra sinistro sin sx gauche g izquierda izquierdo izq esquerda esquerdo esq"
 )

@@ -2,52 +2,25 @@
 
 from __future__ import annotations
 
-import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 from palpate.core.errors import InputError
 from palpate.imaging.contours import organ_words as words
-from palpate.imaging.labels import LABEL_VALUES
+from palpate.imaging.contours.structure_names import PARTIAL, label_named, meaning_of_name
 
 ORGANS = ("prostate", "bladder", "rectum", "bone", "prostate_left", "prostate_right")
+# Instead of a structure's name: none of them is the organ.
+NONE = "none"
+# Types of targets (RTROIInterpretedType): a prostate may be one.
+TARGETS = ("CTV", "GTV")
 # Names in a message or note.
 SHOWN = 20
-# Two structures of one name are told apart by the file's own numbers, which are no part of the name.
-_NUMBERED = re.compile(r" #\d+$")
-_GLUE = {
-    **{word: organ for organ, known in words.ORGAN_WORDS.items() for word in known},
-    **dict.fromkeys(words.NEUTRAL_WORDS | words.NEUTRAL_BESIDE_BONE | words.BESIDE_RECTUM, ""),
-    **dict.fromkeys(words.DERIVED_WORDS, ""),
-}
-_SIDES_IN_GLUE = words.LEFT | words.RIGHT
-_SHORTEST_GLUED = 3
 
 
 def plain(name: str) -> str:
     """A name as it is compared: one way of writing accents, single blanks, no case."""
     return " ".join(unicodedata.normalize("NFC", name).split()).casefold()
-
-
-def words_of(name: str) -> list[str]:
-    """A structure's name as words: lower case, no accents, split at signs, digits, CamelCase and where known words are glued."""
-    composed = unicodedata.normalize("NFKD", _NUMBERED.sub("", name).replace("ß", "ss"))
-    text = composed.encode("ascii", "ignore").decode()
-    parted = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
-    found = re.findall(r"[a-z]+|\d+", parted.lower())
-    return [part for word in found for part in _unglued(word)]
-
-
-def label_named(name: str) -> str | None:
-    """The label that a name is, whatever its case, blanks and dashes; None when it is none."""
-    key = re.sub(r"[\s_-]+", "_", name.strip().lower())
-    return key if LABEL_VALUES.get(key) else None
-
-
-def organ_of(name: str) -> str | None:
-    """The organ that a structure's name stands for; None when it is none of ours."""
-    return _meaning(name)[0]
 
 
 def distinct(names: Sequence[str], numbers: Sequence[int]) -> list[str]:
@@ -64,33 +37,72 @@ def choose_rois(
     source: str,
     wanted: Mapping[str, Sequence[str]] | None = None,
     numbers: Mapping[str, int] | None = None,
+    types: Mapping[str, str] | None = None,
 ) -> tuple[dict[str, list[str]], list[str]]:
     """The structures of each organ, organ -> names, and notes on those passed over.
 
     Organs are `ORGANS` and surrounding_tissue; an organ without a structure is left out. A plain name (Prostata) goes before one
-    with additions (Prostate_DL). Several names for one organ are an error, except for bone, whose parts add up.
-    wanted : the caller's own choice, organ -> names, or the file's numbers of them. numbers : name -> that number.
+    with additions (Prostate_DL). Several names for one organ are an error, except for bone, whose parts add up. So is an organ
+    whose word stands beside words that are not known only (zProstate), or whose type is that of no organ.
+    wanted : the caller's own choice, organ -> names, or the file's numbers of them, or `NONE`. numbers : name -> that number.
+    types : name -> what the file says of it (ORGAN, PTV, ...: RTROIInterpretedType).
 
     Raises InputError listing the names where the choice is not clear, or a wanted name is not there.
     """
+    types = types or {}
     chosen = _chosen_by_caller(names, source, wanted or {}, numbers or {})
     taken = {name for own in chosen.values() for name in own}
     notes: list[str] = []
     by_organ: dict[str, dict[str, list[str]]] = {}
+    unclear: dict[str, dict[str, str]] = {}
     for name in names:
-        meaning, additions = _meaning(name)
-        if meaning is not None and name not in taken:
-            by_organ.setdefault(meaning, {}).setdefault(additions, []).append(name)
+        meaning = meaning_of_name(name)
+        if meaning.organ is None or name in taken:
+            continue
+        if reason := _doubt(meaning.unknown, types.get(name, "")):
+            unclear.setdefault(meaning.organ, {})[name] = reason
+        else:
+            by_organ.setdefault(meaning.organ, {}).setdefault(meaning.additions, []).append(name)
     both_halves = "prostate" not in chosen and by_organ.keys() >= {"prostate_left", "prostate_right"}
     for organ, sets in by_organ.items():
         if organ in chosen or (organ.startswith("prostate_") and "prostate" in chosen and not both_halves):
             continue
-        chosen[organ] = _the_one_set(organ, sets, source)
+        chosen[organ] = _the_one_set(organ, _typed_organ(sets, types), source)
         passed_over = [name for group in sets.values() for name in group if name not in chosen[organ]]
+        passed_over += unclear.get(organ, {})
         left_out = f"; not used: {_listed(passed_over)}" if passed_over else ""
-        if passed_over or [label_named(name) for name in chosen[organ]] != [organ]:
-            notes.append(f"{organ} is {' + '.join(chosen[organ])}{left_out}")
-    return chosen, notes
+        said = [f"{name} is {types[name]} by its type" for name in chosen[organ] if types.get(name) in TARGETS]
+        said += [f"{name} is by its {PARTIAL} a part of it" for name in chosen[organ] if PARTIAL in name]
+        if passed_over or said or [label_named(name) for name in chosen[organ]] != [organ]:
+            notes.append(f"{organ} is {' + '.join(chosen[organ])}{''.join(f' ({s})' for s in said)}{left_out}")
+    _ask(unclear, chosen, source)
+    return {organ: own for organ, own in chosen.items() if own}, notes
+
+
+def _doubt(unknown: Sequence[str], kind: str) -> str:
+    """Why a structure with an organ's word in its name may be something else; "" where nothing says so."""
+    if unknown:
+        return f"{', '.join(map(repr, unknown))} is not known"
+    return f"its type is {kind}" if kind in words.NO_ORGAN_TYPES else ""
+
+
+def _ask(unclear: Mapping[str, Mapping[str, str]], chosen: Mapping[str, Sequence[str]], source: str) -> None:
+    """Raises InputError for an organ of which there are structures in doubt only. Bone has many parts, which may be left out."""
+    for organ, told in unclear.items():
+        halves = organ.startswith("prostate") and any(known.startswith("prostate") for known in chosen)
+        if organ in chosen or halves or organ == "bone":
+            continue
+        shown = ", ".join(f"{name} ({reason})" for name, reason in list(told.items())[:SHOWN])
+        raise InputError(
+            f"{source} holds no plain {organ}, only {shown}; give --roi {organ}=NAME where it is the organ, else --roi {organ}={NONE}"
+        )
+
+
+def _typed_organ(sets: dict[str, list[str]], types: Mapping[str, str]) -> dict[str, list[str]]:
+    """The sets without what is no ORGAN by its type, where another one is."""
+    organs = {key: [name for name in group if types.get(name) == "ORGAN"] for key, group in sets.items()}
+    targets = any(types.get(name) in TARGETS for group in sets.values() for name in group)
+    return {key: group for key, group in organs.items() if group} if targets and any(organs.values()) else sets
 
 
 def unused_note(names: Sequence[str], chosen: Mapping[str, Sequence[str]], notes: Sequence[str]) -> list[str]:
@@ -113,7 +125,7 @@ def _chosen_by_caller(
     for organ, own in wanted.items():
         if organ not in ORGANS:
             raise InputError(f"--roi {organ} is no organ; known are {', '.join(ORGANS)}")
-        chosen[organ] = _picked(list(own), names, numbers, source)
+        chosen[organ] = [] if list(own) == [NONE] else _picked(list(own), names, numbers, source)
     return chosen
 
 
@@ -145,29 +157,6 @@ def _named(text: str, names: Sequence[str], numbers: Mapping[str, int]) -> str |
     return None
 
 
-def _meaning(name: str) -> tuple[str | None, str]:
-    """The organ a name stands for, and the words it adds; (None, "") when it is no organ of ours."""
-    label = label_named(name)
-    if label is not None:
-        return label, ""
-    parts = words_of(name)
-    if words.DERIVED_WORDS.intersection(parts) or re.search(r"\d\s*[mc]m|\+\s*\d", name.lower()):
-        return None, ""
-    organs = [organ for organ, known in words.ORGAN_WORDS.items() if known.intersection(parts)]
-    if len(organs) != 1:
-        return None, ""
-    organ = organs[0]
-    if organ != "bone" and words.PARTS_OF_SOFT_ORGANS.intersection(parts):
-        return None, ""
-    neutral = words.ORGAN_WORDS[organ] | words.NEUTRAL_WORDS | words.LEFT | words.RIGHT
-    neutral |= words.NEUTRAL_BESIDE_BONE if organ == "bone" else frozenset()
-    additions = " ".join(word for word in parts if word not in neutral)
-    if organ == "prostate":
-        sides = [side for side, known in (("left", words.LEFT), ("right", words.RIGHT)) if known.intersection(parts)]
-        organ = f"prostate_{sides[0]}" if len(sides) == 1 else organ
-    return organ, additions
-
-
 def _the_one_set(organ: str, sets: dict[str, list[str]], source: str) -> list[str]:
     plainest = [key for key in sets if not set(key.split()) - words.BESIDE_RECTUM]
     key = min(plainest or list(sets), key=len)
@@ -176,32 +165,3 @@ def _the_one_set(organ: str, sets: dict[str, list[str]], source: str) -> list[st
         choices = ", ".join(name for group in sets.values() for name in group)
         raise InputError(f"{source} has several structures for {organ}: {choices}; choose one with --roi {organ}=NAME")
     return sets[key]
-
-
-@lru_cache(maxsize=4096)
-def _unglued(word: str) -> tuple[str, ...]:
-    """The known words that a longer one is made of (rettoano, lfemur); the word itself where it is not."""
-    if word in _GLUE or word in _SIDES_IN_GLUE or len(word) > 40:
-        return (word,)
-    plain_vowels = word.replace("ae", "a").replace("oe", "o").replace("ue", "u")
-    if plain_vowels in _GLUE:
-        return (plain_vowels,)
-    found = _split(word, True) or _split(plain_vowels, True)
-    # A side alone beside letters is chance; beside an organ it is a side.
-    return found if found and any(_GLUE.get(part) for part in found) else (word,)
-
-
-def _split(word: str, at_start: bool) -> tuple[str, ...]:
-    if not word:
-        return ()
-    for end in range(len(word), _SHORTEST_GLUED - 1, -1):
-        rest = _split(word[end:], False) if word[:end] in _GLUE else ()
-        if word[:end] in _GLUE and (end == len(word) or rest):
-            return (word[:end], *rest)
-    # A side at the beginning (lfemur) or the end (femursx).
-    if not at_start and word in _SIDES_IN_GLUE:
-        return (word,)
-    for end in (1, 2):
-        if at_start and word[:end] in _SIDES_IN_GLUE and (rest := _split(word[end:], False)):
-            return (word[:end], *rest)
-    return ()

@@ -95,7 +95,7 @@ def read_rtstruct(
     with_contours = {name: roi for name, roi in rois.items() if roi.contours}
     numbers = {name: roi.number for name, roi in rois.items()}
     _refuse_empty(rois, roi or {}, path)
-    chosen, choice_notes = choose_rois(list(with_contours), str(path), roi, numbers)
+    chosen, choice_notes = choose_rois(list(with_contours), str(path), roi, numbers, _types(dataset, rois))
     if not chosen:
         why = f" ({'; '.join(notes[:3])})" if notes else ""
         raise InputError(
@@ -137,6 +137,16 @@ def _refuse_empty(rois: Mapping[str, Contoured], wanted: Mapping[str, Sequence[s
         empty = [name for name in names if name in rois and not rois[name].contours]
         if empty:
             raise InputError(f"{path}: structure {empty[0]} has no closed contours; draw them or choose another")
+
+
+def _types(dataset: pydicom.Dataset, rois: Mapping[str, _Roi]) -> dict[str, str]:
+    """Name -> what the file says that a structure is (RTROIInterpretedType), where it says so."""
+    by_number: dict[int, str] = {}
+    for item in dataset.get("RTROIObservationsSequence") or []:
+        number, kind = item.get("ReferencedROINumber"), str(item.get("RTROIInterpretedType") or "").strip().upper()
+        if number is not None and kind:
+            by_number[int(number)] = kind
+    return {name: by_number[roi.number] for name, roi in rois.items() if roi.number in by_number}
 
 
 def _images(dataset: pydicom.Dataset) -> set[str]:

@@ -22,6 +22,12 @@ _LEAST_TISSUE = 0.05
 # Nothing that shows a body lies below this throughout: fat is denser.
 _NO_TISSUE_HU = -300.0
 _MOST_VALUES = 500_000
+# What surrounds a body is of one value within this, on this share of the pictures' edges; the body lies this much above it.
+_SAME_HU, _SURROUNDS, _ABOVE_HU = 15.0, 0.9, 50.0
+# Fat has about -120 to -80 HU and muscle 40 to 80: of the voxels in the range of soft tissue a quarter at least lies above the first
+# and below the second, however much fat there is.
+_SOFT_RANGE_HU = (-500.0, 300.0)
+_SOFT_HU = (-120.0, 120.0)
 
 
 def check_hounsfield(volume: Volume, source: object, each_slice: bool = False) -> None:
@@ -40,6 +46,40 @@ def check_hounsfield(volume: Volume, source: object, each_slice: bool = False) -
                 f"{source}: {where} air at -1000 HU, the lowest lie at {lowest:.0f}: the values are no Hounsfield units "
                 "(RescaleIntercept lost?); export the series again"
             )
+
+    scaled = _surrounding_level(array)
+    if scaled is not None:
+        raise InputError(
+            f"{source}: no voxel is air at -1000 HU, what surrounds the body lies at {scaled:.0f} and nothing above "
+            f"{_NO_BODY_HU:g}: the values are no Hounsfield units (RescaleSlope wrong?); export the series again"
+        )
+
+
+def soft_tissue_note(volume: Volume) -> list[str]:
+    """A note on a body in air whose soft tissue does not lie where fat and muscle do, as in a cone-beam scan not calibrated."""
+    values = volume.array.reshape(-1)
+    values = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64)
+    soft = values[(values > _SOFT_RANGE_HU[0]) & (values < _SOFT_RANGE_HU[1])]
+    shows_a_body = (np.abs(values - AIR_HU) < _NEAR_HU).mean() > 10.0 * _SHARE
+    if not shows_a_body or len(soft) < _LEAST_TISSUE * len(values):
+        return []
+    quarter, median, three = np.percentile(soft, [25.0, 50.0, 75.0])
+    if three >= _SOFT_HU[0] and quarter <= _SOFT_HU[1]:
+        return []
+    return [
+        f"the HU are off: soft tissue lies at {median:.0f} HU (median) where fat has about -100 and muscle 50; bones and organs that are "
+        "found by their HU may be wrong: calibrate the scan"
+    ]
+
+
+def _surrounding_level(array: NumberArray) -> float | None:
+    """What surrounds a body, HU, where that is no air and nothing is bone: a scale that is too small; None otherwise."""
+    edge = np.concatenate([array[[0, -1]].reshape(-1), array[:, [0, -1]].reshape(-1)]).astype(np.float64)
+    level = float(np.median(edge))
+    values = array.reshape(-1)[:: max(1, array.size // _MOST_VALUES)]
+    one_level = (np.abs(edge - level) < _SAME_HU).mean() > _SURROUNDS
+    between = values.min() > _NO_TISSUE_HU and values.max() < _NO_BODY_HU
+    return level if one_level and between and np.percentile(values, 99.0) > level + _ABOVE_HU else None
 
 
 def _shifted(array: NumberArray) -> float | None:

@@ -13,21 +13,22 @@ AIR_HU = -1000
 _LOOKS_LIKE_AIR_HU = -900.0
 # Denser than cortical bone.
 _METAL_HU = 2000.0
-# Above this nothing is: metal saturates at 3071 HU, or 30,710 HU on an extended scale.
+# Above this nothing is: metal saturates at 3071 HU, 30,710 HU on an extended scale, or the largest number that is stored.
 HIGHEST_HU = 31_000.0
 
 
 def padded(stored: NumberArray, of: Slice) -> BoolArray | None:
     """The pixels (rows, columns) outside the field of view that would be taken for something else than air; None without any.
 
-    Those are pixels of the stated padding value, and of any value that no tissue or metal has. Where the value might be tissue as
-    well, only what lies at the edge of the picture counts. Signs are not looked at: scanners state a negative value as unsigned.
+    Those are pixels of the stated padding value, and of any value that no tissue or metal has, as far as they lie at the edge of the
+    picture: elsewhere the first is tissue and the second metal that saturates.
+    Signs are not looked at: scanners state a negative value as unsigned.
     """
     mask = _stated(stored, of)
     if mask is None:
         mask = _unstated(stored, of)
     if of.is_hu and stored.size and of.slope > 0.0 and float(stored.max()) * of.slope + of.intercept > HIGHEST_HU:
-        impossible = stored.astype(np.float64) * of.slope + of.intercept > HIGHEST_HU
+        impossible = _at_the_edge(stored.astype(np.float64) * of.slope + of.intercept > HIGHEST_HU)
         mask = impossible if mask is None else mask | impossible
     return mask
 
@@ -55,7 +56,7 @@ def _stated(stored: NumberArray, of: Slice) -> BoolArray | None:
     shown = stored[mask].astype(np.float64) * of.slope + of.intercept
     if shown.max() <= _LOOKS_LIKE_AIR_HU:
         return None
-    return mask if shown.min() > HIGHEST_HU else _at_the_edge(mask)
+    return _at_the_edge(mask)
 
 
 def _at_the_edge(mask: BoolArray) -> BoolArray:

@@ -12,9 +12,15 @@ from pydicom.uid import UID
 from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DAMAGE, quiet, read_file
-from palpate.imaging.dicom.padding import AIR_HU, padded
+from palpate.imaging.dicom.padding import AIR_HU, HIGHEST_HU, padded
 from palpate.imaging.dicom.slices import Slice
 
+# Transfer syntaxes that pydicom does not name yet (DICOM PS3.6, 2024).
+_NEWER = {
+    "1.2.840.10008.1.2.4.110": "JPEG XL Lossless",
+    "1.2.840.10008.1.2.4.111": "JPEG XL JPEG Recompression",
+    "1.2.840.10008.1.2.4.112": "JPEG XL",
+}
 _INT16 = np.iinfo(np.int16)
 
 
@@ -26,7 +32,7 @@ def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> Numb
     whole = all(float(s.slope).is_integer() and float(s.intercept).is_integer() for s in slices)
     values = np.empty((len(slices), *slices[0].shape), dtype=np.int32 if whole else np.float32)
     frames: dict[Path, NumberArray] = {}
-    filled = 0
+    filled, saturated = 0, 0
     for index, each in enumerate(slices):
         if each.path not in frames:
             # Only the file being read is kept: a multi-frame file is decoded once, plain files do not pile up.
@@ -49,10 +55,17 @@ def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> Numb
         if outside is not None:
             values[index][outside] = AIR_HU
             filled += 1
+        saturated += each.is_hu and bool((values[index] > HIGHEST_HU).any())
     if filled and notes is not None:
         notes.append(
             f"pixels that are no picture (padding outside the field of view) were taken as air, on {filled} slices"
         )
+    if saturated:
+        values = np.minimum(values, values.dtype.type(HIGHEST_HU))
+        if notes is not None:
+            notes.append(
+                f"values above {HIGHEST_HU:g} HU within the body (metal) were set to that limit, on {saturated} slices"
+            )
     if whole and _INT16.min <= values.min() and values.max() <= _INT16.max:
         return values.astype(np.int16)
     return values.astype(np.float32)
@@ -76,12 +89,14 @@ def _decode(path: Path) -> NumberArray:
 
 def _syntax(dataset: pydicom.Dataset) -> str:
     uid = _transfer_syntax(dataset)
-    return str(uid.name) if uid else "transfer syntax not stated"
+    return _NEWER.get(uid) or str(uid.name) if uid else "transfer syntax not stated"
 
 
 def _remedy(dataset: pydicom.Dataset) -> str:
     uid = _transfer_syntax(dataset)
-    if uid and uid.is_transfer_syntax and uid.is_compressed:
+    if uid and not uid.is_transfer_syntax:
+        return "this compression is not known here: export the series uncompressed"
+    if uid and uid.is_compressed:
         return "it is damaged or needs another decoder: export the series uncompressed"
     return "it is damaged: copy or export it again"
 

@@ -13,7 +13,7 @@ import pydicom
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DicomFile, find_dicom
-from palpate.imaging.dicom.hounsfield import check_hounsfield
+from palpate.imaging.dicom.hounsfield import check_hounsfield, soft_tissue_note
 from palpate.imaging.dicom.pixels import read_slices
 from palpate.imaging.dicom.regrid import as_volume
 from palpate.imaging.dicom.series_choice import choose_series
@@ -80,6 +80,7 @@ def read_series(
     volume = as_volume(read_slices(ordered.slices, notes), ordered, notes)
     if files[0].header.get("Modality") == "CT":
         check_hounsfield(volume, folder, each_slice=len({each.intercept for each in ordered.slices}) > 1)
+        notes += soft_tissue_note(volume)
     return volume, _facts(files[0].header, ordered, notes)
 
 

@@ -13,6 +13,7 @@ from palpate.core.surfaces.surface import Surface
 from palpate.core.surfaces.triangles import enclosed_volume
 from palpate.imaging.surfaces.ply import read_ply
 from palpate.imaging.surfaces.self_intersections import crossings
+from palpate.imaging.surfaces.stated_frame import stated_frame
 from palpate.imaging.surfaces.triangle_files import read_triangles
 
 SUFFIXES = (".stl", ".obj", ".ply")
@@ -22,6 +23,8 @@ SMALLEST_MM, LARGEST_MM = 4.0, 1000.0
 _SAME, _HOLE = 1e-5, 0.05
 # Parts with less than this share of the largest one's area are specks.
 _SPECK = 0.01
+# At most this share of the points are damaged numbers, and these lie this many times as far away as the rest.
+_DAMAGED, _FAR = 0.1, 100.0
 _MOST_FACES = 4_000_000
 
 
@@ -40,7 +43,7 @@ def read_closed_surface(path: Path) -> ReadSurface:
     file when it holds no surface, several, one with a wide hole, one that crosses itself or branches, or one not in mm.
     """
     notes: list[str] = []
-    mesh = _joined(_read(path), notes)
+    mesh = _joined(_read(path, notes), notes)
     size = _extent(mesh, path)
     mesh = _one_body(mesh, path, notes)
     mesh = _closed(mesh, size, path, notes)
@@ -50,7 +53,9 @@ def read_closed_surface(path: Path) -> ReadSurface:
     return ReadSurface(Surface(points, faces, np.ones(len(faces), dtype=np.int64)), tuple(notes))
 
 
-def _read(path: Path) -> pv.PolyData:
+def _read(path: Path, notes: list[str]) -> pv.PolyData:
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give the path of a surface (STL, OBJ or PLY)")
     if not path.is_file():
         raise InputError(f"{path} is not there; give the path of a surface (STL, OBJ or PLY)")
     if path.suffix.lower() not in SUFFIXES:
@@ -63,7 +68,24 @@ def _read(path: Path) -> pv.PolyData:
         raise InputError(f"{path} has {mesh.n_cells} faces; {_MOST_FACES} is the most: simplify it")
     if not np.isfinite(mesh.points).all():
         raise InputError(f"{path} has points that are not finite; save it again")
-    return pv.PolyData(mesh.points.astype(np.float64), faces=mesh.faces).triangulate()
+    frame = stated_frame(path)
+    notes += frame.notes
+    mesh = pv.PolyData(frame.in_lps_mm(mesh.points.astype(np.float64)), faces=mesh.faces).triangulate()
+    _refuse_far_points(mesh, path)
+    return mesh
+
+
+def _refuse_far_points(mesh: pv.PolyData, path: Path) -> None:
+    """A damaged number: beside it the whole body would be one point."""
+    points = mesh.points[np.unique(mesh.regular_faces)]
+    away = np.abs(points - np.median(points, axis=0)).max(axis=1)
+    # The body's own size, in which single numbers that are wrong take no part.
+    body = float(np.quantile(away, 1.0 - _DAMAGED))
+    far = away > max(LARGEST_MM, _FAR * body)
+    if far.any():
+        raise InputError(
+            f"{path} has {int(far.sum())} of its {len(points)} points far off, up to {away.max():.3g} mm from the others; remove them"
+        )
 
 
 def _joined(mesh: pv.PolyData, notes: list[str]) -> pv.PolyData:

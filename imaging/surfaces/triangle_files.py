@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import io
 import logging
+import re
 import warnings
 from pathlib import Path
 
@@ -31,6 +32,8 @@ _DAMAGE = (
 )
 # Bytes of a binary STL before its triangles, the last four of which count them; and of a triangle.
 _STL_HEAD, _STL_FACE = 84, 50
+# A face of an OBJ file, one of whose corners is vertex 0.
+_NAMES_0 = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?0+(?:[/ \t\r\n]|$)", re.MULTILINE)
 logging.getLogger("trimesh").setLevel(logging.CRITICAL)
 
 
@@ -40,14 +43,16 @@ def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
     STL lists each triangle's corners by themselves: equal ones are one point, in the order in which they come.
     Raises InputError naming the file when it cannot be read, or a face names a point that is not there.
     """
-    kind = path.suffix.lower()[1:]
+    kind, content = path.suffix.lower()[1:], _content(path)
+    if kind == "obj" and _NAMES_0.search(content):
+        raise InputError(f"{path} has a face that names vertex 0, but OBJ counts from 1; save it again")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numbers of a damaged file that are too large; looked at afterwards
             # numpy stops at a number that it cannot read, and only warns.
             warnings.simplefilter("error", DeprecationWarning)
             found = trimesh.load_scene(
-                io.BytesIO(_content(path)), file_type=kind, process=False, maintain_order=True, skip_materials=True
+                io.BytesIO(content), file_type=kind, process=False, maintain_order=True, skip_materials=True
             )
             parts = [part for part in found.dump() if isinstance(part, trimesh.Trimesh)]
             points = [np.asarray(part.vertices, dtype=np.float64) for part in parts]

@@ -18,7 +18,7 @@ import SimpleITK as sitk
 
 from palpate.core.arrays import BoolArray, NumberArray
 from palpate.core.errors import InputError
-from palpate.imaging.contours.roi_names import organ_of
+from palpate.imaging.contours.structure_names import organ_of
 from palpate.imaging.volume import Volume
 from palpate.segmentation.working_grid import AIR_HU, bounds
 

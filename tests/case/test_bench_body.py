@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
+import pyvista as pv
 from bench_case import DISC, FLOOR, ROWS, facts, write
 
 from palpate.case.bench.body import body_problem
+from palpate.case.case_facts import OTHER_KEYS
 from palpate.case.case_folder import CaseFolder
+from palpate.case.stated_files import BenchBody
 from palpate.core.errors import InputError
 
 MOVED = facts()["states"][0]["moved"][0]
@@ -81,6 +85,16 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         r"half of a disc; give both centre and radius_mm",
     ),
     ({"moved": [{**DISC, "radius_mm": 0.01, "displacement_mm": [0, 0, 1]}]}, r"on no face of the body, .* mm wide"),
+    ({"load": []}, r"states\[0\].load is unknown; allowed are name, points"),
+    ({"loads": [{"at": [0, 0, 20], "force_n": [0, 0, -1], "force": 1}]}, r"states\[0\].loads\[0\].force is unknown"),
+    ({"moved": [{**MOVED, "plane_pont": [0, 0, 20]}]}, r"states\[0\].moved\[0\].plane_pont is unknown"),
+    ({"moved": [{**MOVED, "plane_normal": [0, 0, 0]}]}, r"moved\[0\]: plane_normal is \[.*\] and has no length"),
+    ({"gravity": [0, 0, -981]}, r"states\[0\]\.gravity is .*-981.*; it must be three numbers in m/s\^2"),
+    ({"gravity": [0, 15, -15]}, r"states\[0\]: gravity is .*-15.*; it must be three numbers in m/s\^2"),
+    (
+        {"moved": [{**MOVED, "plane_point": [0, 0, 0], "centre": [15, 12, 0]}]},
+        r"faces lie in the support or patch 'that holds along all axes' and in 'disc', which prescribe 0 mm and -1 mm along z",
+    ),
     ({"moved": [{**MOVED, "reaction_sd_n": None}]}, r"a force along z without an error; give reaction_sd_n"),
     ({"moved": [{**MOVED, "displacement_mm": [0, 0, None]}]}, r"a force along z, where the patch is free"),
 ]
@@ -99,3 +113,25 @@ def test_a_body_that_can_move_as_a_whole_is_refused_with_what_it_can_do(meshed: 
         InputError, match=r"in the state 'pressed' the body can (slide along|turn about) [xyz]: nothing holds"
     ):
         body_problem(CaseFolder(write(meshed, stated)))
+
+
+@pytest.mark.parametrize("density", [1.07, 1.07e-9, 1e5])
+def test_a_density_in_another_unit_is_refused(meshed: Path, density: float) -> None:
+    with pytest.raises(InputError, match=r"density_kg_m3 is .*; it must be a density in kg/m3 from 10 to 25000"):
+        body_problem(CaseFolder(write(meshed, {**facts(), "density_kg_m3": density})))
+
+
+def test_a_misspelt_key_of_the_case_is_refused_and_remarks_are_kept(meshed: Path) -> None:
+    with pytest.raises(InputError, match=r"densty_kg_m3 is unknown; is 'density_kg_m3' meant\?"):
+        CaseFolder(write(meshed, {**facts(), "densty_kg_m3": 1000.0}))
+    assert CaseFolder(write(meshed, {**facts(), "notes": ["warm"]})).facts.other["notes"] == ["warm"]
+    assert {f.name for f in msgspec.structs.fields(BenchBody)} <= set(OTHER_KEYS)
+
+
+def test_a_volume_mesh_is_no_body(tmp_path: Path) -> None:
+    folder = write(tmp_path / "case", {**facts(), "body": "body.vtu"})
+    pv.read(folder / "body.stl").delaunay_3d().save(folder / "body.vtu")
+    with pytest.raises(
+        InputError, match=r"body\.vtu is no STL, OBJ or PLY file; save the surface in one of these forms"
+    ):
+        body_problem(CaseFolder(folder))

@@ -25,7 +25,7 @@ def case(tmp_path: Path) -> CaseFolder:
     return CaseFolder.create(tmp_path / "case", CaseFacts("one"))
 
 
-def test_facts_are_read_with_defaults_and_unknown_keys_are_kept(tmp_path: Path) -> None:
+def test_facts_are_read_with_defaults_and_keys_beyond_them_are_kept(tmp_path: Path) -> None:
     data = {"name": "beam", "body": "body.stl", "states": [{"name": "hanging"}], "gravity_rest": [0, 0, -9.81]}
     (tmp_path / "case.json").write_text(json.dumps(data))
     case = CaseFolder(tmp_path)
@@ -216,7 +216,7 @@ def test_landmarks(case: CaseFolder) -> None:
     np.testing.assert_array_equal(points.deformed, [[4, 5, 6], [0, 0, 1.5]])
     for text, message in {
         head + "a,1,2,3,4,5,x\n": r"line 2: deformed_z is 'x'; a number in mm",
-        head + "a,1,2,3,4,5\n": r"line 2: deformed_z is None",
+        head + "a,1,2,3,4,5\n": r"line 2: deformed_z is ''; a number in mm",
         head + "a,1,2,3,4,5,6\na,1,2,3,4,5,6\n": "names the point 'a' more than once",
         head: "holds no point",
         "name,x,y,z\n": "lacks the column rest_x",

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from palpate.core.errors import InputError
+from palpate.imaging.contours import organ_words
 from palpate.imaging.contours.roi_names import choose_rois
+from palpate.imaging.contours.structure_names import label_named, words_of
 
 
 @pytest.mark.parametrize(
@@ -97,6 +101,85 @@ def test_names_of_organs(name: str, organ: str) -> None:
 )
 def test_volumes_made_from_an_organ_are_not_it(name: str) -> None:
     assert choose_rois([name], "rs")[0] == {}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "PeriProstatic",
+        "Prostate_SemVes",
+        "zProstate",
+        "z_Rectum",
+        "Rectum_Ant",
+        "Anti-Bladder",
+        "Bladder_Contrast",
+        "NVB_Prostate",
+        "Prostate 78",
+        "Prostate+",
+        "!Bladder",
+        "\u5468\u56f4Prostate",
+    ],
+)
+def test_a_word_that_is_not_known_is_asked_about(name: str) -> None:
+    with pytest.raises(
+        InputError, match=r"rs holds no plain \w+, only .* is not known\); give --roi (\w+)=NAME .*=none"
+    ) as said:
+        choose_rois([name], "rs")
+    organ = str(said.value).partition("--roi ")[2].partition("=")[0]
+    assert choose_rois([name], "rs", {organ: [name]})[0] == {organ: [name]}
+    assert choose_rois([name], "rs", {organ: ["none"]})[0] == {}
+    plain = {"prostate": "Prostata", "bladder": "Blase", "rectum": "Rektum"}[organ]
+    assert choose_rois([plain, name], "rs") == ({organ: [plain]}, [f"{organ} is {plain}; not used: {name}"])
+
+
+def test_parts_of_bone_that_are_not_known_are_left_out() -> None:
+    assert choose_rois(["Femur_L_Metal", "Femur_R"], "rs") == (
+        {"bone": ["Femur_R"]},
+        ["bone is Femur_R; not used: Femur_L_Metal"],
+    )
+    assert choose_rois(["Femur_L_Metal"], "rs") == ({}, [])
+
+
+# A name with any further word of letters or digits, or sign, that is not on the lists.
+KNOWN = frozenset().union(
+    *organ_words.ORGAN_WORDS.values(), organ_words.NEUTRAL_WORDS, organ_words.BESIDE_RECTUM, organ_words.DRAWN_BY,
+    organ_words.LEFT, organ_words.RIGHT,
+)  # fmt: skip
+AFFIX = st.text(st.characters(categories=("L", "N", "S", "Po")), min_size=1, max_size=8)
+
+
+@given(st.sampled_from(["Prostate", "Bladder", "Rectum"]), AFFIX, st.sampled_from(["", "_", " "]), st.booleans())
+def test_no_affix_is_taken_silently(organ: str, affix: str, glue: str, before: bool) -> None:
+    name = f"{affix}{glue}{organ}" if before else f"{organ}{glue}{affix}"
+    try:
+        chosen, notes = choose_rois([name], "rs")
+    except InputError as error:
+        assert name in str(error)
+        return
+    if chosen:
+        told = set(words_of(name)) - {organ.lower()}
+        assert told <= KNOWN or (before and affix.strip().isdigit()), name
+        assert label_named(name) == organ.lower() or any(name in note for note in notes)
+
+
+def test_the_type_is_a_second_witness() -> None:
+    with pytest.raises(InputError, match=r"no plain prostate, only Prostate \(its type is PTV\)"):
+        choose_rois(["Prostate"], "rs", types={"Prostate": "PTV"})
+    types = {"Prostate": "PTV", "prostate gland": "ORGAN"}
+    assert choose_rois(list(types), "rs", types=types) == (
+        {"prostate": ["prostate gland"]},
+        ["prostate is prostate gland; not used: Prostate"],
+    )
+    assert choose_rois(["Prostate"], "rs", types={"Prostate": "CTV"})[1] == [
+        "prostate is Prostate (Prostate is CTV by its type)"
+    ]
+    both = {"Prostate": "GTV", "Prostata": "ORGAN"}
+    assert choose_rois(list(both), "rs", types=both)[0] == {"prostate": ["Prostata"]}
+
+
+def test_a_part_of_an_organ_is_told() -> None:
+    assert choose_rois(["Rectum~"], "rs")[1] == ["rectum is Rectum~ (Rectum~ is by its ~ a part of it)"]
+    assert choose_rois(["Rectum~", "Rektum"], "rs")[0] == {"rectum": ["Rektum"]}
 
 
 def test_a_plain_name_goes_before_others() -> None:

@@ -9,6 +9,8 @@ import pytest
 from contour_files import change
 from dicom_samples import COLUMNS, ROWS, ct_slice, hounsfield, save, series, straight
 from pydicom.dataset import FileDataset
+from pydicom.encaps import encapsulate
+from pydicom.uid import UID
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -196,3 +198,56 @@ def test_part_of_a_scan_is_that_scan(tmp_path: Path) -> None:
     assert np.array_equal(part[0].array, volume.array)
     with pytest.raises(InputError, match="hold the same voxels under two names"):
         check_pair(rest, part)
+
+
+def test_metal_that_saturates_within_the_body_stays_metal(tmp_path: Path) -> None:
+    slices = series(straight(), values=body)
+    for each in slices:
+        stored = each.pixel_array.astype(np.int16)
+        stored[9:12, 5:8] = 32767
+        each.PixelRepresentation, each.RescaleIntercept = 1, 0.0
+        stored = np.where(stored == 32767, 32767, stored - 1024)
+        each.PixelData = stored.astype("<i2").tobytes()
+    volume, facts = read_series(save(tmp_path / "ct", slices))
+    assert (volume.array[6, 10] == 31000).all() and volume.array[0, 0, 0] == -1000
+    assert [note for note in facts.notes if "metal" in note] == [
+        f"values above 31000 HU within the body (metal) were set to that limit, on {len(slices)} slices"
+    ]
+
+
+def test_a_slope_off_by_ten_is_noticed(tmp_path: Path) -> None:
+    slices = series(straight(), values=lambda p: 0.1 * body(p))
+    with pytest.raises(
+        InputError, match=r"no voxel is air at -1000 HU, what surrounds the body lies at -100.*RescaleSlope"
+    ):
+        read_series(save(tmp_path / "ct", slices))
+
+
+@pytest.mark.parametrize(
+    ("gain", "shift", "told"), [(1.0, 0.0, False), (1.0, -250.0, True), (0.8, 0.0, True), (1.0, 200.0, True)]
+)
+def test_soft_tissue_that_is_off_is_told(gain: float, shift: float, told: bool, tmp_path: Path) -> None:
+    def values(lps: FloatArray) -> FloatArray:
+        shown = body(lps)
+        return np.where(shown > -900.0, (shown + 1000.0) * gain - 1000.0 + shift, shown)
+
+    notes = read_series(save(tmp_path / "ct", series(straight(), values=values)))[1].notes
+    assert any("the HU are off: soft tissue lies at" in note for note in notes) == told
+
+
+@pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2.4.111", "1.2.840.10008.1.2.4.112", "1.2.3.4.5"])
+def test_a_compression_that_is_not_known_is_not_called_damage(syntax: str, tmp_path: Path) -> None:
+    slices = series(straight())
+    for each in slices:
+        each.file_meta.TransferSyntaxUID = UID(syntax)
+        each.PixelData = encapsulate([bytes(12)])
+        each["PixelData"].VR = "OB"
+    folder = tmp_path / "ct"
+    folder.mkdir()
+    for number, each in enumerate(slices):
+        each.save_as(folder / f"{number}.dcm", implicit_vr=False, little_endian=True)
+    with pytest.raises(
+        InputError, match="this compression is not known here: export the series uncompressed"
+    ) as refused:
+        read_series(folder)
+    assert ("JPEG XL" in str(refused.value)) == syntax.startswith("1.2.840")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import json
 import re
 import subprocess
@@ -17,12 +16,15 @@ from pathlib import Path
 
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
+from palpate.core.files.csv_table import Row, read_csv_table
 from palpate.core.worker.cluster import study_executor
 
 RESULTS = "results.csv"
 DONE, FAILED = "done", "failed"
 _NEEDED, _OPTIONAL = ("name", "rest", "deformed"), ("rest_labels", "deformed_labels")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+# Files of a batch beside the folders of its patients.
+_TAKEN = (RESULTS,)
 _REGIONS = ("prostate_left", "prostate_right")
 
 
@@ -63,19 +65,7 @@ def read_table(path: Path) -> list[Patient]:
 
     Paths are relative to the table's folder. Raises InputError naming the table, its line and what is wrong with it.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not readable as a table ({error}); save it as CSV in UTF-8") from error
-    rows = csv.DictReader(io.StringIO(text), dialect="excel" if "\t" not in text.split("\n", 1)[0] else "excel-tab")
-    missing = [name for name in _NEEDED if name not in (rows.fieldnames or ())]
-    if missing:
-        raise InputError(f"{path} has no column {missing[0]!r}; its first line must name {', '.join(_NEEDED)}")
-    patients = [
-        _patient(path, number, row)
-        for number, row in enumerate(rows, start=2)
-        if any((v or "").strip() for v in row.values() if isinstance(v, str))
-    ]
+    patients = [_patient(path, row) for row in read_csv_table(path, _NEEDED, _OPTIONAL)]
     if not patients:
         raise InputError(f"{path} has no patient; give one a line below {','.join(_NEEDED)}")
     names = [patient.name.casefold() for patient in patients]
@@ -85,15 +75,17 @@ def read_table(path: Path) -> list[Patient]:
     return patients
 
 
-def _patient(path: Path, line: int, row: dict[str, str | None]) -> Patient:
-    text = {key: (row.get(key) or "").strip() for key in (*_NEEDED, *_OPTIONAL)}
+def _patient(path: Path, row: Row) -> Patient:
+    text = {key: row.cells.get(key, "") for key in (*_NEEDED, *_OPTIONAL)}
     if not _NAME.fullmatch(text["name"]):
         raise InputError(
-            f"{path}, line {line}: the name {text['name']!r} is no folder's name; use letters, digits, . _ -"
+            f"{path}, line {row.line}: the name {text['name']!r} is no folder's name; use letters, digits, . _ -"
         )
+    if text["name"].casefold() in _TAKEN:
+        raise InputError(f"{path}, line {row.line}: {text['name']} is the name of the table of results; use another")
     empty = [key for key in _NEEDED if not text[key]]
     if empty:
-        raise InputError(f"{path}, line {line}: {empty[0]} is empty")
+        raise InputError(f"{path}, line {row.line}: {empty[0]} is empty")
     rest, deformed = (path.parent / text[key] for key in ("rest", "deformed"))
     first, second = (path.parent / text[key] if text[key] else None for key in _OPTIONAL)
     return Patient(text["name"], rest, deformed, (first, second))

@@ -73,7 +73,12 @@ def test_one_that_fails_takes_no_other_along_and_a_rerun_does_only_it(tmp_path: 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("name,rest\nA,a\n", "no column 'deformed'"),
+        ("name,rest\nA,a\n", "lacks the column deformed; its first line must name name,rest,deformed"),
+        ("name,rest,deformed,rest_label\nA,a,b,c\n", "unknown column 'rest_label'; is 'rest_labels' meant"),
+        ("name,rest,deformed\nA,a,b,c\n", "line 2 has 4 cells under 3 columns, 'c' under none"),
+        ("name,rest,deformed\nA,a,b, May/ct\n", "line 2 has 4 cells under 3 columns, 'May/ct' under none"),
+        ("name,rest,deformed,rest\nA,a,b,c\n", "the column 'rest' twice"),
+        ("name,rest,deformed\nResults.csv,a,b\n", "line 2: Results.csv is the name of the table of results"),
         ("name,rest,deformed\n", "has no patient"),
         ("name,rest,deformed\nA,a,b\na,c,d\n", "the name 'A' twice"),
         ("name,rest,deformed\n../A,a,b\n", r"line 2: the name '\.\./A' is no folder's name"),
