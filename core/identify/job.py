@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.identify.identify import Identification, identify
+from palpate.core.identify.map.places import LEVEL
 from palpate.core.identify.map.stiffness_map import StiffnessMap, stiffness_map
+from palpate.core.identify.map.told_places import place_record, places
 from palpate.core.identify.mu_split import separable
 from palpate.core.identify.not_identifiable import nothing_found
 from palpate.core.identify.notes import agreement, notes
@@ -64,7 +67,8 @@ def run(job: Job, reporter: Reporter) -> IdentificationRecord:
         (Path(job.folder) / MAP_FILE).unlink(missing_ok=True)  # file of an earlier run
     else:
         save_checkpoint(Path(job.folder) / MAP_FILE, stiffness.arrays(), fingerprint)
-    result = _result(identification, options, None if stiffness is None else _map_record(stiffness))
+    names = identification.scene.problem.region_names
+    result = _result(identification, options, None if stiffness is None else _map_record(stiffness, names))
     as_a_whole = motion_in_words(identification.fit, laid[0][1])
     return msgspec.structs.replace(result, notes=[as_a_whole, *result.notes]) if as_a_whole else result
 
@@ -80,24 +84,26 @@ def _mapped(identification: Identification, options: IdentifyOptions, reporter: 
         return None
     return stiffness_map(
         identification.fit,
-        identification.scene,
-        identification.equilibrium,
+        [(s.scene, s.equilibrium) for s in identification.solutions],
         progress=lambda f, m: reporter.progress(0.94 + 0.05 * f, m),
     )
 
 
-def _map_record(stiffness: StiffnessMap) -> MapRecord:
-    share = float(stiffness.patches.volumes[stiffness.told].sum() / stiffness.patches.volumes.sum())
+def _map_record(stiffness: StiffnessMap, names: Mapping[int, str]) -> MapRecord:
+    patches, local = stiffness.patches, stiffness.local
     return MapRecord(
         file=f"identify/{MAP_FILE}",
-        patches=stiffness.patches.n,
-        told_share_of_volume=share,
-        resolved_values=float(np.trace(stiffness.resolution)),
+        patches=patches.n,
+        told_share_of_volume=float(patches.volumes[stiffness.told].sum() / patches.volumes.sum()),
+        resolved_values=float(np.trace(local.model.resolution)),
         blur_mm=float(np.median(stiffness.blur_mm)),
-        steps=stiffness.steps,
-        settled=stiffness.settled,
-        prior_local_sd_ln_G=stiffness.prior.local_sd,
-        prior_length_mm=stiffness.prior.length_mm,
+        steps=1,
+        settled=True,
+        prior_local_sd_ln_G=stiffness.local_sd,
+        prior_length_mm=local.length_mm,
+        uniform_probability={names[r]: float(p) for r, p in zip(patches.regions, local.uniform, strict=True)},
+        level=LEVEL,
+        places=[place_record(place, names) for place in places(stiffness)],
     )
 
 

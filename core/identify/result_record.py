@@ -103,8 +103,29 @@ class LandmarkRecord(msgspec.Struct, frozen=True):
     rms_mm: float
 
 
+class PlaceRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """A place that differs from most of its half (`identify.map.places`). half : label name. centre_mm : in the scan at rest (LPS).
+
+    G_kpa : at the patch that differs most, with its 95 % interval. times : that over the half's value.
+    """
+
+    half: str
+    sense: Literal["stiffer", "softer"]
+    volume_cc: float
+    centre_mm: tuple[float, float, float]
+    G_kpa: float
+    ci95_kpa: _Interval
+    times: float
+
+
 class MapRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The stiffness map within the organ (`identify.map.stiffness_map`). file : in the case folder."""
+    """The stiffness map within the organ (`identify.map.stiffness_map`). file : in the case folder.
+
+    told_share_of_volume : where the data say more of a deviation than the prior does. resolved_values, blur_mm : independent values, and
+    over which distance each averages, were there a deviation. prior_local_sd_ln_G, prior_length_mm : of the deviation from the half's
+    value, as the data choose them. uniform_probability : that a half has no deviation. places : that differ from their half, all of
+    them at once with probability `level`.
+    """
 
     file: str
     patches: int
@@ -115,6 +136,9 @@ class MapRecord(msgspec.Struct, frozen=True, kw_only=True):
     settled: bool
     prior_local_sd_ln_G: float
     prior_length_mm: float
+    uniform_probability: dict[str, float] | UnsetType = UNSET
+    level: float | UnsetType = UNSET
+    places: list[PlaceRecord] | UnsetType = UNSET
 
 
 class IdentificationRecord(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.spatial.distance import cdist
 
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.assembly import Assembler
@@ -20,12 +21,12 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import direct
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.map.patches import Patches, cut
-from palpate.core.identify.map.smoothness_prior import SmoothPrior
 from palpate.core.laws import bulk_modulus, mooney_rivlin_parameters
+from palpate.core.observe.contour_noise import matern_3_2
 
-# Number of patches of one region, and the field: unit standard deviation, correlation length 6 mm.
+# Number of patches of one region, and the correlation length of the field, mm.
 PATCHES = 100
-FIELD = SmoothPrior(0.0, 0.0, 1.0, 6.0)
+FIELD_MM = 6.0
 # Standard deviation of ln G within a region, assumed where the data do not determine it.
 UNEVEN_SD = float(np.log(4.0))
 # Amplitudes that are compared.
@@ -53,7 +54,7 @@ def uneven_responses(
         displacements = direct(equilibrium.tangent, directions)
         sensitivities = np.stack([observe(field) for field in displacements], axis=1)
         about = np.eye(patches.n) - _shares(assembler, equilibrium, patches)
-        covariance = about @ FIELD.local_covariance(patches.centres, patches.centres) @ about.T
+        covariance = about @ matern_3_2(cdist(patches.centres, patches.centres), FIELD_MM) @ about.T
         values, vectors = np.linalg.eigh(covariance)
         columns.append(sensitivities @ (vectors * np.sqrt(np.maximum(values, 0.0))))
     return columns

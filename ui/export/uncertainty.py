@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
 from palpate.case.labels_on_scan import labels_on_scan
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
-from palpate.core.identify.map.stiffness_map import nearest_patch, painted
+from palpate.core.identify.map.stiffness_map import called_at, nearest_patch, painted
 from palpate.imaging.contours.nifti_labels import write_nifti
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
@@ -30,8 +30,9 @@ def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
     """Writes on the grid of the scan at rest (of its labels without CT), 0 outside the organ:
 
     stiffness_low_kpa, stiffness_high_kpa : ends of each half's 95 % interval. map_kpa : the smooth map. map_factor : within
-    which two of three true values lie (exp of the standard deviation of ln G). map_told : 1 where the scans tell more than the
-    smoothness that was assumed. The maps are left out where the case has none. Raises InputError when it has no result.
+    which two of three true values lie (exp of the standard deviation of ln G). map_told : 1 where the scans say more of a
+    deviation from the half's value than the prior does. map_called : 1 where a place is told to be stiffer than its half, -1 where
+    softer. The maps are left out where the case has none. Raises InputError when it has no result.
     """
     labels, result = labels_on_scan(case, "rest"), read_result(case)
     volumes = {f"stiffness_{end}_kpa": volume for end, volume in (interval_volumes(case) or {}).items()}
@@ -46,19 +47,20 @@ def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
 
 def _map(labels: Volume, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, Volume]:
     voxels = np.argwhere(np.isin(labels.array, ORGAN_LABELS))
-    points = labels.to_lps(voxels.astype(np.float64))
+    points, halves = labels.to_lps(voxels.astype(np.float64)), labels.array[tuple(voxels.T)].astype(np.int64)
     sd = np.asarray(arrays["sd"], dtype=np.float64)
 
-    def volume(of: Callable[[FloatArray], NDArray[np.generic]], kind: type) -> Volume:
+    def volume(of: Callable[[FloatArray, IntArray], NDArray[np.generic]], kind: type) -> Volume:
         value: NDArray[np.generic] = np.zeros(labels.array.shape, dtype=kind)
-        parts = [of(points[k : k + _CHUNK]) for k in range(0, len(points), _CHUNK)]
+        parts = [of(points[k : k + _CHUNK], halves[k : k + _CHUNK]) for k in range(0, len(points), _CHUNK)]
         value[tuple(voxels.T)] = np.concatenate(parts) if parts else 0
         return labels.with_array(value)
 
     return {
-        "map_kpa": volume(lambda at: painted(arrays, at)[0], np.float32),
-        "map_factor": volume(lambda at: np.exp(sd[nearest_patch(arrays, at)]), np.float32),
-        "map_told": volume(lambda at: painted(arrays, at)[1], np.uint8),
+        "map_kpa": volume(lambda at, half: painted(arrays, at, half)[0], np.float32),
+        "map_factor": volume(lambda at, half: np.exp(sd[nearest_patch(arrays, at, half)]), np.float32),
+        "map_told": volume(lambda at, half: painted(arrays, at, half)[1], np.uint8),
+        "map_called": volume(lambda at, half: called_at(arrays, at, half), np.int8),
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,8 +12,8 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from palpate.core.arrays import BoolArray, FloatArray
-from palpate.core.identify.map.stiffness_map import nearest_patch, painted
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
+from palpate.core.identify.map.stiffness_map import called_at, nearest_patch, painted
 from palpate.ui.pictures.colours import map_scale
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
@@ -21,13 +22,14 @@ from palpate.ui.pictures.slice_axes import ORGAN, draw_background, draw_outlines
 from palpate.ui.pictures.slices import stiffness_bar
 
 Arrays = Mapping[str, NDArray[np.generic]]
+Marks = TypeVar("Marks", BoolArray, IntArray)
 _OPACITY = 0.75
 _FACTORS = Normalize(1.0, 2.2)
 
 
 def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
-    """Above G in kPa, hatched where the scans tell no more than the smoothness assumed; below the factor within which two of
-    three true values lie.
+    """Above G in kPa, hatched where the scans say less of a deviation from the half's value than the prior does, places that are
+    told to be stiffer than their half outlined, softer ones dashed; below the factor within which two of three true values lie.
 
     arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`.
     """
@@ -36,14 +38,18 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
     scale = images.shared or map_scale(images.stiffness_kpa.values(), arrays)
     for column, plane in enumerate(PLANES):
         window = images.window(plane)
-        inside, extent = _inside(images, plane, window)
-        G, told = _on(inside, extent, plane, window, lambda at: painted(arrays, at))
-        factor, _ = _on(inside, extent, plane, window, lambda at: (_factor(arrays, at), np.ones(len(at), dtype=bool)))
+        labels, extent = _inside(images, plane, window)
+        inside = labels > 0
+        G, told = _on(labels, extent, plane, window, lambda at, half: painted(arrays, at, half))
+        factor, place = _on(
+            labels, extent, plane, window, lambda at, half: (_factor(arrays, at, half), called_at(arrays, at, half))
+        )
         above, below = grid[:, column]
         for axes in (above, below):
             draw_background(axes, images, plane, window)
         _paint(above, Slice(G, extent), scale.colormap, scale.norm)
         _hatch(above, Slice((inside & ~told).astype(float), extent))
+        _outline(above, Slice(place.astype(np.float64), extent))
         _paint(below, Slice(factor, extent), "magma_r", _FACTORS)
         for axes in (above, below):
             draw_outlines(axes, images, plane, window, (ORGAN,))
@@ -55,30 +61,34 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
     return figure
 
 
-def _factor(arrays: Arrays, points: FloatArray) -> FloatArray:
+def _factor(arrays: Arrays, points: FloatArray, labels: IntArray) -> FloatArray:
     """exp(sd of ln G) of the nearest patch."""
-    return np.asarray(np.exp(np.asarray(arrays["sd"], dtype=float)[nearest_patch(arrays, points)]), dtype=np.float64)
+    sd = np.asarray(arrays["sd"], dtype=float)[nearest_patch(arrays, points, labels)]
+    return np.asarray(np.exp(sd), dtype=np.float64)
 
 
-def _inside(images: CaseImages, plane: Plane, window: Window) -> tuple[BoolArray, tuple[float, float, float, float]]:
+def _inside(images: CaseImages, plane: Plane, window: Window) -> tuple[IntArray, tuple[float, float, float, float]]:
+    """Organ labels (rows, columns) of the pixels, 0 outside the organ, and where they lie."""
     shares = [share_of_label(images.rest, label, plane, window) for label in images.organ]
-    return np.sum([share.values for share in shares], axis=0) >= 0.5, shares[0].extent
+    stack = np.stack([share.values for share in shares])
+    most = np.array(images.organ, dtype=np.int64)[stack.argmax(axis=0)]
+    return np.where(stack.sum(axis=0) >= 0.5, most, 0), shares[0].extent
 
 
 def _on(
-    inside: BoolArray,
+    labels: IntArray,
     extent: tuple[float, float, float, float],
     plane: Plane,
     window: Window,
-    values: Callable[[FloatArray], tuple[FloatArray, BoolArray]],
-) -> tuple[FloatArray, BoolArray]:
-    """Values and marks at the pixels of the organ; NaN and False elsewhere."""
-    across, down = Slice(inside.astype(float), extent).coordinates
-    rows, columns = np.nonzero(inside)
+    values: Callable[[FloatArray, IntArray], tuple[FloatArray, Marks]],
+) -> tuple[FloatArray, Marks]:
+    """Values and marks at the pixels of the organ, whose labels are given; NaN and 0 elsewhere."""
+    across, down = Slice(labels.astype(float), extent).coordinates
+    rows, columns = np.nonzero(labels)
     points = np.tile(np.array(window.centre, dtype=float), (len(rows), 1))
     points[:, plane.across], points[:, plane.down] = across[columns], down[rows]
-    found, marked = values(points)
-    out, marks = np.full(inside.shape, np.nan), np.zeros(inside.shape, dtype=bool)
+    found, marked = values(points, labels[rows, columns])
+    out, marks = np.full(labels.shape, np.nan), np.zeros(labels.shape, dtype=marked.dtype)
     out[rows, columns], marks[rows, columns] = found, marked
     return out, marks
 
@@ -88,6 +98,13 @@ def _paint(axes: Axes, value: Slice, colours: Colormap | str, norm: Normalize) -
         np.ma.masked_invalid(value.values), extent=value.extent, cmap=colours, norm=norm, alpha=_OPACITY, interpolation="nearest",
         aspect="equal",
     )  # fmt: skip
+
+
+def _outline(axes: Axes, place: Slice) -> None:
+    for sense, line in ((1, "solid"), (-1, "dashed")):
+        here = (place.values == sense).astype(float)
+        if here.any():
+            axes.contour(*place.coordinates, here, levels=[0.5], colors="white", linewidths=1.4, linestyles=line)
 
 
 def _hatch(axes: Axes, untold: Slice) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from palpate.case.case_folder import CaseFolder
@@ -24,6 +23,7 @@ from palpate.ui.report.case_scale import map_arrays, scale_of
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.first_page import scale_caption, scale_rows
 from palpate.ui.report.gap_section import gap_pictures
+from palpate.ui.report.map_words import map_caption
 from palpate.ui.report.misfit_map import misfit_map
 from palpate.ui.report.motion_section import motion_pictures
 from palpate.ui.report.moving import moving_view
@@ -37,14 +37,6 @@ _PLANES_CAPTION = (
     "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS).{bar}{doubt}"
 )
 
-
-_MAP_CAPTION = (
-    "A map of the shear modulus within the organ that does not know its two halves, solved on {patches} patches under the "
-    "assumption that stiffness changes smoothly (a factor of {factor:.1f} about the organ's level, over {length:.0f} mm). "
-    "Hatched where the scans tell no more than that assumption: {untold:.0f} % of the organ. "
-    "This pair tells about {values:.0f} independent values; each place is an average over some {blur:.0f} mm. "
-    "Below: the factor within which the true value lies in two cases of three."
-)
 
 _ANATOMY_CAPTION = (
     "The organ at rest coloured by shear modulus; bones (ivory), bladder (yellow) and rectum (purple) translucent, cut off where the "
@@ -153,11 +145,8 @@ def _map(figures: Figures, mapped: Arrays, record: CaseRecord, images: CaseImage
     facts = record.result.stiffness_map
     assert facts is not None
     figure = map_planes(images, mapped)
-    caption = _MAP_CAPTION.format(
-        untold=100.0 * (1.0 - facts.told_share_of_volume), patches=facts.patches, values=facts.resolved_values,
-        blur=facts.blur_mm, factor=np.exp(facts.prior_local_sd_ln_G), length=facts.prior_length_mm,
-    )  # fmt: skip
-    says = "Slices in three planes with a smooth map of the shear modulus within the organ, and how well it is known."
+    caption = map_caption(facts, record.result.parameters)
+    says = "Slices in three planes with a map of the shear modulus within the organ, and how well it is known."
     figures.add("stiffness_map", folder, figure, caption, says)
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from palpate.core.files.json_types import known
 from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
+from palpate.ui.report.map_words import told_places
 from palpate.ui.report.measured_table import measured_table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness, in_words
@@ -24,11 +26,13 @@ _HEADER = ("region", "G, kPa", "sd, kPa", "95 % interval, kPa", "\u03bc1, kPa", 
 def limits(record: CaseRecord) -> str:
     """What a reader of the summary might take it to say, and it does not."""
     many = len(record.regions) > 1
+    found = record.result.stiffness_map
+    beyond = ", beyond the places that the map outlines" if found is not None and known(found.places) else ""
     places = f"{'each half' if many else 'the organ'} has one value, over which a focus within it is spread"
     return (
         "What this does not tell: stiffness in absolute terms, which needs a known force; what the stiff tissue is, a tumour or anything "
-        f"else; where within {'a half' if many else 'the organ'} it lies: {places}. Left and right are the patient's. G is the shear "
-        "modulus: Young's modulus, which elastography often gives, is three times that."
+        f"else; where within {'a half' if many else 'the organ'} it lies{beyond}: {places}. Left and right are the patient's. G is the "
+        "shear modulus: Young's modulus, which elastography often gives, is three times that."
     )
 
 
@@ -39,11 +43,19 @@ def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
         Paragraph(MU_NOTE, "small"),
         Paragraph("What this pair can tell:"),
         Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
+        *_places(record),
         *_shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
         *measured_table(record.measured),
         *figures.interactive,
     ]
     return Section("Stiffness", blocks)
+
+
+def _places(record: CaseRecord) -> list[Block]:
+    """What the map says of places within a half, where there is one."""
+    found = record.result.stiffness_map
+    words = "" if found is None else told_places(found, record.result.parameters)
+    return [Paragraph(words)] if words else []
 
 
 def told(verdict: str, names: Mapping[str, object]) -> list[str]:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from map_arrays import two_patches
 from phantoms import CENTRE, MARKER, affine, labels, marked_ct
 from PySide6.QtCore import QPointF
 from PySide6.QtGui import QPainterPath, QPolygonF
 
-from palpate.core.identify.map.patches import Patches
-from palpate.core.identify.map.smoothness_prior import SmoothPrior
-from palpate.core.identify.map.stiffness_map import StiffnessMap
 from palpate.imaging.grid import in_lps_order
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel, apply_window
@@ -128,13 +126,9 @@ def test_misfit_colours_are_white_where_the_model_meets_the_scan() -> None:
 
 def test_the_map_is_painted_where_the_scans_tell_it_and_left_is_left() -> None:
     centres = np.array([[-8.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
-    made = StiffnessMap(
-        Patches(np.arange(2), np.arange(2), centres, np.ones(2)), SmoothPrior(3.5, 1.3), np.log([20.0, 80.0]),
-        0.01 * np.eye(2), np.eye(2), np.array([0.9, 0.0]), np.full(2, 5.0), 1, True,
-    )  # fmt: skip
-    arrays = made.arrays()
+    arrays = two_patches(centres, (20.0, 80.0), 0.1).arrays() | {"told": np.array([True, False])}
     values = np.zeros((20, 20), dtype=np.uint8)
-    values[5:15, 2:18] = 1
+    values[5:15, 2:10], values[5:15, 10:18] = 1, 2
     sampled = SampledSlice(values, (-10.0, 10.0, 10.0, -10.0))
     display, scale = Display(opacity=1.0), StiffnessScale(0.0, 100.0)
     layer = map_layer(arrays, sampled, AXIAL, 0.0, display, scale)
@@ -143,6 +137,9 @@ def test_the_map_is_painted_where_the_scans_tell_it_and_left_is_left() -> None:
     assert right[3] == 0, "what is not told is not coloured"
     assert not layer.data[values == 0].any()
     (path,) = layer.hatched
+    assert not layer.stiffer and not layer.softer
+    (outline,) = map_layer({**arrays, "called": np.array([1, 0])}, sampled, AXIAL, 0.0, display, scale).stiffer
+    assert outline.boundingRect().right() <= 0.5, "the place that is called, and no more"
     assert path.boundingRect().left() >= 0.0 and path.boundingRect().right() <= 8.5
     assert not map_layer(arrays, sampled, AXIAL, 0.0, Display(low_kpa=50.0), scale).data.any()
     assert not map_layer(arrays, sampled, AXIAL, 0.0, Display(surest_factor=1.1), scale).data.any()

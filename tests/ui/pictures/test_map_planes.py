@@ -21,9 +21,10 @@ from palpate.ui.report.record import CaseRecord
 def test_left_is_left_and_what_is_not_told_is_marked() -> None:
     images = CaseImages(labels(affine()), stiffness_kpa={1: 20.0, 2: 60.0})
     window = images.window(AXIAL)
-    inside, extent = module._inside(images, AXIAL, window)
+    halves, extent = module._inside(images, AXIAL, window)
+    inside = halves > 0
     data = map_arrays(told_left=False)
-    G, told = module._on(inside, extent, AXIAL, window, lambda at: module.painted(data, at))
+    G, told = module._on(halves, extent, AXIAL, window, lambda at, half: module.painted(data, at, half))
     across, _ = module.Slice(G, extent).coordinates
     left, right = G[:, across > CENTRE[0] + 8.0], G[:, across < CENTRE[0] - 8.0]
     assert np.nanmedian(left) < 30.0 < 45.0 < np.nanmedian(right)

@@ -10,6 +10,7 @@ robustness: does every particle end in a stable equilibrium, or in a reason? Ran
 table1, table2: the paper's tables, an organ's half with a tumour of growing size or stiffness.
 sensitivity, resolution, swarm, threads, cohort: the paper's Figs 8, 11 and 12, 10, 14, 13.
 drop: motion, contact and friction against closed forms; the energy of a soft ball in a dish.
+map: are the errors of the map within the organ what it says, and which focus does it find?
 coverage: do the 95 % intervals hold the truth 95 times in 100?
 touch: quick answers to a probe beside the full solve, and a press on a ball beside Hertz.
 """
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from palpate.validate.segmentation.contoured_scan import ContouredScan
     from palpate.validate.segmentation.study import SegmentationTable
     from palpate.validate.segmentation.variant_study import VariantTable
+    from palpate.validate.stiffness_map.records import MapTable
 
 Found = TypeVar("Found", bound=Mapping[str, object])
 
@@ -106,7 +108,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dice-only", action="store_true",
                         help="segmentation: no estimate of the variants' surface errors, in half the time")  # fmt: skip
     parser.add_argument("--pairs", type=whole_number(1, 1000), default=2, metavar="N",
-                        help="images, matching: how many simulated pairs of the scans (default %(default)s)")  # fmt: skip
+                        help="images, matching: how many simulated pairs of the scans; map: places of each focus "
+                        "(default %(default)s)")  # fmt: skip
     parser.add_argument("--hide", action="append", default=[], choices=_HIDE, metavar="EFFECT",
                         help=f"images: hide this in a pair, in turn where several are given: {', '.join(_HIDE)}")  # fmt: skip
     parser.add_argument("--way", action="append", default=[], choices=_WAYS, metavar="WAY",
@@ -114,6 +117,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--contour-error", type=float, nargs=2, metavar=("SD", "LENGTH"),
                         help="images: drawn contours err by SD mm over LENGTH mm, as the case states (default: 0.4, unstated)")  # fmt: skip
     parser.add_argument("--no-diagnosis", action="store_true", help="images: stiffness only, in half the time")
+    parser.add_argument("--case", type=Path, action="append", default=[], metavar="CASE",
+                        help="map: an identified case, whose anatomy, motion and errors the study takes; several times")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -303,6 +308,21 @@ def _images_text(found: ImagesTable) -> str:
     return images_text(found)
 
 
+def _map(args: argparse.Namespace, progress: Progress) -> MapTable:
+    from palpate.validate.stiffness_map.records import MapStudyOptions
+    from palpate.validate.stiffness_map.study import map_study
+
+    if not args.case:
+        raise UsageError("map: give --case CASE, a case that `palpate identify` has answered")
+    return map_study(MapStudyOptions(tuple(args.case), args.pairs, seed=random_seed(args)), progress)
+
+
+def _map_text(found: MapTable) -> str:
+    from palpate.validate.stiffness_map.study import study_text
+
+    return study_text(found)
+
+
 STUDIES: dict[str, Study[Any]] = {
     "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
     "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
@@ -322,4 +342,5 @@ STUDIES: dict[str, Study[Any]] = {
     "segmentation": Study(_segmentation, _segmentation_text),
     "matching": Study(_matching, _matching_text),
     "images": Study(_images, _images_text),
+    "map": Study(_map, _map_text, _drawn_by("map")),
 }

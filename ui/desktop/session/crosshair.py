@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.identify.map.stiffness_map import nearest_patch
+from palpate.core.identify.map.stiffness_map import called_at, nearest_patch
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.map_values import map_at
@@ -52,14 +52,16 @@ def _map_words(case: OpenCase, label: int, at: FloatArray, factor: float | None,
     """The map's value at a point (1, 3) mm with its 95 % interval, and the half's, which is the one to quote."""
     arrays = case.stiffness_map
     assert arrays is not None
-    (G,), (told,) = map_at(arrays, at, factor)
+    half = np.array([label])
+    (G,), (told,) = map_at(arrays, at, factor, half)
     if not told:
         return ["the map does not tell G here"]
     spread = float(np.exp(1.96 * np.asarray(arrays["sd"])[nearest_patch(arrays, at)][0]))
     interval = f"{three_figures(G / spread)}\N{EN DASH}{three_figures(G * spread)}"
     here = f"G here = {three_figures(G)} kPa (95 % {interval}), E = {three_figures(YOUNG * G)} kPa"
     halves = [f"quote the half: {value_words(r)}" for r in case.regions if r.label == label and r.told]
-    return [here, *old, *halves]
+    sense = {1: ["stiffer than its half"], -1: ["softer than its half"]}.get(int(called_at(arrays, at, half)[0]), [])
+    return [here, *sense, *old, *halves]
 
 
 def value_words(region: RegionStiffness) -> str:

@@ -12,6 +12,7 @@ from PySide6.QtGui import QImage, QPainterPath, QPolygonF
 from skimage import measure
 
 from palpate.core.arrays import FloatArray, IntArray, LabelArray
+from palpate.core.identify.map.stiffness_map import called_at
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.map_values import map_at
@@ -25,10 +26,12 @@ Arrays = Mapping[str, NDArray[np.generic]]
 @dataclass(frozen=True, eq=False)
 class MapLayer:
     """image : premultiplied colours of the organ's pixels, clear elsewhere. hatched : where the scans do not tell enough, mm
-    across and down. data : what the image looks at."""
+    across and down. stiffer, softer : likewise, places that are told to differ from their half. data : what the image looks at."""
 
     image: QImage
     hatched: list[QPainterPath]
+    stiffer: list[QPainterPath]
+    softer: list[QPainterPath]
     data: LabelArray
 
 
@@ -39,7 +42,7 @@ def map_layer(
     inside = np.isin(sampled.values, ORGAN_LABELS)
     rows, columns = np.nonzero(inside)
     points = _places(sampled, plane, position, rows, columns)
-    G, told = map_at(arrays, points, display.surest_factor)
+    G, told = map_at(arrays, points, display.surest_factor, sampled.values[rows, columns])
     low = -np.inf if display.low_kpa is None else display.low_kpa
     high = np.inf if display.high_kpa is None else display.high_kpa
     shown = told & (low <= G) & (high >= G)
@@ -50,11 +53,20 @@ def map_layer(
     colours[:, 3] = share
     colours[:, :3] *= share[:, None]
     data[rows[shown], columns[shown]] = np.rint(255.0 * colours)
-    untold = np.zeros(inside.shape)
-    untold[rows[~told], columns[~told]] = 1.0
+    sense = called_at(arrays, points, sampled.values[rows, columns])
+    hatched, stiffer, softer = (
+        _outlines(_pixels(inside.shape, rows[chosen], columns[chosen]), sampled)
+        for chosen in (~told, sense > 0, sense < 0)
+    )
     height, width = inside.shape
     image = QImage(data.data, width, height, 4 * width, QImage.Format.Format_RGBA8888_Premultiplied)
-    return MapLayer(image, _outlines(untold, sampled), data)
+    return MapLayer(image, hatched, stiffer, softer, data)
+
+
+def _pixels(shape: tuple[int, ...], rows: IntArray, columns: IntArray) -> FloatArray:
+    out = np.zeros(shape)
+    out[rows, columns] = 1.0
+    return out
 
 
 def _places(sampled: SampledSlice, plane: Plane, position: float, rows: IntArray, columns: IntArray) -> FloatArray:

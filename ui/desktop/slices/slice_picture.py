@@ -96,6 +96,11 @@ class SlicePicture:
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         painter.drawImage(screen.rect(sampled.extent), layer.image)
         slice_marks.hatch(painter, [screen.transform().map(path) for path in layer.hatched])
+        for paths, dashes in ((layer.stiffer, Qt.PenStyle.SolidLine), (layer.softer, Qt.PenStyle.DashLine)):
+            painter.setPen(QPen(QColor("white"), 1.6, dashes))
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            for path in paths:
+                painter.drawPath(screen.transform().map(path))
 
     def _painted(self) -> overlay.Painted | None:
         case, display = self._controller.case, self._controller.display

@@ -66,7 +66,7 @@ def label_statistics(
 def map_statistics(arrays: Mapping[str, NDArray[np.generic]], labels: Volume, index: IntArray) -> MapStatistics:
     """The map at voxels given by their place in the flat label array."""
     points = labels.to_lps(np.column_stack(np.unravel_index(index, labels.array.shape)).astype(float))
-    G, told = map_at(arrays, points, None)
+    G, told = map_at(arrays, points, None, labels.array.reshape(-1)[index])
     if not told.any():
         return MapStatistics(0.0, None, None, None)
     low, median, high = (float(value) for value in np.percentile(G[told], (5, 50, 95)))
