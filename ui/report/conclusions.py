@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TypedDict
 
 from palpate.case.case_folder import CaseFolder
-from palpate.ui.report.first_page import how_sure, missing
 from palpate.ui.report.record import CaseRecord, read_record
 from palpate.ui.report.regions import in_words
 from palpate.ui.report.summary import what_lacks
+from palpate.ui.report.trust import how_sure, missing
 from palpate.ui.words.label_words import WORDS
 
 

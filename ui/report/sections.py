@@ -16,6 +16,7 @@ from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
 from palpate.ui.report.summary import first_sentences, summary
+from palpate.ui.report.trust import trust_box
 from palpate.ui.words.number_words import three_figures
 
 
@@ -25,6 +26,7 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
     notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
     sections = (
         Section("Summary", _summary(record, pictures)),
+        _particulars(record, pictures),
         stiffness_section(record, figures),
         _fit(record, pictures),
         *([motion_section(record.matched, pictures, record.used_image)] if record.matched else []),
@@ -37,10 +39,16 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
 
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
-    # What was found stands out; on what it rests follows in smaller letters, so that the first page holds all of it.
-    leads = len(first_sentences(record))
-    found = [Paragraph(text, "lead" if k < leads else "normal") for k, text in enumerate(summary(record))]
-    return [*found, *minute(record), Paragraph(limits(record)), *_shown(pictures, "published", "stiffness_planes")]
+    """The first page: what was found, how sure it is and why, and one picture with its scale."""
+    lead = [Paragraph(text, "lead") for text in first_sentences(record)]
+    return [*lead, trust_box(record), *_shown(pictures, "stiffness_planes")]
+
+
+def _particulars(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
+    """What was scanned, what the values stand on, what is missing, and published values."""
+    rest = [Paragraph(text) for text in summary(record)[len(first_sentences(record)) :]]
+    blocks = [*minute(record), *rest, Paragraph(limits(record)), *_shown(pictures, "published")]
+    return Section("What it stands on", blocks)
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
