@@ -25,7 +25,6 @@ from palpate.segmentation.surface_error import SurfaceErrors
 _ORGANS = {"prostate": ORGAN_LABELS, "bladder": (BLADDER,), "rectum": (RECTUM,), "bone": (BONE,)}
 # Labels of every file that an export writes; a file without one of them was drawn elsewhere.
 _ALWAYS = (*ORGAN_LABELS, BONE)
-_IN_WORDS = {"rest": "at rest", "deformed": "deformed"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +91,7 @@ def take_over(
             count = int(np.isin(returned.labels.array, _ORGANS[organ]).sum())
             organs[organ] = {"method": "user", "confidence": 1.0, "volume_cc": round(count * voxel_cc, 2)}
     what = f"changed by hand: {', '.join(returned.changed)}" if returned.changed else "nothing was changed"
-    notes.append(f"{state}: the given labels are those that this program finds {_IN_WORDS[state]}; {what}")
+    notes.append(f"{state}: the given labels were compared with those that the program finds; {what}")
 
 
 def are_drawn(returned: Mapping[str, ReturnedLabels]) -> bool:

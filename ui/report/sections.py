@@ -12,7 +12,7 @@ from palpate.ui.report.figures import Figures
 from palpate.ui.report.first_page import minute
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.motion_section import motion_section
-from palpate.ui.report.quality import quality
+from palpate.ui.report.quality import Volumes, quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
 from palpate.ui.report.summary import first_sentences, summary
@@ -20,8 +20,10 @@ from palpate.ui.report.trust import trust_box
 from palpate.ui.words.number_words import three_figures
 
 
-def document(record: CaseRecord, figures: Figures, date: str, version: str) -> Document:
-    """The whole report. date : of this report, as text."""
+def document(
+    record: CaseRecord, figures: Figures, date: str, version: str, exported_cc: Volumes | None = None
+) -> Document:
+    """The whole report. date : of this report, as text. exported_cc : volumes on the voxels of the CT, cc, by state and label."""
     pictures = figures.pictures
     notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
     sections = (
@@ -31,7 +33,7 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
         _fit(record, pictures),
         *([motion_section(record.matched, pictures, record.used_image)] if record.matched else []),
         *([gap_section(record, pictures)] if record.diagnosis else []),
-        quality(record, figures.missing),
+        quality(record, figures.missing, exported_cc),
         _appendix(record, pictures, date, version),
     )
     subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"

@@ -33,6 +33,9 @@ from palpate.imaging.volume import Volume
 from palpate.ui.cli import main as cli
 from palpate.ui.dicom.codes import TG263
 from palpate.ui.export import exporter
+from palpate.ui.report.quality import quality
+from palpate.ui.report.record import read_record
+from palpate.ui.report.report_step import exported_volumes
 
 # Form -> file at rest, file of the deformed scan (in its own frame), whether surrounding tissue is in it.
 FORMS = {
@@ -136,6 +139,22 @@ def test_labels_that_come_back_unchanged_differ_in_no_voxel(
     array = given.array.copy()
     array[one] = 0
     assert compared(found, given.with_array(array), ct).changed == ("rectum",)
+
+
+def test_the_report_has_the_volumes_that_exports_have(fine: CaseFolder, tmp_path: Path) -> None:
+    exporter("dicom-seg").export(fine, tmp_path)
+    told = exported_volumes(fine)
+    for state in ("rest", "deformed"):
+        found = read_user_labels(tmp_path / f"{state}_seg.dcm", *fine.series(state)).volume
+        cc = float(np.prod(found.spacing)) / 1000.0
+        assert {1, 2, 5, 6} <= set(np.unique(found.array))
+        for value in np.unique(found.array[found.array > 0]):
+            assert told[state][LABELS[int(value)]] == pytest.approx((found.array == value).sum() * cc, abs=1e-3)
+    text = str(quality(read_record(fine, {}), [], told).blocks)
+    assert (
+        f"left half of the prostate {told['rest']['prostate_left']:.1f} and {told['deformed']['prostate_left']:.1f} cc"
+        in text
+    )
 
 
 def test_seg_and_rtstruct_share_names(fine: CaseFolder, tmp_path: Path) -> None:
