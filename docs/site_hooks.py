@@ -28,6 +28,7 @@ BORROWED = {
     "KNOWN_ISSUES.md": "known_issues.md",
     "plugin/Screenshots/PalpateStiffness.png": "tutorial/pictures/slicer_result.png",
 }
+_PICTURE = re.compile(r'(<img [^>]*src="([^"]+)"[^>]*>)')
 _MATH = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -59,8 +60,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Equations as MathML."""
-    return _MATH.sub(_mathml, html_text)
+    """Equations as MathML; each picture opens at its own size, since the column is narrower than a screenshot."""
+    return _MATH.sub(_mathml, _PICTURE.sub(r'<a href="\2">\1</a>', html_text))
 
 
 def _mathml(found: re.Match[str]) -> str:
