@@ -1,24 +1,20 @@
-"""Writes docs/diagnosis_numbers.md: the numbers that a diagnosis hangs on, from the option types that declare them.
+"""The site's page of the numbers that a diagnosis hangs on, from the option types that declare them.
 
-    .venv/bin/python docs/list_numbers.py
-
-`tests/repository/test_diagnosis_numbers.py` fails when the page is out of date.
+`docs/site_hooks.py` makes it at every build of the site.
 """
 
 from __future__ import annotations
 
 import inspect
-from pathlib import Path
 
 from palpate.core.diagnose.effects import Parameter, library
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.sourced_number import Row
 
-PAGE = Path(__file__).resolve().parent / "diagnosis_numbers.md"
 HEAD = """# The numbers that a diagnosis hangs on
 
-Made by `docs/list_numbers.py` from the option types, which are passed down from `diagnose`; the values in force of a diagnosis stand
-under `options` in its `diagnosis.json`. [gap.md](gap.md) says what they are used for. A source that begins with "Chosen" is a
+Made from the option types, which are passed down from `diagnose`. The values in force of a diagnosis are under `options` in its
+`diagnosis.json`. [The diagnosis](../gap.md) says what they are used for. A source that begins with "Chosen" is a
 choice without a measurement of its own behind it; "Numerical" says that a number settles how finely something is computed.
 """
 
@@ -58,7 +54,3 @@ def _line(row: Row) -> str:
 def _prior(effect: str, parameter: Parameter) -> str:
     bounds = f"{parameter.low:g} to {parameter.high:g}"
     return f"| `{effect}` | `{parameter.name}` | {parameter.scale:g} | {bounds} | {parameter.unit} |\n"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")

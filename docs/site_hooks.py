@@ -1,6 +1,7 @@
 """Hooks of MkDocs: pages made from the program itself, and equations as MathML, which browsers show without a script.
 
 mkdocs.yml names this file. Made at every build, so that they cannot go stale: `reference/commands.md` from the parser's help,
+`reference/diagnosis_numbers.md` from the option types,
 `known_issues.md` from the file at the top of the repository, the tree that the Python reference is read from.
 """
 
@@ -12,6 +13,7 @@ import re
 import shutil
 from pathlib import Path
 
+import list_numbers
 from commands_page import commands_page
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
@@ -26,6 +28,7 @@ BORROWED = {
     "KNOWN_ISSUES.md": "known_issues.md",
     "plugin/Screenshots/PalpateStiffness.png": "tutorial/pictures/slicer_result.png",
 }
+_PICTURE = re.compile(r'(<img [^>]*src="([^"]+)"[^>]*>)')
 _MATH = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -41,6 +44,7 @@ def on_startup(command: str, dirty: bool) -> None:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made here."""
     files.append(File.generated(config, "reference/commands.md", content=commands_page()))
+    files.append(File.generated(config, "reference/diagnosis_numbers.md", content=list_numbers.page()))
     for source, page in BORROWED.items():
         files.append(File.generated(config, page, abs_src_path=str(TOP / source)))
     return files
@@ -56,8 +60,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html_text: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Equations as MathML."""
-    return _MATH.sub(_mathml, html_text)
+    """Equations as MathML; each picture opens at its own size, since the column is narrower than a screenshot."""
+    return _MATH.sub(_mathml, _PICTURE.sub(r'<a href="\2">\1</a>', html_text))
 
 
 def _mathml(found: re.Match[str]) -> str:

@@ -25,10 +25,17 @@ class Figure:
     date: date
     commit: str
 
-    def row(self) -> str:
-        """Row of the table."""
-        command = self.command if self.command.startswith(("same", "not kept")) else f"`{self.command}`"
-        return f"| {self.what} | {self.found} | {command} | {self.date.isoformat()}, `{self.commit}` |"
+    def rows(self) -> list[str]:
+        """Rows of the table: one for each thing measured, where `what` and `found` list as many, separated by semicolons."""
+        things, values = self.what.split("; "), self.found.split("; ")
+        if len(things) != len(values) or len(things) == 1:
+            return [self._row(self.what, self.found, self.command)]
+        commands = [self.command, *["same"] * (len(things) - 1)]
+        return [self._row(*each) for each in zip(things, values, commands, strict=True)]
+
+    def _row(self, what: str, found: str, given: str) -> str:
+        command = given if given.startswith("same") else f"`{given}`"
+        return f"| {what} | {found} | {command} | {self.date.isoformat()}, `{self.commit}` |"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +74,7 @@ def together(found: Sequence[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Figures under the same conditions. page : page of docs/ that holds their table. note : the conditions.
+    """Figures under the same conditions. page : page of docs/ that holds their table, empty for none. note : the conditions.
 
     studies : runs of one study, whose figures stand side by side above the others.
     """
@@ -81,7 +88,7 @@ class Section:
 
     def table(self) -> str:
         """Conditions and table, without the heading."""
-        rows = "\n".join([HEAD, *(figure.row() for figure in self.figures)]) if self.figures else ""
+        rows = "\n".join([HEAD, *(row for figure in self.figures for row in figure.rows())]) if self.figures else ""
         parts = [self.note, side_by_side(self.studies) if self.studies else "", rows]
         return "\n\n".join(part for part in parts if part)
 
@@ -103,6 +110,8 @@ def written() -> dict[str, str]:
     """Text by page, each with its tables between the two marks."""
     parts: dict[str, list[str]] = {}
     for one in sections():
+        if not one.page:
+            continue
         own_page = one.page != DEFAULT_PAGE
         parts.setdefault(one.page, []).append(one.table() if own_page else f"## {one.title}\n\n{one.table()}")
         if own_page:

@@ -6,9 +6,12 @@ import numpy as np
 import SimpleITK as sitk
 from scipy.optimize import linear_sum_assignment
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
+
+# Rounding of a label's share at a voxel: files keep positions to about 1e-4 of a voxel.
+_ROUNDING = 1e-3
 
 
 def in_lps_order(volume: Volume) -> Volume:
@@ -50,6 +53,20 @@ def labels_on(labels: Volume, grid: Volume) -> Volume:
     """Labels on another grid: of each of its voxels the value that its centre lies in, 0 outside."""
     image = sitk.Resample(labels.to_sitk(), grid.to_sitk(), sitk.Transform(), sitk.sitkNearestNeighbor, 0.0)
     return Volume.from_sitk(image)
+
+
+def differing(labels: Volume, given: Volume) -> BoolArray:
+    """Voxels of `given` whose label `labels_resampled` would not have put there. Equal shares count as no difference, since
+    the last digit of a position decides between them.
+    """
+    best, own = (np.zeros(given.array.shape, dtype=np.float32) for _ in range(2))
+    for value in np.unique([*np.unique(labels.array), *np.unique(given.array)]):
+        mask = sitk.Cast(labels.with_array((labels.array == value).astype(np.uint8)).to_sitk(), sitk.sitkFloat32)
+        share = Volume.from_sitk(sitk.Resample(mask, given.to_sitk(), sitk.Transform(), sitk.sitkLinear, 0.0)).array
+        best, own = np.maximum(best, share), np.where(given.array == value, share, own)
+    # Beyond the labels' grid no label has a share: outside is what is found there.
+    own = np.where((best == 0.0) & (given.array != 0), -1.0, own)
+    return np.asarray(own < best - _ROUNDING)
 
 
 def labels_resampled(labels: Volume, grid: Volume) -> Volume:

@@ -1,8 +1,9 @@
 """Palpate: tissue stiffness from two CT scans, with its uncertainty. Research use only.
 
-From Python: `identify` and `diagnose` take arrays or pyvista meshes, `load` opens a case folder, `example_sphere` makes a body of
-known stiffness. The rooms are `palpate.core`, `palpate.imaging`, `palpate.segmentation`, `palpate.meshing`, `palpate.simulate`,
-`palpate.case`, `palpate.validate` and `palpate.ui`. Importing this package loads none of them.
+From Python: `analyze` goes the whole way from two scans to a case, `load` opens a case folder, `identify` and `diagnose` take
+arrays or pyvista meshes, `example_sphere` makes a body of known stiffness. The rooms are `palpate.core`, `palpate.imaging`,
+`palpate.segmentation`, `palpate.meshing`, `palpate.simulate`, `palpate.case`, `palpate.validate` and `palpate.ui`. Importing this
+package loads none of them.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from __future__ import annotations
 import importlib
 
 __version__ = "0.1.0"
-__all__ = ["diagnose", "example_sphere", "identify", "load"]
+__all__ = ["analyze", "diagnose", "example_sphere", "identify", "load"]
 
 # Their types are in __init__.pyi: importing a room here, even for its types alone, would tie all rooms to it.
-_HOMES = {"diagnose": "from_arrays", "identify": "from_arrays", "load": "from_case", "example_sphere": "sphere"}
+_HOMES = {
+    "analyze": "from_scans", "diagnose": "from_arrays", "identify": "from_arrays", "load": "from_case", "example_sphere": "sphere",
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> object:

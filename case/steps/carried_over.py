@@ -37,14 +37,16 @@ class OtherScan:
     _found: dict[str, CarriedOrgan] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, case: CaseFolder, options: SegmentOptions) -> OtherScan:
-        """The scan in which a prostate was drawn leads, the one at rest where both or none have one."""
-        contours = {state: read_contours(case, state) for state in STATES}
-        drawn = {state: set(known.organs) if known else set() for state, known in contours.items()}
-        first = "deformed" if "prostate" in drawn["deformed"] - drawn["rest"] and case.has("deformed_ct") else "rest"
+    def of(cls, case: CaseFolder, options: SegmentOptions, drawn: bool = True) -> OtherScan:
+        """The scan in which a prostate was drawn leads, the one at rest where both or none have one. drawn : whether a
+        person's contours count.
+        """
+        contours = {state: read_contours(case, state) if drawn else None for state in STATES}
+        organs = {state: set(known.organs) if known else set() for state, known in contours.items()}
+        first = "deformed" if "prostate" in organs["deformed"] - organs["rest"] and case.has("deformed_ct") else "rest"
         second = STATES[1 - STATES.index(first)]
         free = prompts_of(case, options, second)
-        wanted = [n for n in ORGANS if n in drawn[first] - drawn[second] and free.mode(n) == "auto"]
+        wanted = [n for n in ORGANS if n in organs[first] - organs[second] and free.mode(n) == "auto"]
         asked = options.propagate and options.model is None and case.has(f"{second}_ct")
         return cls(case, options, (first, second), contours[first], tuple(wanted) if asked else ())
 

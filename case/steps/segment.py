@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from palpate.case.imported import holds_rest_alone
 from palpate.case.step_records import SegmentationRecord, SegmentedRecord
 from palpate.case.steps.carried_over import OtherScan, prompts_of
 from palpate.case.steps.declarations import SEGMENT
+from palpate.case.steps.returned_labels import ReturnedLabels, are_drawn, compared, returned_volumes, take_over
 from palpate.case.steps.segment_options import SegmentOptions
-from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report
+from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report, volumes_cc
 from palpate.case.steps.segment_state import segmented, segmented_beside
 from palpate.case.surface_errors import write_surface_errors
 from palpate.core.arrays import FloatArray
@@ -26,6 +28,7 @@ from palpate.imaging.volume import Volume
 from palpate.segmentation.bone.motion import bone_motions, motion_notes
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.prostate.halves import Plane, halves, midline_normal, split_plane
+from palpate.segmentation.surface_error import SurfaceErrors
 from palpate.segmentation.tissue import cropped, label_array, region_of_interest
 
 # Margin of the deformed labels around the region that is modelled at rest: surfaces must be whole there.
@@ -57,29 +60,48 @@ def run_segment(
     came_with_labels = all(case.has_labels(state) for state in states) and not case.has("segmentation.json")
     if came_with_labels or not all(case.has(f"{state}_ct") for state in states):
         return _labels_alone(case, progress, states)
-    found, other = _found(case, options, progress, alone, workers)
-    report = _write(case, found, options, other)
+    report = _write(case, _segmented_case(case, options, progress, alone, workers))
     SEGMENT.mark_done(case, made_from, [n for n in SEGMENT.writes if not (alone and n.startswith("deformed"))])
     progress(1.0, "labels written")
     return report
 
 
-def _found(
+def _segmented_case(
     case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool, workers: int
+) -> _Labelled:
+    """Labels of a case from its scans and from a person's contours, or from the scans and what was changed in labels that
+    this program had exported.
+    """
+    given = returned_volumes(case)
+    if given:
+        try:
+            found = _labelled(
+                case, *_found(case, options, part(progress, 0.0, 0.5), alone, workers, drawn=False), options
+            )
+        except InputError:  # nothing to compare with; the contours may do without
+            return _labelled(case, *_found(case, options, part(progress, 0.5, 1.0), alone, workers), options)
+        returned = {state: compared(found.volumes[state], volume, case.ct(state)) for state, volume in given.items()}
+        if not are_drawn(returned):
+            return found.with_changes(returned)
+    ways = part(progress, 0.5, 1.0) if given else progress
+    return _labelled(case, *_found(case, options, ways, alone, workers), options)
+
+
+def _found(
+    case: CaseFolder, options: SegmentOptions, progress: Progress, alone: bool, workers: int, drawn: bool = True
 ) -> tuple[dict[str, SegmentedState], OtherScan]:
     """Segmentation of both states, or of the scan at rest where there is no other; and what was carried over.
 
     The scan that leads comes first. With more than one worker the other one is read beside it, and segmented beside its
-    errors: it is led to the prostate, or its organs are carried over.
+    errors: it is led to the prostate, or its organs are carried over. drawn : whether a person's contours count.
     """
-    other = OtherScan.of(case, options)
+    other = OtherScan.of(case, options, drawn)
     first, second = other.order
     mine = part(progress, 0.0, 0.45 if workers <= 1 else 0.9)
 
     def first_of(then: Callable[[Segmentation], None]) -> SegmentedState:
-        return segmented(
-            case, first, prompts_of(case, options, first), options.model, lambda f, m: mine(f, f"{first}: {m}"), then
-        )
+        prompts = prompts_of(case, options, first)
+        return segmented(case, first, prompts, options.model, lambda f, m: mine(f, f"{first}: {m}"), then, drawn=drawn)
 
     with one_thread():  # the order of sums must not depend on the number of cores
         if alone:
@@ -89,10 +111,16 @@ def _found(
             carried = other.carried(found.segmentation, part(progress, 0.45, 0.6))
             told, prompts = part(progress, 0.6, 0.9), other.prompts(found.segmentation)
             made = segmented(
-                case, second, prompts, options.model, lambda f, m: told(f, f"{second}: {m}"), carried=carried
+                case,
+                second,
+                prompts,
+                options.model,
+                lambda f, m: told(f, f"{second}: {m}"),
+                carried=carried,
+                drawn=drawn,
             )
             return _by_state({first: found, second: made}), other
-        with segmented_beside(case, second) as beside:
+        with segmented_beside(case, second, drawn) as beside:
             found = first_of(lambda s: beside.begin(other.prompts(s), options.model, other.carried(s, silent)))
             progress(0.85, second)
             return _by_state({first: found, second: beside.result()}), other
@@ -102,9 +130,39 @@ def _by_state(found: Mapping[str, SegmentedState]) -> dict[str, SegmentedState]:
     return {state: found[state] for state in STATES}
 
 
-def _write(
-    case: CaseFolder, found: Mapping[str, SegmentedState], options: SegmentOptions, carried_over: OtherScan
-) -> SegmentationRecord:
+@dataclass(frozen=True, eq=False)
+class _Labelled:
+    """Labels and bones by state, the report, and errors of the surfaces by state and organ, before they are written.
+
+    one_drawing : organs that were drawn in one scan, of the state `drawn_in`, and carried over to the other.
+    """
+
+    volumes: dict[str, Volume]
+    bones: dict[str, Volume]
+    report: SegmentationRecord
+    errors: dict[str, dict[str, SurfaceErrors]]
+    one_drawing: tuple[str, ...]
+    drawn_in: str
+
+    def with_changes(self, returned: Mapping[str, ReturnedLabels]) -> _Labelled:
+        """The same with what a person changed in exported labels."""
+        for state, one in returned.items():
+            record = self.report["states"][state]
+            take_over(state, one, record["organs"], self.errors[state], self.report["notes"])
+            self.volumes[state] = one.labels
+            record["volume_in_region_cc"] = volumes_cc(one.labels)
+            if "bone" in one.changed:
+                record["bone"] = {"method": "threshold and user"}
+            bone = one.labels.array == BONE
+            self.bones[state] = self.bones[state].with_array(
+                np.where(bone, self.bones[state].array, 0).astype(np.uint8)
+            )
+        return self
+
+
+def _labelled(
+    case: CaseFolder, found: Mapping[str, SegmentedState], carried_over: OtherScan, options: SegmentOptions
+) -> _Labelled:
     rest = found["rest"]
     normal, source = midline_normal(rest.segmentation.scene.pelvis)
     roi = region_of_interest(rest.prostate, np.array(options.margin_mm))
@@ -124,15 +182,20 @@ def _write(
         "notes": carried_over.notes + notes_on(states) + motion_notes(motions),
     }
     errors = {state: {**one.errors, **carried_over.source_errors(state)} for state, one in found.items()}
-    write_surface_errors(case, errors, carried_over.names, volumes, carried_over.order[0])
+    bones = {state: bones_of(found[state], labels) for state, labels in volumes.items()}
+    return _Labelled(volumes, bones, report, errors, carried_over.names, carried_over.order[0])
+
+
+def _write(case: CaseFolder, made: _Labelled) -> SegmentationRecord:
+    write_surface_errors(case, made.errors, made.one_drawing, made.volumes, made.drawn_in)
     # The report comes first: labels without one count as a person's own, which those of a killed run are not.
-    case.write_json("segmentation.json", report)
-    for state, labels in volumes.items():
+    case.write_json("segmentation.json", made.report)
+    for state, bones in made.bones.items():
         with case.atomic_path(f"{state}_bones.nii.gz") as path:
-            write_labels(path, bones_of(found[state], labels))
+            write_labels(path, bones)
     with case.atomic_path("bones.txt") as path:
         path.write_text(label_description(BONE_PARTS, BONE_PART_COLOURS), encoding="utf-8")
-    for state, labels in volumes.items():
+    for state, labels in made.volumes.items():
         case.write_labels(state, labels)
     written: SegmentationRecord = case.read_json("segmentation.json")
     return written

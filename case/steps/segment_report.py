@@ -51,8 +51,6 @@ class SegmentedState:
 def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatArray) -> SegmentedRecord:
     """Record of one state. labels : as written. box : (2, 3) mm, corners of the region that the labels should cover."""
     organs = part.segmentation.organs
-    voxel_cc = float(np.prod(labels.spacing)) / 1000.0
-    cc = {name: round(float((labels.array == value).sum()) * voxel_cc, 2) for value, name in LABELS.items() if value}
     low, high = bounds(labels)
     whole = {name: round(part.segmentation.scene.cc(found.mask), 2) for name, found in organs.items()}
     return {
@@ -72,11 +70,17 @@ def state_report(part: SegmentedState, labels: Volume, plane: Plane, box: FloatA
         "bone": {
             "method": "threshold" if part.contours is None or part.contours.bone is None else "threshold and user"
         },
-        "volume_in_region_cc": cc,
+        "volume_in_region_cc": volumes_cc(labels),
         "split": {"point": plane.point.tolist(), "normal": plane.normal.tolist(), "source": plane.source},
         "spacing_mm": labels.spacing.tolist(),
         "covers_region": bool((low <= box[0] + labels.spacing).all() and (high >= box[1] - labels.spacing).all()),
     }
+
+
+def volumes_cc(labels: Volume) -> dict[str, float]:
+    """Volume of the voxels of each label, cc, by its name."""
+    voxel_cc = float(np.prod(labels.spacing)) / 1000.0
+    return {name: round(float((labels.array == value).sum()) * voxel_cc, 2) for value, name in LABELS.items() if value}
 
 
 def _organ_record(found: Found, volume_cc: float, errors: SurfaceErrors | None) -> OrganRecord:

@@ -45,22 +45,22 @@ def segmented(
     progress: Progress = silent,
     then: Callable[[Segmentation], None] = lambda _: None,
     carried: Carried | None = None,
+    drawn: bool = True,
 ) -> SegmentedState:
     """then : called with the organs, before the errors of their surfaces are estimated. carried : organs that were drawn
-    in the other scan.
+    in the other scan. drawn : whether a person's contours count.
 
     Raises InputError for a scan without pelvis or prostate, and for prompts outside of it.
     """
-    return _segmented(
-        _Read(state, read_contours(case, state), case.ct(state)), prompts, model, progress, then, carried or {}
-    )
+    contours = read_contours(case, state) if drawn else None
+    return _segmented(_Read(state, contours, case.ct(state)), prompts, model, progress, then, carried or {})
 
 
 class Beside:
     """A state segmented in another process, which begins at once with what needs no prompts."""
 
-    def __init__(self, case: CaseFolder, state: str, pool: Executor) -> None:
-        self._pool, self._reading = pool, pool.submit(_read, str(case.path), state)
+    def __init__(self, case: CaseFolder, state: str, pool: Executor, drawn: bool = True) -> None:
+        self._pool, self._reading = pool, pool.submit(_read, str(case.path), state, drawn)
         self._made: Future[SegmentedState] | None = None
 
     def begin(self, prompts: Prompts, model: str | None, carried: Carried) -> None:
@@ -80,19 +80,19 @@ class Beside:
 
 
 @contextmanager
-def segmented_beside(case: CaseFolder, state: str) -> Iterator[Beside]:
+def segmented_beside(case: CaseFolder, state: str, drawn: bool = True) -> Iterator[Beside]:
     """Ends the other process with the block."""
     pool = one_more_process()
     try:
-        yield Beside(case, state, pool)
+        yield Beside(case, state, pool, drawn)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _read(folder: str, state: str) -> None:
+def _read(folder: str, state: str, drawn: bool) -> None:
     global _READ
     case = CaseFolder(Path(folder))
-    contours, ct = read_contours(case, state), case.ct(state)
+    contours, ct = read_contours(case, state) if drawn else None, case.ct(state)
     _READ = _Read(state, contours, ct)
     _READ = _Read(state, contours, ct, whole_scan(ct))
 

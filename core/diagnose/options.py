@@ -16,7 +16,7 @@ from palpate.core.sourced_number import Row, rows
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisOptions:
-    """Each with its unit and source, see there; docs/diagnosis_numbers.md lists them."""
+    """Each with its unit and source, see there; the site's page of numbers lists them."""
 
     noise_model: NoiseModelOptions = field(default_factory=NoiseModelOptions)
     wall_motion: WallMotionOptions = field(default_factory=WallMotionOptions)

@@ -9,8 +9,8 @@ from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.grid import labels_resampled
 from palpate.imaging.volume import Volume
 
-# Contours are drawn at most this much finer than the CT's pixels.
-FINEST = 4
+# Contours are drawn at most this much finer than the CT's pixels, an odd number.
+FINEST = 3
 # A part smaller than this many corners is no area.
 _FEWEST_POINTS = 3
 
@@ -18,9 +18,12 @@ _FEWEST_POINTS = 3
 def labels_on_slices(labels: Volume, ct: Volume) -> tuple[Volume, int]:
     """The labels sampled on the slices of a CT, as finely within them as they are, and the first slice's index.
 
-    Cropped to the slices and pixels that hold labels; in-plane grids are the CT's or a whole fraction of it.
+    In-plane grids are the CT's or an odd fraction of it, so that each pixel's centre is the centre of a finer pixel:
+    contours read back on the CT's pixels give what `labels_resampled` gives there. Cropped to the slices and pixels that
+    hold labels.
     """
     finer = np.ceil(ct.spacing / labels.spacing.min() - 0.05).clip(1, FINEST).astype(int)
+    finer += 1 - finer % 2
     factor = np.array([finer[0], finer[1], 1])
     index = ct.to_index(labels.to_lps(np.argwhere(labels.array > 0).astype(float)))
     low = np.maximum(np.floor(index.min(axis=0)) - 1, 0).astype(int)

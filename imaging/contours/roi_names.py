@@ -42,8 +42,8 @@ def choose_rois(
     """The structures of each organ, organ -> names, and notes on those passed over.
 
     Organs are `ORGANS` and surrounding_tissue; an organ without a structure is left out. A plain name (Prostata) goes before one
-    with additions (Prostate_DL). Several names for one organ are an error, except for bone, whose parts add up. So is an organ
-    whose word stands beside words that are not known only (zProstate), or whose type is that of no organ.
+    with additions (Prostate_DL). Several names for one organ are an error, except for bone, whose parts add up where none is named after
+    all of it. So is an organ whose word stands beside words that are not known only (zProstate), or whose type is that of no organ.
     wanted : the caller's own choice, organ -> names, or the file's numbers of them, or `NONE`. numbers : name -> that number.
     types : name -> what the file says of it (ORGAN, PTV, ...: RTROIInterpretedType).
 
@@ -164,4 +164,5 @@ def _the_one_set(organ: str, sets: dict[str, list[str]], source: str) -> list[st
     if not clear or (len(sets[key]) > 1 and organ != "bone"):
         choices = ", ".join(name for group in sets.values() for name in group)
         raise InputError(f"{source} has several structures for {organ}: {choices}; choose one with --roi {organ}=NAME")
-    return sets[key]
+    # A structure named after all bone holds its parts: femoral heads beside it, which may be balls, are drawn twice.
+    return [name for name in sets[key] if organ == "bone" and label_named(name) == organ] or sets[key]

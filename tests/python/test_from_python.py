@@ -76,6 +76,26 @@ def test_a_diagnosis_from_arrays_starts_from_the_stiffness_that_is_identified(ba
     assert str(gap).startswith(f"verdict: {gap.record.verdict} (p = ")
 
 
+def test_one_set_of_arguments_serves_both(ball: Sphere) -> None:
+    asked = {**ball, "tissue_G": 20.0, "noise_sd_mm": 0.05, "element": "p1p1", "starts": 1}
+    assert palpate.diagnose(**asked).verdict and palpate.identify(**asked).G_kpa
+    with pytest.raises(InputError, match="element 'p9' is unknown"):
+        palpate.diagnose(**{**asked, "element": "p9"})
+
+
+def test_the_whole_way_from_two_label_volumes(tmp_path: Path) -> None:
+    made = write_case(tmp_path / "made")
+    steps: list[str] = []
+    case = palpate.analyze(
+        made.file("rest.nii.gz"), made.file("deformed.nii.gz"), tmp_path / "case", method="gauss-newton", starts=1,
+        element="p1p1", stiffness_map=False, diagnosis=False, progress=lambda share, message: steps.append(message),
+    )  # fmt: skip
+    assert case.stiffness is not None and set(case.stiffness.G_kpa) == {"prostate_left", "prostate_right"}
+    assert case.diagnosis is None and case.folder.file("report/report.html").is_file() and "stiffness found" in steps
+    with pytest.raises(InputError, match="is not there"):
+        palpate.analyze(tmp_path / "none", tmp_path / "none", tmp_path / "other")
+
+
 def test_what_cannot_be_posed_is_said(ball: Sphere) -> None:
     with pytest.raises(InputError, match="tissue_G = 0 is not above 0"):
         palpate.identify(**ball, tissue_G=0)

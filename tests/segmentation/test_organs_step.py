@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from organ_scans import found, scan, truth, truth_of
+from scipy import ndimage
 
 from palpate.case.case_facts import CaseFacts
-from palpate.case.case_folder import CaseFolder
+from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.labels_on_scan import labels_on_scan
 from palpate.case.steps import segment_state
 from palpate.case.steps.segment import run_segment
 from palpate.case.steps.segment_options import SegmentOptions
@@ -20,6 +22,7 @@ from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError, PalpateError
 from palpate.core.worker.executors import SerialExecutor
 from palpate.imaging.contours.nifti_labels import write_labels
+from palpate.imaging.labels import BLADDER
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.prompts import Prompts
@@ -46,7 +49,7 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
     return made
 
 
-def dying(folder: str, state: str) -> None:
+def dying(folder: str, state: str, drawn: bool) -> None:
     os._exit(1)
 
 
@@ -68,6 +71,51 @@ def _segment_again(
     own = {name: organ(grid) for name, organ in carried.items()}
     own |= {name: Found(mask_on(m, grid), "user", 1.0) for name, m in drawn.items()}
     return Segmentation(found().scene, {**found().organs, **own})
+
+
+def _given_back(case: CaseFolder, into: Path, change: bool = False) -> CaseFolder:
+    """A new case of the same scans with the exported labels of another; change : with a bladder that was painted larger."""
+    new = CaseFolder.create(into, CaseFacts("phantom"))
+    split = {}
+    for state in ("rest", "deformed"):
+        new.file(f"{state}_ct").mkdir()
+        new.file(f"{state}_ct").joinpath("0001.dcm").write_text(state)
+        labels = labels_on_scan(case, state)
+        if change and state == "rest":
+            more = ndimage.binary_dilation(labels.array == BLADDER, iterations=2) & (labels.array == 0)
+            labels = labels.with_array(np.where(more, BLADDER, labels.array).astype(np.uint8))
+        with new.atomic_path(f"{state}_user.nii.gz") as path:
+            write_labels(path, labels)
+        split[state] = {"prostate_is_split": True}
+    new.write_json("user_labels.json", split)
+    return new
+
+
+def test_labels_that_come_back_unchanged_stay_found_automatically(case: CaseFolder, tmp_path: Path) -> None:
+    before = run_segment(case, NEAR)
+    new = _given_back(case, tmp_path / "new")
+    after = run_segment(new, NEAR)
+    assert after["states"] == before["states"] and {
+        o["method"] for o in after["states"]["rest"]["organs"].values()
+    } == {"auto"}
+    for name in ("rest.nii.gz", "deformed.nii.gz", "rest_bones.nii.gz", "surface_errors.npz"):
+        assert file_sha256(new.file(name)) == file_sha256(case.file(name)), name
+    assert any("nothing was changed" in note for note in after["notes"])
+
+
+def test_one_painted_organ_changes_one_organ(case: CaseFolder, tmp_path: Path) -> None:
+    before = run_segment(case, NEAR)
+    new = _given_back(case, tmp_path / "new", change=True)
+    after = run_segment(new, NEAR)
+    methods = {name: organ["method"] for name, organ in after["states"]["rest"]["organs"].items()}
+    assert methods == {"prostate": "auto", "bladder": "user", "rectum": "auto"}
+    old, painted = case.labels("rest").array, new.labels("rest").array
+    others = (old != BLADDER) & (painted != BLADDER)
+    assert np.array_equal(old[others], painted[others])
+    assert (painted[old == BLADDER] == BLADDER).all() and (painted == BLADDER).sum() > 1.05 * (old == BLADDER).sum()
+    assert set(StatedErrors(new).rms_mm()["rest"]) == {"organ", "rectum"}, "a painted surface has no estimated error"
+    assert after["states"]["deformed"] == before["states"]["deformed"]
+    assert np.array_equal(new.labels("deformed").array, case.labels("deformed").array)
 
 
 def test_the_scan_at_rest_alone(case: CaseFolder) -> None:

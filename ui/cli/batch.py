@@ -7,12 +7,14 @@ import json
 import re
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeGuard
 
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
@@ -26,16 +28,22 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 # Files of a batch beside the folders of its patients.
 _TAKEN = (RESULTS,)
 _REGIONS = ("prostate_left", "prostate_right")
+# Text, a number, whether something is so, or nothing where it is not known.
+Value = str | float | bool | None
 
 
 @dataclass(frozen=True)
 class Patient:
-    """One row. name : of the case folder. rest, deformed : scans. labels : contours of both, None where there are none."""
+    """One row. name : of the case folder. rest, deformed : scans. labels : contours of both, None where there are none.
+
+    problem : why the row cannot be used, in one line; "" where it can.
+    """
 
     name: str
     rest: Path
     deformed: Path
     labels: tuple[Path | None, Path | None] = (None, None)
+    problem: str = ""
 
     def absolute(self) -> Patient:
         """The same wherever it is done."""
@@ -57,22 +65,43 @@ class Outcome:
     name: str
     status: str
     error: str
-    values: dict[str, str]
+    values: dict[str, Value]
 
 
 def read_table(path: Path) -> list[Patient]:
     """The patients of a CSV table with columns name, rest, deformed and, if wanted, rest_labels, deformed_labels.
 
-    Paths are relative to the table's folder. Raises InputError naming the table, its line and what is wrong with it.
+    Paths are relative to the table's folder. A row that cannot be used is a patient with a problem. Raises InputError
+    naming the table where it has no row, or is no table.
     """
-    patients = [_patient(path, row) for row in read_csv_table(path, _NEEDED, _OPTIONAL)]
+    patients = [
+        _or_problem(partial(_patient, path, row), row.cells.get("name", ""))
+        for row in read_csv_table(path, _NEEDED, _OPTIONAL)
+    ]
     if not patients:
         raise InputError(f"{path} has no patient; give one a line below {','.join(_NEEDED)}")
-    names = [patient.name.casefold() for patient in patients]
-    for patient, name in zip(patients, names, strict=True):
-        if names.count(name) > 1:
-            raise InputError(f"{path} has the name {patient.name!r} twice; each patient needs a folder of its own")
-    return patients
+    return _without_doubles(path, patients)
+
+
+def _or_problem(read: Callable[[], Patient], name: str) -> Patient:
+    try:
+        return read()
+    except InputError as error:
+        return Patient(name, Path(), Path(), problem=str(error))
+
+
+def _without_doubles(path: Path, patients: Iterable[Patient]) -> list[Patient]:
+    """The patients; one whose name an earlier row has already has a problem."""
+    seen: set[str] = set()
+    found = []
+    for patient in patients:
+        key = patient.name.casefold()
+        if key in seen and not patient.problem:
+            problem = f"{path} has the name {patient.name!r} twice; each patient needs a folder of its own"
+            patient = replace(patient, problem=problem)
+        seen.add(key)
+        found.append(patient)
+    return found
 
 
 def _patient(path: Path, row: Row) -> Patient:
@@ -99,80 +128,119 @@ def run_all(
     told: Callable[[int, Outcome], None],
     program: Sequence[str] = (),
     cluster: str | None = None,
+    heard: Callable[[str], None] = lambda line: None,
 ) -> list[Outcome]:
     """Analyses every patient into FOLDER/NAME; RESULTS in the folder is written anew after each. Patients that are done in it, with
     the same scans and options, are passed over. told : hears how many are done, and the last one. program : another than this one.
-    cluster : address of a Dask scheduler whose workers see the same folders; they do the work, as many at once as there are."""
+    cluster : address of a Dask scheduler whose workers see the same folders; they do the work, as many at once as there are.
+    heard : hears what each patient's run is doing, a line each; nothing of the runs of a cluster."""
     folder.mkdir(parents=True, exist_ok=True)
     before = _earlier(folder / RESULTS)
-    outcomes = {p.name: before[p.name] for p in patients if _is_same(before.get(p.name), p, folder, options)}
-    todo = [p for p in patients if p.name not in outcomes]
+    outcomes: dict[int, Outcome] = {}
+    for row, patient in enumerate(patients):
+        if patient.problem:
+            outcomes[row] = Outcome(patient.name, FAILED, patient.problem, {})
+        elif _is_same(known := before.get(patient.name), patient, folder, options):
+            outcomes[row] = known
+    todo = [row for row in range(len(patients)) if row not in outcomes]
     for count, outcome in enumerate(list(outcomes.values()), start=1):
         told(count, outcome)
     one = partial(_one, folder=folder.absolute(), options=tuple(options), program=tuple(program))
+    one = one if cluster is not None else partial(one, heard=heard)
     with ThreadPoolExecutor(at_once) if cluster is None else study_executor(at_once, cluster) as pool:
-        for outcome in pool.map(one, [p.absolute() for p in todo]):
-            outcomes[outcome.name] = outcome
-            _write(folder / RESULTS, (outcomes[p.name] for p in patients if p.name in outcomes))
+        for row, outcome in zip(todo, pool.map(one, [patients[row].absolute() for row in todo]), strict=True):
+            outcomes[row] = outcome
+            _write(folder / RESULTS, (outcomes[k] for k in sorted(outcomes)))
             told(len(outcomes), outcome)
-    return [outcomes[p.name] for p in patients]
+    if not todo:
+        _write(folder / RESULTS, (outcomes[k] for k in sorted(outcomes)))
+    return [outcomes[row] for row in range(len(patients))]
 
 
-def _one(patient: Patient, folder: Path, options: Sequence[str], program: Sequence[str]) -> Outcome:
-    return run_one(patient, folder / patient.name, options, program)
+def _one(
+    patient: Patient,
+    folder: Path,
+    options: Sequence[str],
+    program: Sequence[str],
+    heard: Callable[[str], None] = lambda line: None,
+) -> Outcome:
+    return run_one(patient, folder / patient.name, options, program, heard)
 
 
-def run_one(patient: Patient, case: Path, options: Sequence[str], program: Sequence[str] = ()) -> Outcome:
+def run_one(
+    patient: Patient,
+    case: Path,
+    options: Sequence[str],
+    program: Sequence[str] = (),
+    heard: Callable[[str], None] = lambda line: None,
+) -> Outcome:
     """One patient, the whole way, with the program of the machine that does it unless another is given."""
     began = time.monotonic()
-    command = [
-        *(program or (sys.executable, "-P", "-m", "palpate.ui.cli")),
-        "analyze",
-        *patient.arguments(case),
-        "--json",
-        "--quiet",
-        *options,
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    seconds = f"{time.monotonic() - began:.0f}"
-    values = {
+    heard(f"{patient.name}: begun")
+    words = program or (sys.executable, "-P", "-m", "palpate.ui.cli")
+    command = [*words, "analyze", *patient.arguments(case), "--json", *options]
+    status, stdout, stderr = _run(command, lambda line: heard(f"{patient.name}: {line}"))
+    values: dict[str, Value] = {
         "rest": str(patient.rest),
         "deformed": str(patient.deformed),
         "options": " ".join(options),
-        "seconds": seconds,
+        "seconds": round(time.monotonic() - began, 1),
     }
     try:
-        answer = json.loads(done.stdout)
+        answer = json.loads(stdout)
     except ValueError:
         answer = {}
-    if done.returncode != 0:
-        last = (done.stderr.strip().splitlines() or [f"ended with status {done.returncode}"])[-1]
+    if status != 0:
+        last = (stderr or [f"ended with status {status}"])[-1]
         return Outcome(patient.name, FAILED, " ".join(str(answer.get("error") or last).split()), values)
-    return Outcome(patient.name, DONE, "", values | _figures(answer["result"]))
+    return Outcome(patient.name, DONE, "", values | figures(answer))
 
 
-def _figures(result: dict[str, dict[str, dict[str, object]]]) -> dict[str, str]:
-    """G and its interval of every region, kPa, and the misfit."""
-    out: dict[str, str] = {}
+def _run(command: Sequence[str], heard: Callable[[str], None]) -> tuple[int, str, list[str]]:
+    """Status, standard output and the lines of standard error of a child process. heard : hears each of these lines."""
+    with (
+        tempfile.TemporaryFile("w+", encoding="utf-8") as stdout,
+        subprocess.Popen(command, stdout=stdout, stderr=subprocess.PIPE, text=True, encoding="utf-8") as child,
+    ):
+        lines = []
+        for line in child.stderr or ():
+            if line.strip():
+                lines.append(line.strip())
+                heard(line.strip())
+        status = child.wait()
+        stdout.seek(0)
+        return status, stdout.read(), lines
+
+
+def figures(answer: Mapping[str, Any]) -> dict[str, Value]:
+    """Columns of one patient from the answer of `palpate analyze --json`: G and its interval of every region, kPa, how sure it
+    is, the misfit, the diagnosis, where the contours are from, and warnings."""
+    result, told = answer["result"], answer.get("conclusions", {})
+    out: dict[str, Value] = {}
     for region in _REGIONS:
         found = result["parameters"].get(region)
         if found is not None:
-            interval = found.get("ci95_kpa")
-            low, high = interval if isinstance(interval, list) else ("", "")
-            out |= {
-                f"{region}_kpa": str(found["G_kpa"]),
-                f"{region}_low_kpa": str(low),
-                f"{region}_high_kpa": str(high),
-            }
-            out[f"{region}_at_bound"] = str(found["at_bound"]).lower()
-    return out | {"misfit_rms_mm": str(result["misfit"]["rms_mm"])}
+            low, high = found.get("ci95_kpa") or (None, None)
+            out |= {f"{region}_kpa": found["G_kpa"], f"{region}_low_kpa": low, f"{region}_high_kpa": high}
+            out |= {f"{region}_at_bound": found["at_bound"], f"{region}_how_sure": told.get("how_sure", {}).get(region)}
+    diagnosis = answer.get("diagnosis", {})
+    out |= {"misfit_rms_mm": result["misfit"]["rms_mm"], "verdict": diagnosis.get("verdict")}
+    out |= {
+        "candidates": ", ".join(diagnosis.get("candidates", ())),
+        "p_value": diagnosis.get("gap", {}).get("p_value"),
+    }
+    out |= {f"contours_{state}": told.get("contours", {}).get(state) for state in ("rest", "deformed")}
+    return out | {"warnings": "; ".join(told.get("warnings", ()))}
 
 
+_OF_REGION = ("kpa", "low_kpa", "high_kpa", "at_bound", "how_sure")
 _COLUMNS = (
     "name", "status", "error", "rest", "deformed", "options", "seconds",
-    *(f"{region}_{what}" for region in _REGIONS for what in ("kpa", "low_kpa", "high_kpa", "at_bound")),
-    "misfit_rms_mm",
+    *(f"{region}_{what}" for region in _REGIONS for what in _OF_REGION),
+    "misfit_rms_mm", "verdict", "candidates", "p_value", "contours_rest", "contours_deformed", "warnings",
 )  # fmt: skip
+_NUMBERS = ("seconds", "misfit_rms_mm", "p_value", *(f"{r}_{what}" for r in _REGIONS for what in _OF_REGION[:3]))
+_YES_OR_NO = tuple(f"{region}_at_bound" for region in _REGIONS)
 
 
 def _write(path: Path, outcomes: Iterable[Outcome]) -> None:
@@ -180,7 +248,8 @@ def _write(path: Path, outcomes: Iterable[Outcome]) -> None:
         table = csv.DictWriter(stream, _COLUMNS, restval="")
         table.writeheader()
         for one in outcomes:
-            table.writerow({"name": one.name, "status": one.status, "error": one.error, **one.values})
+            cells = {key: str(v).lower() if isinstance(v, bool) else v for key, v in one.values.items()}
+            table.writerow({"name": one.name, "status": one.status, "error": one.error, **cells})
 
 
 def _earlier(path: Path) -> dict[str, Outcome]:
@@ -191,13 +260,25 @@ def _earlier(path: Path) -> dict[str, Outcome]:
         rows = [row for row in csv.DictReader(stream) if row.get("name") and row.get("status")]
     return {
         row["name"]: Outcome(
-            row["name"], row["status"], row.get("error") or "", {k: row.get(k) or "" for k in _COLUMNS[3:]}
+            row["name"], row["status"], row.get("error") or "", {k: _value(k, row.get(k) or "") for k in _COLUMNS[3:]}
         )
         for row in rows
     }
 
 
-def _is_same(before: Outcome | None, patient: Patient, folder: Path, options: Sequence[str]) -> bool:
+def _value(column: str, text: str) -> Value:
+    """A cell of RESULTS as it was before it was written."""
+    if column in _YES_OR_NO:
+        return None if not text else text == "true"
+    if column not in _NUMBERS:
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _is_same(before: Outcome | None, patient: Patient, folder: Path, options: Sequence[str]) -> TypeGuard[Outcome]:
     there = patient.absolute()
     asked = (str(there.rest), str(there.deformed), " ".join(options))
     return (

@@ -33,6 +33,17 @@ OF_LABEL = {
     RECTUM: (ANATOMY, codes.SCT.Rectum, None),
 }
 
+# Structures of an RTSTRUCT and segments of a SEG by the primary names of AAPM Task Group 263 (Mayo et al. 2018, IJROBP
+# 100:1057): organ, then side. A structure that is none of the list begins with z, as that report asks.
+TG263 = {
+    PROSTATE_LEFT: "Prostate_L",
+    PROSTATE_RIGHT: "Prostate_R",
+    SURROUNDING_TISSUE: "zTissue",
+    BONE: "Bone",
+    BLADDER: "Bladder",
+    RECTUM: "Rectum",
+}
+
 
 def scheme() -> CodingSchemeIdentificationItem:
     """What ``SCHEME`` is, for an object that uses it."""

@@ -14,7 +14,7 @@ from palpate.case.labels_on_scan import labels_in_own_frame
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.dicom.codes import OF_LABEL
+from palpate.ui.dicom.codes import OF_LABEL, TG263
 from palpate.ui.dicom.making import MODEL, Making, making, version
 from palpate.ui.dicom.source import SourceScan, read_source, set_thickness
 
@@ -28,7 +28,8 @@ def segments_present(labels: Volume) -> dict[int, int]:
 
 
 def label_segmentation(case: CaseFolder, state: str, tissue: bool = False) -> hd.seg.Segmentation:
-    """The labels of a state on the voxels of that state's own CT, one binary segment each.
+    """The labels of a state on the voxels of that state's own CT, one binary segment each, named as the
+    structures of an RTSTRUCT are.
 
     tissue : with the surrounding tissue, which is no organ. Raises InputError when the case has no labels or no CT of
     that state.
@@ -79,7 +80,7 @@ def _described(value: int, number: int, made: Making, methods: Mapping[str, str]
     red, green, blue, _ = LABEL_COLOURS[value]
     return hd.seg.SegmentDescription(
         segment_number=number,
-        segment_label=LABELS[value],
+        segment_label=TG263[value],
         segmented_property_category=category,
         segmented_property_type=kind,
         algorithm_type=method,

@@ -13,31 +13,18 @@ from palpate.case.step_records import FemoralHeadRecord
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.imaging.contours.outlines import labels_on_slices
 from palpate.imaging.labels import (
-    BLADDER,
-    BONE,
     BONE_PART_COLOURS,
     BONE_PART_VALUES,
     LABEL_COLOURS,
     LABELS,
     ORGAN_LABELS,
     PROSTATE_LEFT,
-    PROSTATE_RIGHT,
-    RECTUM,
     SURROUNDING_TISSUE,
 )
 from palpate.imaging.volume import Volume
+from palpate.ui.dicom.codes import TG263
 from palpate.ui.dicom.label_segments import algorithm_types
 
-# Primary names of AAPM Task Group 263 (Mayo et al. 2018, IJROBP 100:1057): organ, then side. A structure that is none
-# of the list begins with z, as that report asks.
-TG263 = {
-    PROSTATE_LEFT: "Prostate_L",
-    PROSTATE_RIGHT: "Prostate_R",
-    SURROUNDING_TISSUE: "zTissue",
-    BONE: "Bone",
-    BLADDER: "Bladder",
-    RECTUM: "Rectum",
-}
 WHOLE_PROSTATE = "Prostate"
 FEMORAL_HEADS = {"left": "Femur_Head_L", "right": "Femur_Head_R"}
 _WHOLE_COLOUR = (255, 255, 255)

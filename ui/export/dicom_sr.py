@@ -40,7 +40,7 @@ def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
         case, "sr", source, ["result.json", "rest.nii.gz", "labels.txt", *([MEASUREMENTS] if record.measured else [])]
     )
     segments = label_segmentation(case, "rest", tissue)
-    numbers = {item.SegmentLabel: int(item.SegmentNumber) for item in segments.SegmentSequence}
+    numbers = {item.TrackingID: int(item.SegmentNumber) for item in segments.SegmentSequence}
     absent = [region.name for region in record.regions if region.name not in numbers]
     if absent:
         raise InputError(f"{case.file('rest.nii.gz')} has no {absent[0]}, which result.json has; identify again")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,6 +104,16 @@ def save(figure: Figure, path: Path) -> Path:
     """Writes a figure as PNG, without the date and the program's name in it."""
     figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
     return path
+
+
+def as_pdf(figure: Figure) -> bytes:
+    """The figure as one PDF page, lines and letters as vectors, without the date and the program's name in it."""
+    stream = io.BytesIO()
+    with matplotlib.rc_context({"pdf.fonttype": 42}):
+        figure.savefig(
+            stream, dpi=DPI, format="pdf", metadata={"Creator": None, "Producer": None, "CreationDate": None}
+        )
+    return stream.getvalue()
 
 
 def _outline_rest(axes: Axes, images: CaseImages, plane: Plane, window: Window) -> set[str]:

@@ -80,15 +80,21 @@ def diagnose(
     noise_sd_mm: float = 0.4,
     noise_correlation_mm: float = 7.0,
     bounds_kpa: tuple[float, float] = (5.0, 500.0),
-    seed: int = 1,
+    method: str = "gauss-newton",
+    **options: object,
 ) -> Gap:
-    """Whether the model misses what the surfaces show beyond their noise, and why. Arguments and errors as of `identify`."""
+    """Test of whether the model misses what the surfaces show beyond their noise, and of why. Arguments and errors are those
+    of `identify`.
+
+    Of `options` only `seed` matters here: a diagnosis has one element and one way to fit, whatever a search for the
+    stiffness uses. The others are checked, so that one call's arguments serve both.
+    """
+    asked = IdentifyOptions(method=method, **options)  # type: ignore[arg-type]
     facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa)
     problem = _problem(_tetrahedra(mesh), rest, deformed, fixed, driven, facts)
-    asked = {"case": "arrays", "effects": None, "numbers": DiagnosisOptions().to_json()}
-    return Gap(
-        _answer("palpate.core.diagnose.job:run", "data", arrays(CaseData(problem)), asked, seed, 1, DiagnosisRecord)
-    )
+    of_job = {"case": "arrays", "effects": None, "numbers": DiagnosisOptions().to_json()}
+    kind, given = "palpate.core.diagnose.job:run", arrays(CaseData(problem))
+    return Gap(_answer(kind, "data", given, of_job, asked.seed, 1, DiagnosisRecord))
 
 
 def _facts(tissue_G: float, noise_sd: float, correlation: float, bounds: tuple[float, float]) -> Facts:

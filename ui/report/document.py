@@ -53,12 +53,16 @@ def _is_figure(cell: str) -> bool:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file with a caption; ``says`` tells a person who cannot see it what it shows. width : share of the page's."""
+    """A PNG file with a caption; ``says`` tells a person who cannot see it what it shows. width : share of the page's.
+
+    vector : the same figure as a PDF page, for the PDF report; empty where it is pixels only.
+    """
 
     path: Path
     caption: str
     says: str
     width: float = 1.0
+    vector: bytes = b""
 
 
 @dataclass(frozen=True)

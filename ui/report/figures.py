@@ -63,7 +63,7 @@ class Figures:
     def add(self, name: str, folder: Path, figure: Figure, caption: str, says: str, width: float = 1.0) -> None:
         """Saves a figure as folder/name.png."""
         path = slices.save(figure, folder / f"{name}.png")
-        self.pictures[name] = Picture(path, caption, says, width)
+        self.pictures[name] = Picture(path, caption, says, width, slices.as_pdf(figure))
 
 
 def draw(

@@ -1,4 +1,4 @@
-"""What a clinician reads in a minute: what was scanned, what was found and how sure it is, published values, what is missing."""
+"""What was scanned, what was found and how sure it is, published values, what is missing."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ import numpy as np
 
 from palpate.case.case_folder import STATES
 from palpate.ui.pictures.published_scale import Row
-from palpate.ui.report.diagnosis_words import gap_is_seen
 from palpate.ui.report.document import Block, Bullets, Paragraph, Table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness
-from palpate.ui.report.summary import MISFIT_TOLERANCE
+from palpate.ui.report.trust import SURE_RULE, how_sure, missing
 from palpate.ui.words.number_words import three_figures
 
 _DASH = "\N{EN DASH}"
@@ -37,14 +36,6 @@ class Published:
         return Row(f"{self.what} [{self.source}]", share * self.value, span)
 
 
-# Words for how sure a value is, by the factor that its 95 % interval reaches on both sides. A convention of this report.
-SURE = ((1.25, "high"), (1.5, "moderate"))
-LOW, NONE = "low", "none"
-SURE_RULE = (
-    "How sure: by the factor that the 95 % interval reaches to both sides. high: up to 1.25; moderate: up to 1.5; low: more; none: the "
-    "scans cannot determine it. One word lower where the model misses the surface by more than the contours' own error. Whole "
-    "prostate: between which its average lies."
-)
 # Young's moduli E or shear moduli as their authors give them, kPa, with a range where they state one; which source.
 PUBLISHED = (
     Published("benign cores", "E", 42.3, None, 1),
@@ -98,49 +89,11 @@ def found(record: CaseRecord) -> Table:
     return Table(("region", "volume at rest", "G, kPa", "95 % interval, kPa", "how sure"), rows, numbers=False)
 
 
-def how_sure(region: RegionStiffness, record: CaseRecord) -> str:
-    """ "high", "moderate", "low" or "none", by `SURE_RULE`."""
-    if not region.told:
-        return NONE
-    factor = np.inf if region.ln_sd is None else float(np.exp(1.96 * region.ln_sd))
-    words = [word for _, word in SURE] + [LOW]
-    place = next((k for k, (most, _) in enumerate(SURE) if factor <= most), len(SURE))
-    return words[min(place + _misses(record), len(SURE))]
-
-
-def _misses(record: CaseRecord) -> bool:
-    """Whether the model misses the surface by more than the contours' own error, by the misfit or the diagnosis."""
-    expected = record.expected_misfit_mm
-    large = expected is not None and record.result.misfit.rms_mm > MISFIT_TOLERANCE * expected
-    return large or gap_is_seen(record.diagnosis)
-
-
-def missing(record: CaseRecord) -> list[str]:
-    """What would have to be there for a better answer, one line each."""
-    lines = []
-    if record.diagnosis is None:
-        lines.append("whether the model leaves something out: Diagnose has not been run")
-    if record.noise_from.startswith("assumed"):
-        lines.append("how repeatable the contours are: assumed; draw them twice and it is measured")
-    if record.noise_from.startswith("estimated"):
-        lines.append(
-            "how repeatable the contours are: estimated from the images; draw them by hand twice and it is measured"
-        )
-    methods = {
-        organ.get("method")
-        for state in record.segmentation.get("states", {}).values()
-        for organ in state.get("organs", {}).values()
-    }
-    if methods and "user" not in methods:
-        lines.append("contours that a person has drawn or checked: these were found automatically")
-    return lines
-
-
 def minute(record: CaseRecord) -> list[Block]:
-    """The tables of the first page, after its sentences."""
+    """Tables of what was scanned and found, and what is missing."""
     scans = scanned(record)
     told: list[Block] = [] if scans is None else [scans]
-    told += [found(record), Paragraph(SURE_RULE, "small")]
+    told += [found(record), Paragraph(f"{SURE_RULE} Whole prostate: between which its average lies.", "small")]
     lacks = missing(record)
     return [*told, Paragraph("What is missing:"), Bullets(lacks)] if lacks else told
 

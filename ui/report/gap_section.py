@@ -22,6 +22,7 @@ from palpate.ui.report.diagnosis_words import (
     chance,
     gap_is_seen,
     plain,
+    says_little,
     two_stiffnesses,
 )
 from palpate.ui.report.document import Block, Bullets, Notice, Paragraph, Picture, Section, Table
@@ -48,6 +49,7 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
             "Fit has the distance in mm. R, L, A, P, S, I as on the slices. "
             "Blank where the two halves meet: no distance is read there.",
             "The organ from four sides, coloured by the residual in standard deviations.",
+            0.85,
         )
     }
     if found.verdict != "none":
@@ -64,7 +66,7 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     """What the model leaves out, in words, figures and maps, of a record with a diagnosis."""
     found = record.diagnosis
     assert found is not None
-    blocks: list[Block] = [Paragraph(found.in_words, "lead")]
+    blocks: list[Block] = [Paragraph(_lead(found), "lead")]
     otherwise = otherwise_words(record.result, found)
     if otherwise:
         blocks.append(Notice(f"On this page {otherwise}: run `palpate diagnose` again, without a flag."))
@@ -83,15 +85,25 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     return Section(GAP_TITLE, blocks)
 
 
+def _lead(found: DiagnosisRecord) -> str:
+    """The finding in a sentence. Without a gap it states no distance: the one of Fit is the misfit."""
+    if gap_is_seen(found) or says_little(found):
+        return found.in_words
+    return (
+        f"The model explains what both scans show as well as their noise allows ({chance(found.gap.p_value)}): nothing in them says "
+        "that it leaves anything out."
+    )
+
+
 def _figures(found: DiagnosisRecord) -> Table:
     gap, verdict = found.gap, found.verdict
-    floor = gap.noise_floor_mm
-    rows = [
-        ("verdict", VERDICTS.get(verdict, plain(verdict))),
-        ("gap on the organ's surface, smoothed over the noise", f"{gap.rms_mm:.2f} mm rms, 95 % below {gap.p95_mm:.2f} mm"),
-        ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{floor:.2f} mm rms"),
-        ("chance of such a gap without any effect", chance(gap.p_value)),
-    ]  # fmt: skip
+    rows = [("verdict", VERDICTS.get(verdict, plain(verdict)))]
+    if gap_is_seen(found):
+        rows += [
+            ("gap: what is left of the misfit when noise is smoothed out", f"{gap.rms_mm:.2f} mm rms, 95 % below {gap.p95_mm:.2f} mm"),
+            ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{gap.noise_floor_mm:.2f} mm rms"),
+        ]  # fmt: skip
+    rows.append(("chance of such a gap without any effect", chance(gap.p_value)))
     if found.image is not UNSET:
         rows.append(("it stands on", "contours and images" if found.image else "contours alone"))
     states = known(gap.states) or []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
 from functools import partial
 from itertools import chain, groupby
@@ -30,7 +31,7 @@ from reportlab.platypus import (
 )
 
 from palpate.ui.report import document as doc
-from palpate.ui.report.pdf_parts import FittingPicture, PictureRun, column_widths
+from palpate.ui.report.pdf_parts import FittingPicture, PictureRun, Placed, PlacedVector, column_widths, with_vectors
 
 # matplotlib brings a free font that has Greek letters; PDF's own fonts have none.
 _FONT, _BOLD = "DejaVuSans", "DejaVuSans-Bold"
@@ -49,23 +50,25 @@ def write_pdf(document: doc.Document, path: Path) -> Path:
     """Writes the report; its footer stands on every page."""
     document = doc.numbered(document)
     _register_fonts()
+    stream, placed = io.BytesIO(), list[PlacedVector]()
     template = SimpleDocTemplate(
-        str(path), pagesize=A4, leftMargin=_MARGIN - _PADDING, rightMargin=_MARGIN - _PADDING, topMargin=18.0 * mm, bottomMargin=18.0 * mm,
+        stream, pagesize=A4, leftMargin=_MARGIN - _PADDING, rightMargin=_MARGIN - _PADDING, topMargin=18.0 * mm, bottomMargin=18.0 * mm,
         title=f"{document.title}: {document.subtitle}", author="Palpate", subject=document.footer, lang="en",
     )  # fmt: skip
     decorate = partial(_decorate, document)
-    template.build(_story(document), onFirstPage=decorate, onLaterPages=decorate)
+    template.build(_story(document, placed.append), onFirstPage=decorate, onLaterPages=decorate)
+    path.write_bytes(with_vectors(stream.getvalue(), placed))
     return path
 
 
-def _story(document: doc.Document) -> list[Flowable]:
+def _story(document: doc.Document, placed: Placed) -> list[Flowable]:
     story: list[Flowable] = [Paragraph(escape(document.title), _style(18, bold=True, after=1))]
     story.append(Paragraph(escape(document.subtitle), _style(9, colour=_QUIET, after=3)))
     story.append(_notice(doc.Notice("\n".join((document.footer, *(notice.text for notice in document.notices))))))
     for section in document.sections:
         heading = Paragraph(escape(section.title), _style(13, bold=True, before=4, after=1.5))
         on_paper = [block for block in section.blocks if not isinstance(block, doc.Interactive)]
-        first, *others = [_flowables(block) for block in on_paper]
+        first, *others = [_flowables(block, placed) for block in on_paper]
         story += [*_headed(heading, first), *_runs(chain.from_iterable(others))]
     return story
 
@@ -88,7 +91,7 @@ def _runs(flowables: Iterable[Flowable]) -> list[Flowable]:
     return story
 
 
-def _flowables(block: doc.Block) -> list[Flowable]:
+def _flowables(block: doc.Block, placed: Placed) -> list[Flowable]:
     """A block, after its caption where it is a table that has one."""
     if isinstance(block, doc.Table) and block.caption:
         # With a page's end near the whole goes over; else the table begins here and goes on there, under its header again.
@@ -97,10 +100,10 @@ def _flowables(block: doc.Block) -> list[Flowable]:
             Paragraph(escape(block.caption), _style(9, colour=_QUIET, after=1)),
             _table(block),
         ]
-    return [_flowable(block)]
+    return [_flowable(block, placed)]
 
 
-def _flowable(block: doc.Block) -> Flowable:
+def _flowable(block: doc.Block, placed: Placed | None = None) -> Flowable:
     match block:
         case doc.Paragraph():
             return _paragraph(block)
@@ -111,7 +114,7 @@ def _flowable(block: doc.Block) -> Flowable:
         case doc.Table():
             return _table(block)
         case doc.Picture():
-            return _picture(block)
+            return _picture(block, placed)
         case doc.Interactive():
             raise ValueError("only the HTML page shows what can be turned")
 
@@ -154,12 +157,12 @@ def _table(block: doc.Table) -> Flowable:
     return table
 
 
-def _picture(block: doc.Picture) -> Flowable:
+def _picture(block: doc.Picture, placed: Placed | None) -> Flowable:
     with PillowImage.open(block.path) as image:
         width, height = image.size
     shown = _WIDTH * block.width
     caption = Paragraph(escape(block.caption), _style(9, colour=_QUIET))
-    return FittingPicture(str(block.path), shown, shown * height / width, caption)
+    return FittingPicture(str(block.path), shown, shown * height / width, caption, block.vector, placed)
 
 
 def _decorate(document: doc.Document, canvas: Canvas, template: SimpleDocTemplate) -> None:

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from pypdf import PdfReader, PdfWriter, Transformation
 from reportlab.lib.units import mm
 from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.platypus import Flowable, Paragraph
@@ -10,14 +15,56 @@ from palpate.ui.pictures.lettering import SMALLEST
 from palpate.ui.report import document as doc
 
 
+@dataclass(frozen=True)
+class PlacedVector:
+    """A PDF page that belongs on page `page` (from 0) of a report, its lower left corner at x, y; lengths in points."""
+
+    pdf: bytes
+    page: int
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+Placed = Callable[[PlacedVector], None]
+
+
+def with_vectors(report: bytes, placed: Sequence[PlacedVector]) -> bytes:
+    """The report with the figures drawn at their places."""
+    writer = PdfWriter(clone_from=io.BytesIO(report))
+    for one in placed:
+        figure = PdfReader(io.BytesIO(one.pdf)).pages[0]
+        size = figure.mediabox
+        place = (
+            Transformation()
+            .scale(one.width / float(size.width), one.height / float(size.height))
+            .translate(one.x, one.y)
+        )
+        writer.pages[one.page].merge_transformed_page(figure, place)
+    out = io.BytesIO()
+    writer.write(out)
+    return out.getvalue()
+
+
 class FittingPicture(Flowable):
     """A picture over its caption that never part; somewhat smaller where only that lets it end the page it is on.
 
-    path : of the picture. width, height : wanted, points.
+    path : of the picture. width, height : wanted, points. vector : the picture as a PDF page, drawn instead of its pixels by
+    `with_vectors`; `placed` hears where. Both are left out for a picture of pixels.
     """
 
-    def __init__(self, path: str, width: float, height: float, caption: Paragraph) -> None:
+    def __init__(
+        self,
+        path: str,
+        width: float,
+        height: float,
+        caption: Paragraph,
+        vector: bytes = b"",
+        placed: Placed | None = None,
+    ) -> None:
         super().__init__()
+        self._vector, self._placed = vector, placed
         self.spaceAfter = 3 * mm
         self._path, self._wanted, self._caption = path, (width, height), caption
         self._scale, self._below = 1.0, 0.0
@@ -46,7 +93,11 @@ class FittingPicture(Flowable):
     def draw(self) -> None:
         """At the lower left of the place it was given."""
         width, height = (self._scale * size for size in self._wanted)
-        self.canv.drawImage(self._path, 0.0, self._below, width, height)
+        if self._vector and self._placed is not None:
+            x, y = self.canv.absolutePosition(0.0, self._below)
+            self._placed(PlacedVector(self._vector, self.canv.getPageNumber() - 1, x, y, width, height))
+        else:
+            self.canv.drawImage(self._path, 0.0, self._below, width, height)
         self._caption.drawOn(self.canv, 0.0, 0.0)
 
 

@@ -32,13 +32,18 @@ _PROPAGATED_NOTE = (
     "the drawing errs by is in both. What is left is the error of the motion, which the result counts by place."
 )
 _DASH = "\N{EN DASH}"
+# By state and label.
+Volumes = Mapping[str, Mapping[str, float]]
 
 
-def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
-    """The section. missing : what could not be drawn and why, one line each."""
+def quality(record: CaseRecord, missing: Sequence[str], exported_cc: Volumes | None = None) -> Section:
+    """The section. missing : what could not be drawn and why, one line each. exported_cc : volumes on the voxels of the CT,
+    cc, by state and label.
+    """
     blocks: list[Block] = [Table(("label", "rest, cc", "deformed, cc", "where from"), _label_rows(record))]
     if record.segmentation:
         blocks.append(Paragraph(_REGION_NOTE, "small"))
+    blocks += _exported(exported_cc or {})
     if any(CARRIED in row[-1] for row in _label_rows(record)):
         blocks.append(Paragraph(_CARRIED_NOTE))
     if any(PROPAGATED in row[-1] for row in _label_rows(record)):
@@ -52,6 +57,22 @@ def quality(record: CaseRecord, missing: Sequence[str]) -> Section:
         )
     blocks += [Paragraph(f"Left out: {reason}.", "small") for reason in missing]
     return Section("Quality of what it rests on", blocks)
+
+
+def _exported(volumes: Volumes) -> list[Block]:
+    """What the exports of a case measure: they hold its labels on the voxels of the CT."""
+    told = []
+    for value, name in LABELS.items():
+        each = [f"{state[name]:.1f}" for state in volumes.values() if name in state]
+        if each and value != SURROUNDING_TISSUE:
+            told.append(f"{region_words(name)} {' and '.join(each)} cc")
+    if not told:
+        return []
+    return [
+        Paragraph(
+            f"On the voxels of the CT, as exports have them ({' and '.join(volumes)}): {'; '.join(told)}.", "small"
+        )
+    ]
 
 
 def _label_rows(record: CaseRecord) -> list[tuple[str, ...]]:

@@ -160,7 +160,7 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
         _optional(case, "import.json", ImportRecord),
         tuple(_optional(case, "history.json", _History).get("commands", ())),
         simulated(case, result),
-        {state: _volumes(volume) for state, volume in labels.items()},
+        {state: label_volumes(volume) for state, volume in labels.items()},
         case.read_npz("identify/fields.npz").get("covariance") if case.has("identify/fields.npz") else None,
         read_diagnosis(case) if case.has(DIAGNOSIS) else None,
         read_matched_motion(case),
@@ -228,7 +228,8 @@ def _optional(case: CaseFolder, name: str, kind: type[T]) -> T:
     return found
 
 
-def _volumes(labels: Volume) -> dict[str, float]:
+def label_volumes(labels: Volume) -> dict[str, float]:
+    """Volume of the voxels of each label that is present, cc, by its name."""
     voxel_cc = float(np.prod(labels.spacing)) / 1000.0
     counts = np.bincount(labels.array.ravel(), minlength=len(LABELS))
     return {name: float(counts[value]) * voxel_cc for value, name in LABELS.items() if value and counts[value]}

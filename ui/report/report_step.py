@@ -10,6 +10,7 @@ from typing import TypedDict
 from palpate import __version__
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS
+from palpate.case.labels_on_scan import labels_on_scan
 from palpate.case.meshed import rigid_offset_of
 from palpate.case.stated_files import is_body
 from palpate.case.steps.step import MadeFrom
@@ -22,7 +23,7 @@ from palpate.ui.report.document import Document
 from palpate.ui.report.figures import draw
 from palpate.ui.report.html_page import html
 from palpate.ui.report.pdf import write_pdf
-from palpate.ui.report.record import read_record
+from palpate.ui.report.record import label_volumes, read_record
 from palpate.ui.report.sections import document
 
 FOLDER = "report"
@@ -65,7 +66,7 @@ def run(case: CaseFolder, options: ReportOptions | None = None, progress: Progre
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     with case.atomic_folder(FOLDER) as folder:
         drawn = draw(case, record, labels, folder, lambda f, m: progress(0.9 * f, m))
-        pages = document(record, drawn, date, version)
+        pages = document(record, drawn, date, version, exported_volumes(case))
         progress(0.95, "pages")
         _write(pages, folder, options)
     case.write_json(f"{FOLDER}/missing.json", drawn.missing)
@@ -95,6 +96,12 @@ def _done(case: CaseFolder, options: ReportOptions, made_from: MadeFrom, progres
     REPORT.mark_done(case, made_from, [f"{FOLDER}/report.html", *([f"{FOLDER}/report.pdf"] if options.pdf else [])])
     progress(1.0, "report written")
     return _written(case)
+
+
+def exported_volumes(case: CaseFolder) -> dict[str, dict[str, float]]:
+    """Volumes of the labels on the voxels of the CT, cc, by state and label; of the states that have both."""
+    states = [state for state in STATES if case.has_labels(state) and case.has(f"{state}_ct")]
+    return {state: label_volumes(labels_on_scan(case, state)) for state in states}
 
 
 def labels_in_rest_frame(case: CaseFolder) -> dict[str, Volume]:

@@ -12,24 +12,28 @@ from palpate.ui.report.figures import Figures
 from palpate.ui.report.first_page import minute
 from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.motion_section import motion_section
-from palpate.ui.report.quality import quality
+from palpate.ui.report.quality import Volumes, quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
 from palpate.ui.report.summary import first_sentences, summary
+from palpate.ui.report.trust import trust_box
 from palpate.ui.words.number_words import three_figures
 
 
-def document(record: CaseRecord, figures: Figures, date: str, version: str) -> Document:
-    """The whole report. date : of this report, as text."""
+def document(
+    record: CaseRecord, figures: Figures, date: str, version: str, exported_cc: Volumes | None = None
+) -> Document:
+    """The whole report. date : of this report, as text. exported_cc : volumes on the voxels of the CT, cc, by state and label."""
     pictures = figures.pictures
     notices = [Notice(f"Simulated data: {record.simulated}.")] if record.simulated else []
     sections = (
         Section("Summary", _summary(record, pictures)),
+        _particulars(record, pictures),
         stiffness_section(record, figures),
         _fit(record, pictures),
         *([motion_section(record.matched, pictures, record.used_image)] if record.matched else []),
         *([gap_section(record, pictures)] if record.diagnosis else []),
-        quality(record, figures.missing),
+        quality(record, figures.missing, exported_cc),
         _appendix(record, pictures, date, version),
     )
     subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"
@@ -37,10 +41,16 @@ def document(record: CaseRecord, figures: Figures, date: str, version: str) -> D
 
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
-    # What was found stands out; on what it rests follows in smaller letters, so that the first page holds all of it.
-    leads = len(first_sentences(record))
-    found = [Paragraph(text, "lead" if k < leads else "normal") for k, text in enumerate(summary(record))]
-    return [*found, *minute(record), Paragraph(limits(record)), *_shown(pictures, "published", "stiffness_planes")]
+    """The first page: what was found, how sure it is and why, and one picture with its scale."""
+    lead = [Paragraph(text, "lead") for text in first_sentences(record)]
+    return [*lead, trust_box(record), *_shown(pictures, "stiffness_planes")]
+
+
+def _particulars(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
+    """What was scanned, what the values stand on, what is missing, and published values."""
+    rest = [Paragraph(text) for text in summary(record)[len(first_sentences(record)) :]]
+    blocks = [*minute(record), *rest, Paragraph(limits(record)), *_shown(pictures, "published")]
+    return Section("What it stands on", blocks)
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:

@@ -28,7 +28,11 @@ if not rest.is_dir():
 case.mkdir(parents=True, exist_ok=True)
 (case / "result.json").write_text("x")
 region = {{"G_kpa": 31.5, "ci95_kpa": [20.0, 50.0], "at_bound": False}}
-print(json.dumps({{"result": {{"parameters": {{"prostate_left": region}}, "misfit": {{"rms_mm": 0.4}}}}}}))
+print("segment 16 %: rest: bladder", file=sys.stderr)
+answer = {{"result": {{"parameters": {{"prostate_left": region}}, "misfit": {{"rms_mm": 0.4}}}}}}
+answer["diagnosis"] = {{"verdict": "ambiguous", "candidates": ["sliding"], "gap": {{"p_value": 0.01}}}}
+answer["conclusions"] = {{"how_sure": {{"prostate_left": "moderate"}}, "contours": {{"rest": "drawn by hand"}}, "warnings": ["a", "b"]}}
+print(json.dumps(answer))
 """
 
 
@@ -62,10 +66,25 @@ def test_one_that_fails_takes_no_other_along_and_a_rerun_does_only_it(tmp_path: 
     rows = list(csv.DictReader((out / "results.csv").open()))
     assert [row["name"] for row in rows] == ["A", "B", "C"] and rows[0]["prostate_left_kpa"] == "31.5"
     assert (rows[0]["prostate_left_low_kpa"], rows[0]["misfit_rms_mm"]) == ("20.0", "0.4")
+    assert (rows[0]["verdict"], rows[0]["p_value"], rows[0]["prostate_left_how_sure"]) == (
+        "ambiguous",
+        "0.01",
+        "moderate",
+    )
+    assert (rows[0]["candidates"], rows[0]["contours_rest"], rows[0]["warnings"]) == (
+        "sliding",
+        "drawn by hand",
+        "a; b",
+    )
+    assert found[0].values["prostate_left_kpa"] == 31.5 and found[0].values["prostate_left_at_bound"] is False
     assert any(f"--rest-labels {tmp_path / 'rs.dcm'}" in line and "--workers 2" in line for line in asked(tmp_path))
     (tmp_path / "b").mkdir()
     again = batch.run_all(patients, out, ["--workers", "2"], 1, lambda n, one: None, program)
     assert [one.status for one in again] == ["done"] * 3 and len(asked(tmp_path)) == 4, "only B once more"
+    filled = [
+        {key: value for key, value in one.values.items() if value not in (None, "")} for one in (again[0], found[0])
+    ]
+    assert filled[0] == filled[1], "numbers are numbers again when they are read back"
     batch.run_all(patients, out, ["--workers", "1"], 1, lambda n, one: None, program)
     assert len(asked(tmp_path)) == 7, "other options are another run"
 
@@ -78,16 +97,35 @@ def test_one_that_fails_takes_no_other_along_and_a_rerun_does_only_it(tmp_path: 
         ("name,rest,deformed\nA,a,b,c\n", "line 2 has 4 cells under 3 columns, 'c' under none"),
         ("name,rest,deformed\nA,a,b, May/ct\n", "line 2 has 4 cells under 3 columns, 'May/ct' under none"),
         ("name,rest,deformed,rest\nA,a,b,c\n", "the column 'rest' twice"),
-        ("name,rest,deformed\nResults.csv,a,b\n", "line 2: Results.csv is the name of the table of results"),
         ("name,rest,deformed\n", "has no patient"),
-        ("name,rest,deformed\nA,a,b\na,c,d\n", "the name 'A' twice"),
-        ("name,rest,deformed\n../A,a,b\n", r"line 2: the name '\.\./A' is no folder's name"),
-        ("name,rest,deformed\nA,,b\n", "line 2: rest is empty"),
     ],
 )
-def test_a_table_that_is_wrong_is_told_by_its_line(tmp_path: Path, text: str, said: str) -> None:
+def test_what_is_no_table_is_refused(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         batch.read_table(table(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("B,c,d", "the name 'B' twice"),
+        ("../A,a,b", "line 4: the name '../A' is no folder's name"),
+        ("C,,b", "line 4: rest is empty"),
+    ],
+)
+def test_a_row_that_is_wrong_is_told_and_the_others_are_done(
+    tmp_path: Path, program: tuple[str, ...], row: str, said: str
+) -> None:
+    (tmp_path / "a").mkdir()
+    path = table(tmp_path, f"name,rest,deformed\nA,a,x\nB,a,x\n{row}\n")
+    lines: list[str] = []
+    out = tmp_path / "out"
+    found = batch.run_all(batch.read_table(path), out, [], 1, lambda n, one: None, program, heard=lines.append)
+    assert [one.status for one in found] == ["done", "done", "failed"] and said in found[2].error
+    assert [r["status"] for r in csv.DictReader((out / "results.csv").open())] == ["done", "done", "failed"]
+    assert lines[:2] == ["A: begun", "A: segment 16 %: rest: bladder"], (
+        "what a patient's run is doing is heard as it goes"
+    )
 
 
 def test_the_command_ends_with_3_and_tells_who_failed(
@@ -95,8 +133,8 @@ def test_the_command_ends_with_3_and_tells_who_failed(
 ) -> None:
     (tmp_path / "a").mkdir()
     path = table(tmp_path, "name,rest,deformed\nA,a,x\nB,b,x\n")
-    monkeypatch.setattr(batch.run_one, "__defaults__", (program,))
-    monkeypatch.setattr(batch.run_all, "__defaults__", (program, None))
+    monkeypatch.setattr(batch.run_one, "__defaults__", (program, lambda line: None))
+    monkeypatch.setattr(batch.run_all, "__defaults__", (program, None, lambda line: None))
     assert cli.main(["batch", str(path), "-o", str(tmp_path / "out"), "--json", "--quiet"]) == 3
     answer = json.loads(capfd.readouterr().out)
     assert answer["error"].startswith("1 of 2 patients failed") and "B:" in answer["error"]

@@ -21,17 +21,21 @@ from palpate.case.aligned_labels import NOTE, in_own_frame
 from palpate.case.case_folder import CaseFolder
 from palpate.case.labels_on_scan import labels_on_scan
 from palpate.case.second_contours import second_contours
+from palpate.case.steps.returned_labels import compared
 from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_workspace import read_workspace
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.contours.user_labels import UserLabels, read_user_labels
 from palpate.imaging.dicom.write import write_ct_series
 from palpate.imaging.grid import in_lps_order, labels_on, labels_resampled
-from palpate.imaging.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.labels import LABELS, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.ui.cli import main as cli
-from palpate.ui.dicom.structures import TG263
+from palpate.ui.dicom.codes import TG263
 from palpate.ui.export import exporter
+from palpate.ui.report.quality import quality
+from palpate.ui.report.record import read_record
+from palpate.ui.report.report_step import exported_volumes
 
 # Form -> file at rest, file of the deformed scan (in its own frame), whether surrounding tissue is in it.
 FORMS = {
@@ -112,6 +116,53 @@ def test_the_deformed_scan_has_its_contours_in_its_own_frame(form: str, fine: Ca
     assert_same(found.volume, labels_resampled(wanted, volume), name=form)
     with pytest.raises(InputError, match="was drawn on another scan"):
         read_back(fine, tmp_path / FORMS[form][1])
+
+
+@pytest.mark.parametrize("state", ["rest", "deformed"])
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("dicom-seg", "{}_seg.dcm"), ("rtstruct", "{}_rtstruct.dcm"), ("itksnap", "{}.itksnap"),
+        ("itksnap", "{}_labels.nii.gz"), ("nrrd", "{}_labels.seg.nrrd"),
+    ],
+)  # fmt: skip
+def test_labels_that_come_back_unchanged_differ_in_no_voxel(
+    form: str, name: str, state: str, fine: CaseFolder, tmp_path: Path
+) -> None:
+    exporter(form).export(fine, tmp_path)
+    found, ct = fine.labels(state), fine.ct(state)
+    given = second_contours(fine, state, tmp_path / name.format(state))
+    back = compared(found, given, ct)
+    assert back.changed == () and {"prostate", "bladder", "rectum"} <= set(back.kept)
+    assert np.array_equal(back.labels.array, found.array)
+    one = tuple(np.argwhere(given.array == RECTUM)[7])
+    array = given.array.copy()
+    array[one] = 0
+    assert compared(found, given.with_array(array), ct).changed == ("rectum",)
+
+
+def test_the_report_has_the_volumes_that_exports_have(fine: CaseFolder, tmp_path: Path) -> None:
+    exporter("dicom-seg").export(fine, tmp_path)
+    told = exported_volumes(fine)
+    for state in ("rest", "deformed"):
+        found = read_user_labels(tmp_path / f"{state}_seg.dcm", *fine.series(state)).volume
+        cc = float(np.prod(found.spacing)) / 1000.0
+        assert {1, 2, 5, 6} <= set(np.unique(found.array))
+        for value in np.unique(found.array[found.array > 0]):
+            assert told[state][LABELS[int(value)]] == pytest.approx((found.array == value).sum() * cc, abs=1e-3)
+    text = str(quality(read_record(fine, {}), [], told).blocks)
+    assert (
+        f"left half of the prostate {told['rest']['prostate_left']:.1f} and {told['deformed']['prostate_left']:.1f} cc"
+        in text
+    )
+
+
+def test_seg_and_rtstruct_share_names(fine: CaseFolder, tmp_path: Path) -> None:
+    for form in ("dicom-seg", "rtstruct"):
+        exporter(form).export(fine, tmp_path)
+    segments = {s.SegmentLabel for s in pydicom.dcmread(tmp_path / "rest_seg.dcm").SegmentSequence}
+    structures = {s.ROIName for s in pydicom.dcmread(tmp_path / "rest_rtstruct.dcm").StructureSetROISequence}
+    assert segments == structures - {"Prostate"} and "Prostate_L" in segments
 
 
 def test_simpleitk_and_pydicom_agree_on_place(fine: CaseFolder, tmp_path: Path) -> None:

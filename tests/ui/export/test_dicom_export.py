@@ -24,9 +24,9 @@ from phantoms import CENTRE, MARKER, affine, result, write_case
 from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.case.labels_on_scan import without_tissue
 from palpate.core.errors import InputError
-from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.cli import main as cli
+from palpate.ui.dicom.codes import TG263
 from palpate.ui.export import exporter
 
 FORMS = ("dicom-seg", "dicom-pm", "dicom-sr", "dicom-pdf", "dicom-reg", "rtstruct")
@@ -62,9 +62,9 @@ def assert_segments_are(path: Path, wanted: Volume) -> None:
     """Every organ of the labels, voxel by voxel; the surrounding tissue is none."""
     found = hd.seg.segread(path)
     wanted = without_tissue(wanted, False)
-    assert {LABELS[int(v)] for v in np.unique(wanted.array) if v} == {s.SegmentLabel for s in found.SegmentSequence}
+    assert {TG263[int(v)] for v in np.unique(wanted.array) if v} == {s.SegmentLabel for s in found.SegmentSequence}
     for item in found.SegmentSequence:
-        value = next(v for v, name in LABELS.items() if name == item.SegmentLabel)
+        value = next(v for v, name in TG263.items() if name == item.SegmentLabel)
         volume = volume_of(found.get_volume(segment_numbers=[item.SegmentNumber], combine_segments=True, relabel=True))
         assert_same_places(places(volume, volume.array > 0), places(wanted, wanted.array == value))
 
@@ -144,7 +144,7 @@ def test_measurements_by_region_with_interval(written: dict[str, Path]) -> None:
         region = group.referenced_segment[0]
         assert region.referenced_sop_instance_uid == segments.SOPInstanceUID
         number = region.referenced_segment_numbers[0]
-        assert segments.SegmentSequence[number - 1].SegmentLabel == group.tracking_identifier
+        assert segments.SegmentSequence[number - 1].TrackingID == group.tracking_identifier
         side = group.finding_sites[0].laterality.meaning
         seen[side] = [*(round(float(v), 3) for v in found.values()), float(deviation[0])]
         assert next(iter(found)) == "Small-strain shear modulus G"

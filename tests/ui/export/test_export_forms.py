@@ -115,7 +115,7 @@ def test_surrounding_tissue_leaves_only_where_it_is_asked_for(case: CaseFolder, 
         seen[tissue] = [
             3 in np.unique(nib.load(folder / "rest_labels.nii.gz").get_fdata()),
             3 in np.unique(sitk.GetArrayFromImage(sitk.ReadImage(str(folder / "rest_labels.seg.nrrd")))),
-            "surrounding_tissue" in {s.SegmentLabel for s in pydicom.dcmread(folder / "rest_seg.dcm").SegmentSequence},
+            "zTissue" in {s.SegmentLabel for s in pydicom.dcmread(folder / "rest_seg.dcm").SegmentSequence},
             "zTissue" in {roi.ROIName for roi in structures},
         ]
     assert seen == {False: [False] * 4, True: [True] * 4}

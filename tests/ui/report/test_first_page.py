@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from dicom_cases import NAME, NUMBER, pair
 from phantoms import affine, result
 
 from palpate.ui.pictures.published_scale import published_scale
-from palpate.ui.report import first_page
+from palpate.ui.report import first_page, trust
 from palpate.ui.report.record import CaseRecord, read_record
 
 
@@ -30,7 +31,7 @@ def with_interval(record: CaseRecord, tmp_path: Path, factor: float, **misfit: f
     case = pair(tmp_path / f"case_{factor}_{len(misfit)}", affine(), deformed=False)
     case.write_json("result.json", facts)
     read = read_record(case, {})
-    return first_page.how_sure(read.regions[0], read)
+    return trust.how_sure(read.regions[0], read)
 
 
 @pytest.mark.parametrize(
@@ -38,8 +39,8 @@ def with_interval(record: CaseRecord, tmp_path: Path, factor: float, **misfit: f
 )
 def test_the_word_follows_the_printed_rule(record: CaseRecord, tmp_path: Path, factor: float, word: str) -> None:
     assert with_interval(record, tmp_path, factor) == word
-    assert all(f"{name}:" in first_page.SURE_RULE for name in ("high", "moderate", "low", "none"))
-    assert all(f"up to {most:g}" in first_page.SURE_RULE for most, _ in first_page.SURE)
+    assert all(f"{name}:" in trust.SURE_RULE for name in ("high", "moderate", "low", "none"))
+    assert all(f"up to {most:g}" in trust.SURE_RULE for most, _ in trust.SURE)
 
 
 def test_a_misfit_beyond_the_contours_own_error_takes_a_word_away(record: CaseRecord, tmp_path: Path) -> None:
@@ -58,7 +59,7 @@ def test_scans_volumes_and_values_stand_in_tables_that_name_nobody(record: CaseR
     assert volumes[2] == pytest.approx(volumes[0] + volumes[1], abs=0.11)
     low, high = (float(value) for value in whole[2].split(" to "))
     assert 40.0 < low < high < 120.0
-    said = str([scans, found, *first_page.missing(record)])
+    said = str([scans, found, *trust.missing(record)])
     assert NAME not in said and NUMBER not in said
 
 
@@ -85,5 +86,18 @@ def test_the_scale_shows_what_was_found_above_what_is_published(record: CaseReco
 
 
 def test_what_is_missing_is_told(record: CaseRecord) -> None:
-    lines = first_page.missing(record)
+    lines = trust.missing(record)
     assert any("Diagnose has not been run" in line for line in lines) and any("assumed" in line for line in lines)
+    assert any("go together: assumed, 7 mm" in line for line in lines) and any("G = 20 kPa" in line for line in lines)
+
+
+@pytest.mark.parametrize(("method", "word"), [("auto", "moderate"), ("six points", "moderate"), ("user", "high")])
+def test_unchecked_automatic_contours_never_give_high(record: CaseRecord, method: str, word: str) -> None:
+    organs = {"organs": {"prostate": {"method": method, "confidence": 0.9, "volume_cc": 30.0}}}
+    told = replace(record, segmentation={"states": {"rest": organs, "deformed": organs}})
+    assert trust.how_sure(record.regions[0], record) == "high", "labels that came with the case"
+    assert trust.how_sure(record.regions[0], told) == word
+    box = trust.trust_box(told).text.splitlines()
+    assert box[0] == f"How sure, left half: {word} (95 % interval within a factor of 1.20)."
+    assert ("nobody has checked them" in box[-1]) == (word == "moderate")
+    assert any("found automatically" in line for line in trust.missing(told)) == (word == "moderate")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 from phantoms import recorded
 from PIL import Image
 from pypdf import PdfReader
@@ -13,6 +15,7 @@ from reportlab.pdfbase.pdfmetrics import stringWidth
 from palpate.case.case_folder import CaseFacts
 from palpate.ui.cli.commands import import_scans, segment
 from palpate.ui.pictures.lettering import SMALLEST
+from palpate.ui.pictures.slices import as_pdf
 from palpate.ui.report import document as doc
 from palpate.ui.report import pdf
 from palpate.ui.report.pdf_parts import column_widths
@@ -43,6 +46,16 @@ def test_two_pictures_that_nearly_fit_share_a_page(tmp_path: Path) -> None:
     pictures = [picture(tmp_path, height) for height in (620, 621)]
     path = pdf.write_pdf(doc.Document("Title", "case", [doc.Section("Fit", pictures)]), tmp_path / "x.pdf")
     assert len(PdfReader(path).pages) == 1
+
+
+def test_figures_are_vectors_in_the_pdf(tmp_path: Path) -> None:
+    figure = Figure(figsize=(4.0, 2.0))
+    figure.subplots().set_title("a title of letters")
+    drawn = replace(picture(tmp_path, 500), vector=as_pdf(figure))
+    page = PdfReader(pdf.write_pdf(doc.Document("T", "c", [doc.Section("Fit", [drawn])]), tmp_path / "x.pdf")).pages[0]
+    assert "a title of letters" in page.extract_text() and not page.images
+    pixels = doc.Document("T", "c", [doc.Section("Fit", [picture(tmp_path, 500)])])
+    assert PdfReader(pdf.write_pdf(pixels, tmp_path / "y.pdf")).pages[0].images
 
 
 def test_pictures_stand_in_the_order_of_their_numbers(tmp_path: Path) -> None:

@@ -49,6 +49,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     from palpate.core.files.json_types import plain
     from palpate.ui.cli.search_and_diagnosis import search_and_diagnose
     from palpate.ui.report import report_step
+    from palpate.ui.report.conclusions import conclusions
 
     began = time.monotonic()
     # A wrong option is told before the work, not after it.
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     text = [*import_scans.text_of(imported), *states, *segment.text_of(labelled), mesh.text_of(case, meshed)]
     text += [*identify.text_of(case, found), *said, *report.text_of(written)]
     data = {"case": str(case.path), "import": imported, "segment": labelled, "mesh": meshed, "result": plain(found)}
-    return data | told | {"report": written}, "\n".join(text)
+    return data | told | {"conclusions": conclusions(case), "report": written}, "\n".join(text)
 
 
 def _look(args: argparse.Namespace) -> DiagnoseOptions | None:

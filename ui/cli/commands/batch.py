@@ -1,7 +1,8 @@
 """Many patients from one table, each the whole way from two scans to a report.
 
 TABLE is CSV with the columns name, rest, deformed and, if wanted, rest_labels, deformed_labels; paths are relative to its folder.
-A patient who fails is told and passed over; FOLDER/results.csv has one line a patient. The same command goes on where it stopped.
+A patient who fails, or whose row is wrong, is told and passed over. FOLDER/results.csv has one line a patient: stiffness,
+interval, how sure, misfit, verdict and its p-value, where the contours are from, and warnings. The same command goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -40,12 +41,19 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     patients = batch.read_table(args.table)
     given = [("--workers", args.workers), ("--seed", next(iter(args.seed), None))]
     options = [word for name, value in given if value is not None for word in (name, str(value))]
+    done = 0
     with console.progress(NAME) as progress:
 
         def told(count: int, outcome: batch.Outcome) -> None:
+            nonlocal done
+            done = count
             progress(count / len(patients), f"{outcome.name}: {outcome.error or outcome.status}")
 
-        outcomes = batch.run_all(patients, args.output, options, args.parallel, told, cluster=args.cluster)
+        def heard(line: str) -> None:
+            progress(done / len(patients), line)
+
+        progress(0.0, f"{len(patients)} patients")
+        outcomes = batch.run_all(patients, args.output, options, args.parallel, told, cluster=args.cluster, heard=heard)
     failed = [one for one in outcomes if one.status == batch.FAILED]
     results = args.output / batch.RESULTS
     rows = [{"name": one.name, "status": one.status, "error": one.error, **one.values} for one in outcomes]
