@@ -139,7 +139,7 @@ def _refuse_empty(rois: Mapping[str, Contoured], wanted: Mapping[str, Sequence[s
             raise InputError(f"{path}: structure {empty[0]} has no closed contours; draw them or choose another")
 
 
-def _types(dataset: pydicom.Dataset, rois: Mapping[str, _Roi]) -> dict[str, str]:
+def _types(dataset: pydicom.Dataset, rois: Mapping[str, Contoured]) -> dict[str, str]:
     """Name -> what the file says that a structure is (RTROIInterpretedType), where it says so."""
     by_number: dict[int, str] = {}
     for item in dataset.get("RTROIObservationsSequence") or []:
