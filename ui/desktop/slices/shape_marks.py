@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from palpate.case.measurements import REGIONS, Measurement
+from palpate.case.measured.measurements import REGIONS, Measurement
 from palpate.imaging.labels import LABELS
 from palpate.ui.desktop import style
 from palpate.ui.desktop.session.display import PAINTS, Display
