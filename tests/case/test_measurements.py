@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from phantoms import write_case
 
-from palpate.case.measurements import FILE, Measurement, read_measurements, write_measurements
+from palpate.case.measured.measurements import FILE, Measurement, read_measurements, write_measurements
 from palpate.core.errors import InputError
 
 

@@ -13,7 +13,7 @@ from pydicom.sr.coding import Code
 from pydicom.uid import UID, generate_uid
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.measurements import FILE as MEASUREMENTS
+from palpate.case.measured.measurements import FILE as MEASUREMENTS
 from palpate.core.errors import InputError
 from palpate.imaging.labels import PROSTATE_LEFT
 from palpate.ui.dicom import codes as own

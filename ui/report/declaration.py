@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from palpate.case.measurements import FILE as MEASUREMENTS
+from palpate.case.measured.measurements import FILE as MEASUREMENTS
 from palpate.case.steps.step import Step
 from palpate.ui.report.drawn_by import drawn_by
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from palpate.case.measurements import REGIONS, Measurement, Point
+from palpate.case.measured.measurements import REGIONS, Measurement, Point
 from palpate.core.arrays import FloatArray
 from palpate.core.identify.map.region_mean import RegionMean, region_mean
 from palpate.imaging.labels import ORGAN_LABELS

@@ -17,7 +17,7 @@ from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.history import Entry
 from palpate.case.identified import read_result
 from palpate.case.matched import read_matched_motion
-from palpate.case.measurements import read_measurements
+from palpate.case.measured.measurements import read_measurements
 from palpate.case.step_records import AlignmentRecord, ImportRecord, SegmentationRecord
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord

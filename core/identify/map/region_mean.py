@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.arrays import FloatArray
-from palpate.core.identify.map.smoothness_prior import SmoothPrior
-from palpate.core.identify.map.stiffness_map import painted
+from palpate.core.arrays import FloatArray, IntArray
+from palpate.core.identify.map.stiffness_map import nearest_patch, painted
 
 # Of the file of the map, where it holds it: (n, n) covariance of ln G of the patches.
 COVARIANCE = "covariance"
@@ -29,8 +28,10 @@ class RegionMean:
     told_share: float
 
 
-def region_mean(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -> RegionMean:
-    """Mean over points (p, 3) mm that lie evenly in a region of the organ.
+def region_mean(
+    arrays: Mapping[str, NDArray[np.generic]], points: FloatArray, labels: IntArray | None = None
+) -> RegionMean:
+    """Mean over points (p, 3) mm, with labels (p,) of their halves, that lie evenly in a region of the organ.
 
     arrays : of `StiffnessMap.arrays`. The interval is that of ln(mean G) by the delta method: with the covariance of
     the patches where the file holds it. Where it holds their standard deviations only, patches are taken as fully
@@ -38,21 +39,17 @@ def region_mean(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray) -
     """
     if not len(points):
         return RegionMean(None, None, 0.0)
-    G, told = painted(arrays, points)
+    G, told = painted(arrays, points, labels)
     if not told.any():
         return RegionMean(None, None, 0.0)
     mean = float(G[told].mean())
-    spread = float(np.exp(_NORMAL_95 * _sd_of_ln_mean(arrays, points[told], G[told])))
+    spread = float(np.exp(_NORMAL_95 * _sd_of_ln_mean(arrays, nearest_patch(arrays, points, labels)[told], G[told])))
     return RegionMean(mean, (mean / spread, mean * spread), float(told.mean()))
 
 
-def _sd_of_ln_mean(arrays: Mapping[str, NDArray[np.generic]], points: FloatArray, G: FloatArray) -> float:
-    """Standard deviation of ln(mean G) over points (p, 3) whose values are G (p,)."""
-    prior = SmoothPrior(*(float(v) for v in np.asarray(arrays["prior"], dtype=float)))
-    centres = np.asarray(arrays["centres"], dtype=float)
-    towards = (G / G.sum()) @ prior.covariance(points, centres)
-    # Derivative of ln(mean G) by ln G of each patch: the map between patches is linear in ln G.
-    weights = np.linalg.solve(prior.covariance(centres, centres), towards)
+def _sd_of_ln_mean(arrays: Mapping[str, NDArray[np.generic]], patch: IntArray, G: FloatArray) -> float:
+    """Standard deviation of ln(mean G) over points whose values are G (p,), in the patches patch (p,)."""
+    weights = np.bincount(patch, G / G.sum(), len(np.asarray(arrays["sd"])))
     if COVARIANCE in arrays:
         return float(np.sqrt(weights @ np.asarray(arrays[COVARIANCE], dtype=float) @ weights))
-    return float(np.abs(weights) @ np.asarray(arrays["sd"], dtype=float))
+    return float(weights @ np.asarray(arrays["sd"], dtype=float))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QRectF, QSize, Qt
 
-from palpate.case.measurements import Measurement, angle_degrees
+from palpate.case.measured.measurements import Measurement, angle_degrees
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.slices import shape_marks, slice_marks
 from palpate.ui.desktop.slices.slice_viewport import Screen, Viewport

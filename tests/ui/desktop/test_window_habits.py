@@ -14,7 +14,7 @@ from map_arrays import map_arrays
 from phantoms import CENTRE, map_facts, result, write_case
 from x_display import needs_xvfb, x_display
 
-from palpate.case.measurements import read_measurements
+from palpate.case.measured.measurements import read_measurements
 from palpate.core.identify.map.region_mean import region_mean
 
 pytestmark = needs_xvfb

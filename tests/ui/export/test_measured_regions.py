@@ -14,7 +14,7 @@ from map_arrays import map_arrays
 from phantoms import CENTRE, map_facts, result, write_case
 
 from palpate.case.case_folder import CaseFolder
-from palpate.case.measurements import Measurement, write_measurements
+from palpate.case.measured.measurements import Measurement, write_measurements
 from palpate.ui.export import exporter
 from palpate.ui.report.declaration import REPORT
 from palpate.ui.report.document import Table

@@ -8,7 +8,7 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QListWidget, QListWidgetItem, QPushButton, QVBoxLayout, QWidget
 
-from palpate.case.measurements import REGIONS
+from palpate.case.measured.measurements import REGIONS
 from palpate.ui.desktop import style
 from palpate.ui.desktop.panels.panel_parts import Choice, group
 from palpate.ui.desktop.session.controller import Controller

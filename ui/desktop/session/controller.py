@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from palpate.case.case_folder import STATES
-from palpate.case.measurements import REGIONS
+from palpate.case.measured.measurements import REGIONS
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session import steps
 from palpate.ui.desktop.session.display import FIXED_SCALES, OVER_LABELS, PAINTS, Display

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from string import ascii_uppercase
 
-from palpate.case.measurements import (
+from palpate.case.measured.measurements import (
     REGIONS,
     Measurement,
     Point,

@@ -17,7 +17,7 @@ import numpy as np
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.identified import read_result
-from palpate.case.measurements import read_measurements
+from palpate.case.measured.measurements import read_measurements
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen
 
-from palpate.case.measurements import REGIONS, Measurement
+from palpate.case.measured.measurements import REGIONS, Measurement
 from palpate.imaging.labels import LABELS
 from palpate.ui.desktop import style
 from palpate.ui.desktop.session.display import PAINTS, Display
@@ -19,6 +19,8 @@ TOOLS = {
     **{"window": "Window", "ruler": "Ruler", "angle": "Angle", "ellipse": "Ellipse", "region": "Free region"},
 }
 _WORDS_WIDE, _WORDS_HIGH = 180.0, 18.0
+# Room of the letter at the right edge, pixels.
+_LETTER = 24.0
 
 
 def tool_words(painter: QPainter, screen: Screen, display: Display) -> str:
@@ -47,7 +49,7 @@ def measurement(painter: QPainter, screen: Screen, one: Measurement, words: str,
         return
     _lines(painter, pixels, closed=one.kind in REGIONS, ends=one.kind not in REGIONS)
     at = pixels[1] if one.kind == "angle" else max(pixels, key=lambda pixel: pixel.x())
-    left = max(8.0, min(at.x() + 8.0, screen.size.width() - slice_marks.wide(painter, words) - 8.0))
+    left = max(8.0, min(at.x() + 8.0, screen.size.width() - slice_marks.wide(painter, words) - _LETTER))
     side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
     slice_marks.text(painter, QRectF(left, at.y() - 9, _WORDS_WIDE, _WORDS_HIGH), words, side, style.RULER)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import QPoint, QPointF, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPainterPath, QPen, QPolygonF
 
-from palpate.case.measurements import REGIONS
+from palpate.case.measured.measurements import REGIONS
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop import style
 from palpate.ui.desktop.session.controller import Controller

@@ -1,0 +1,1 @@
+"""What a person measured on the slices of a case."""
