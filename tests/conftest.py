@@ -66,8 +66,17 @@ def shown(pytestconfig: pytest.Config) -> list[str]:
     return pytestconfig.stash.setdefault(TABLE, [])
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first; all else in the order in which it was found."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--nightly` : the tests marked `nightly` too."""
+    parser.addoption("--nightly", action="store_true", help="also what takes minutes and changes seldom")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The longest files first; all else in the order in which it was found. Nightly tests only where they are asked for."""
+    late = [] if config.getoption("--nightly") else [one for one in items if one.get_closest_marker("nightly")]
+    if late:
+        config.hook.pytest_deselected(items=late)
+        items[:] = [one for one in items if not one.get_closest_marker("nightly")]
     place = {name: k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.nodeid.partition("::")[0], len(place)))
 

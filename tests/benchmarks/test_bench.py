@@ -32,6 +32,7 @@ def quick():
     return result, told
 
 
+@pytest.mark.nightly
 def test_quick_bench_is_a_json_object_with_every_part(quick):
     result, told = quick
     assert json.loads(json.dumps(result, allow_nan=False))["quick"] is True
@@ -42,6 +43,7 @@ def test_quick_bench_is_a_json_object_with_every_part(quick):
     assert fractions == sorted(fractions) and fractions[-1] <= 1.0
 
 
+@pytest.mark.nightly
 def test_quick_bench_solves_and_whoever_is_here_agrees(quick):
     (row,) = quick[0]["equilibrium"]
     assert row["palpate"]["reason"] == "" and row["palpate"]["seconds"] > 0.0
@@ -53,6 +55,7 @@ def test_quick_bench_solves_and_whoever_is_here_agrees(quick):
     assert all(reason for reason in quick[0]["skipped_peers"].values())
 
 
+@pytest.mark.nightly
 def test_quick_bench_holds_what_is_promised_of_workers_and_of_the_reduced_model(quick):
     assert quick[0]["workers"]["same_bits"] is True
     reduced = quick[0]["reduced_model"]
@@ -60,10 +63,14 @@ def test_quick_bench_holds_what_is_promised_of_workers_and_of_the_reduced_model(
     assert reduced["estimate_over_error_smallest"] >= 0.5
 
 
+@pytest.mark.nightly
 def test_quick_bench_fits_exponents(quick):
     p1 = quick[0]["scaling"]["elements"]["p1"]
     assert [r["cells"] for r in p1["rows"]] == sorted(r["cells"] for r in p1["rows"])
     assert 0.2 < p1["seconds_exponent"] < 2.5
+
+
+def test_an_exponent_is_that_of_the_power_law():
     assert fitted_exponent([(n, 3.0 * n**1.37) for n in (1e3, 1e4, 1e5)]) == pytest.approx(1.37)
     assert fitted_exponent([(1.0, 1.0)]) is None
 
@@ -202,6 +209,7 @@ def bench_through_run(folder: Path, name: str):
                       "--peer", name, "--peers-dir", str(folder))  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_peers_are_compared_through_run(tmp_path):
     pytest.importorskip("pypardiso", reason="scikit-fem with pardiso needs an x86 processor")
     done = bench_through_run(tmp_path, "scikit-fem")
@@ -212,6 +220,7 @@ def test_peers_are_compared_through_run(tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_a_peer_that_cannot_start_ends_the_bench_through_run_with_its_own_last_line(tmp_path):
     if importlib.util.find_spec("felupe"):
         pytest.skip("FElupe is installed here; the test needs a peer that is not")

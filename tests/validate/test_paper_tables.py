@@ -18,6 +18,7 @@ def study() -> dict[str, Any]:
     return table1(TableOptions.quick())
 
 
+@pytest.mark.nightly
 def test_what_is_found_rises_with_the_tumour_and_is_near_what_the_half_has(study: dict[str, Any]) -> None:
     assert study["rises"] and study["correlation"]["clean"] > 0.9
     for row in study["rows"]:
@@ -27,6 +28,7 @@ def test_what_is_found_rises_with_the_tumour_and_is_near_what_the_half_has(study
         assert (low < row["effective_mu_kpa"]).all() and (high > row["effective_mu_kpa"]).all()
 
 
+@pytest.mark.nightly
 def test_the_study_tells_and_draws_the_papers_values_beside(study: dict[str, Any]) -> None:
     told = STUDIES["table1"].text(study)
     assert "0.9659" in told and len(told.splitlines()) == len(study["rows"]) + 7

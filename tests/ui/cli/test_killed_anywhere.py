@@ -40,6 +40,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_block_case(tmp_path_factory.mktemp("killed") / "pair", problem, 4.5).path
 
 
+@pytest.mark.nightly
 def test_killed_at_every_stage_it_ends_as_if_nothing_had_been(pair: Path, tmp_path: Path) -> None:
     calm, killed = tmp_path / "calm", tmp_path / "killed"
     shutil.copytree(pair, calm)

@@ -25,7 +25,7 @@ from palpate.ui.cli.signals import descendants
 
 X, Y, Z = (float(c) for c in phantom.prostate_centroid())
 
-pytestmark = needs_xvfb
+pytestmark = [needs_xvfb, pytest.mark.nightly]
 
 
 # A laptop's screen at 150 %, and a large one.

@@ -47,7 +47,7 @@ print(json.dumps(told))
 """
 
 
-@pytest.mark.parametrize("size", ["1280x720", "3840x2160"])
+@pytest.mark.parametrize("size", ["1280x720", pytest.param("3840x2160", marks=pytest.mark.nightly)])
 def test_everything_is_on_the_screen(size: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
     case = write_case(tmp_path / "case", ct=True)
