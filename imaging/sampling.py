@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from palpate.core.arrays import FloatArray, IntArray
-
-Grid = NDArray[np.floating[Any]]
+from palpate.core.arrays import BoolArray, FloatArray, IntArray, NumberArray
 
 
-def linear(values: Grid, index: FloatArray) -> FloatArray:
+def linear(values: NumberArray, index: FloatArray) -> FloatArray:
     """Values (n, c) of fields (ni, nj, nk, c) at indices (n, 3), linear along each axis; the nearest edge value beyond the
     grid. Rounded as the fields' numbers are."""
     out = np.empty((len(index), values.shape[3]), dtype=values.dtype)
@@ -22,7 +17,7 @@ def linear(values: Grid, index: FloatArray) -> FloatArray:
     return np.asarray(out, dtype=np.float64)
 
 
-def cubic(coefficients: Grid, index: FloatArray) -> Grid:
+def cubic(coefficients: NumberArray, index: FloatArray) -> NumberArray:
     """Values (n,) of cubic B-splines with coefficients (ni, nj, nk) at indices (n, 3), in the coefficients' type; the nearest
     edge value beyond the grid."""
     out = np.empty(len(index), dtype=coefficients.dtype)
@@ -34,7 +29,7 @@ def cubic(coefficients: Grid, index: FloatArray) -> Grid:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _linear(values: Grid, index: FloatArray, out: Grid) -> None:
+def _linear(values: NumberArray, index: FloatArray, out: NumberArray) -> None:
     at, weight = np.empty((3, 2), dtype=np.int64), np.empty((3, 2))
     for q in range(len(index)):
         _ends(values.shape, index[q], at, weight)
@@ -59,7 +54,7 @@ def _ends(shape: tuple[int, ...], index: FloatArray, at: IntArray, weight: Float
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _cubic(coefficients: Grid, index: FloatArray, out: Grid, inside: NDArray[np.bool_]) -> None:
+def _cubic(coefficients: NumberArray, index: FloatArray, out: NumberArray, inside: BoolArray) -> None:
     """Leaves out what has no two grid points on either side along some axis."""
     first, weight = np.empty(3, dtype=np.int64), np.empty((3, 4))
     for q in range(len(index)):

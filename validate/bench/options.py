@@ -12,7 +12,7 @@ PARTS = ("equilibrium", "scaling", "reduced_model", "workers", "identification")
 class BenchOptions:
     """quick : small scenes, under a minute, no environment is made for the peers.
 
-    parts : of `PARTS`, what to measure.
+    parts : what to measure: of `PARTS`, or "steps", which takes minutes (`bench.steps`).
     sizes : about how many tetrahedra. ratios : v1 / mu. elements : "p1" at every ratio and drive, the others at `costly_ratio`.
     repeats : rounds in which all contenders solve in turn. rtol : relative residual. limit_s : for one solve.
     peers : names to look for (felupe, scikit-fem, calculix, dolfinx), None for all. peers_dir : where FElupe's and scikit-fem's

@@ -20,6 +20,7 @@ from palpate.validate.bench.options import BenchOptions
 from palpate.validate.bench.reduced_study import ReducedFigures, reduced_study
 from palpate.validate.bench.scaling import Scaling, scaling
 from palpate.validate.bench.scene_file import BenchScene
+from palpate.validate.bench.steps import StepCosts, step_costs
 from palpate.validate.bench.workers import WorkerFigures, worker_scaling
 
 _Load = tuple[float, float, float]  # averages over 1, 5 and 15 minutes
@@ -60,6 +61,7 @@ class BenchTable(TypedDict):
     reduced_model: NotRequired[ReducedFigures]
     workers: NotRequired[WorkerFigures]
     identification: NotRequired[IdentificationTable]
+    steps: NotRequired[StepCosts]
 
 
 def run_bench(options: BenchOptions | None = None, progress: Progress = silent) -> BenchTable:
@@ -91,6 +93,9 @@ def run_bench(options: BenchOptions | None = None, progress: Progress = silent) 
             table["identification"] = _identification(options, folder, _share(progress, 0.9, 0.95))
     if "workers" in options.parts:
         table["workers"] = worker_scaling(options, _share(progress, 0.95, 1.0))
+    if "steps" in options.parts:
+        with tempfile.TemporaryDirectory(prefix="palpate-bench-") as name:
+            table["steps"] = step_costs(Path(name), progress)
     table["machine"]["load_after"] = os.getloadavg()
     return table
 

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     from palpate.validate.bench.options import BenchOptions
     from palpate.validate.bench.run import BenchTable
     from palpate.validate.bench.scaling import Cost
+    from palpate.validate.bench.steps import StepCosts
 
 NAME, HELP = "bench", "speed against other solvers"
 PEERS = ("felupe", "scikit-fem", "calculix", "dolfinx")
-PARTS = ("equilibrium", "scaling", "reduced_model", "workers", "identification")
+PARTS = ("equilibrium", "scaling", "reduced_model", "workers", "identification", "steps")
 ELEMENTS = ("p1", "p1p1", "p2", "p2p0", "p2p1")
 
 
@@ -33,7 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What to measure."""
     parser.add_argument("--quick", action="store_true", help="small scenes, under a minute; no environment is made")
     parser.add_argument("--peer", action="append", choices=PEERS, help="only this solver beside ours; may be repeated")
-    parser.add_argument("--part", action="append", choices=PARTS, help="only this part; may be repeated")
+    parser.add_argument(
+        "--part",
+        action="append",
+        choices=PARTS,
+        help="only this part; may be repeated; steps: the sample pair's way, where asked for",
+    )
     parser.add_argument("--cells", action="append", type=whole_number(100, 1_000_000), metavar="N",
                         help="only scenes of about so many tetrahedra; may be repeated")  # fmt: skip
     parser.add_argument("--element", action="append", choices=ELEMENTS, help="only this element; may be repeated")
@@ -86,7 +92,22 @@ def text_of(table: BenchTable) -> list[str]:
                      f"{_exponent(growth['memory_exponent'])} in memory")  # fmt: skip
     lines += [f"reduced model, {key}: {value}" for key, value in table.get("reduced_model", {}).items()]
     lines += [f"workers, {key}: {value}" for key, value in table.get("workers", {}).items()]
-    return lines
+    return lines + (_steps(table["steps"]) if "steps" in table else [])
+
+
+def _steps(found: StepCosts) -> list[str]:
+    """A step a line, its processor seconds in units of one factorisation and solve of its own mesh."""
+    unit = found["factorisation_cpu_seconds"]
+    head = f"one factorisation and solve, {found['unknowns']} unknowns: {unit:.3f} s of a processor"
+    rows = [
+        f"  {row['step']:10} {row['seconds']:7.1f} s, {row['cpu_seconds']:7.1f} s of a processor, "
+        f"{row['factorisations']:6.0f} factorisations"
+        for row in found["rows"]
+    ]
+    clock, cpu = (
+        sum(each) for each in zip(*((row["seconds"], row["cpu_seconds"]) for row in found["rows"]), strict=True)
+    )
+    return [head, *rows, f"  {'all':10} {clock:7.1f} s, {cpu:7.1f} s of a processor, {cpu / unit:6.0f} factorisations"]
 
 
 def _identification(found: IdentificationTable) -> list[str]:
