@@ -58,7 +58,9 @@ class DecisionRules(EvidenceRules):
     step_mm: Annotated[
         float,
         sourced(
-            "mm", "The least such step.", "Chosen: five times the error of a bone's surface, `bone_extraction_mm`."
+            "mm",
+            "The least such step.",
+            "Chosen: five times the error of a bone's surface, `EXTRACTION_MM` (core/observe/contour_noise.py).",
         ),
     ] = 1.0
     shrinkage_draws: Annotated[

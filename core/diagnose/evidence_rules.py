@@ -39,7 +39,7 @@ class EvidenceRules:
         int,
         sourced(
             "1",
-            "Sizes of noise that every evidence and the shrinkage are averaged over, the most probable ones of 486.",
+            "Sizes of noise that every evidence and the shrinkage are averaged over, the most probable ones of 135.",
             "Numerical: 25 or 80 change the log Bayes factor of the cause of a pair with images (pairs_dev, pair 1) by 0.01.",
         ),
     ] = 40

@@ -13,6 +13,7 @@ from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.effects import Effect, Variant
 from palpate.core.diagnose.posterior import JOINED, posterior
 from palpate.core.diagnose.refit.refit import Refit, refit_corrected
+from palpate.core.diagnose.refit.variants import capped
 from palpate.core.forward.composition import Composition
 from palpate.core.inference.evidence import Directions, score
 from palpate.core.inference.posterior import prior_precision
@@ -54,7 +55,8 @@ def refit_pairs(
     """Refits of the leading effect with another one beside it, best first.
 
     Every other effect is looked at, linear about the leading one's optimum and at the place where it fitted best alone. Those that are
-    probable enough beside all other hypotheses, whose log Bayes factors are given, are refitted, with the leading effect's correction.
+    probable enough beside all other hypotheses, whose log Bayes factors are given, are refitted, with the leading effect's correction. A
+    second effect that changes the stress-free mesh is capped (`variants.capped`): the correction is not of its mesh.
     """
     assert lead.hypothesis.effect is not None
     pairs = [_Pair.of(fit, lead, s) for s in screened if s.effect.id != lead.hypothesis.effect.id]
@@ -66,7 +68,7 @@ def refit_pairs(
     for pair in worth:
         found = refit_corrected(fit, pair.alone, pair.start, lead.correction)
         if found is not None:
-            out.append(replace(found, log_evidence=found.own_evidence - pair.alone.paid))
+            out.append(capped(replace(found, log_evidence=found.own_evidence - pair.alone.paid), pair.alone))
     return sorted(out, key=lambda f: -f.log_evidence)
 
 

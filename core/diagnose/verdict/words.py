@@ -24,7 +24,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     if verdict == NONE:
         return (
             f"The model meets the deformed {organ} to {missed}, as well as the {told_by} allow: nothing in these scans "
-            f"says that it leaves anything out.{_unless(diagnosis)}"
+            f"says that it leaves anything out.{_grey(diagnosis)}{_unless(diagnosis)}"
         )
     said = {s.effect.id: s.effect.words for s in diagnosis.screened}
     if verdict == UNKNOWN:
@@ -49,6 +49,19 @@ def sentence(diagnosis: Diagnosis) -> str:
         f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows, "
         f"because {words[0]}; "
         "the stiffness with this taken into account is given beside the one without."
+    )
+
+
+def _grey(diagnosis: Diagnosis) -> str:
+    """What that sentence is worth where something is left out with more probability than not; empty else."""
+    p = diagnosis.verdict.posterior
+    nothing = p.get(NONE, 1.0)
+    if nothing >= 1.0 - nothing or not diagnosis.screened:
+        return ""
+    likeliest = max(diagnosis.screened, key=lambda s: p.get(s.effect.id, 0.0))
+    return (
+        f" Yet the probability that it leaves something out is {1.0 - nothing:.2f}, most probably that {likeliest.effect.words} "
+        f"({p.get(likeliest.effect.id, 0.0):.2f}): too little to call it a gap, too much to exclude one."
     )
 
 

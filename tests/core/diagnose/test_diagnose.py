@@ -280,7 +280,7 @@ def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Dia
     points = wide.split.organ.stop
     floors = np.array([np.trace(noise.drawing(size)) / points for size in range(len(noise.noise.sizes))])
     of = {(s.contour, s.own, s.length): floor for s, floor in zip(noise.noise.sizes, floors, strict=True)}
-    stated, wider = of[1.0, 0.2, 7.0], of[1.2, 0.2, 7.0]
+    stated, wider = of[1.0, 0.2, 6.0], of[1.2, 0.2, 6.0]
     assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
     best, m = wide.refits[0], points
     assert best.hypothesis.effect is not None
@@ -402,15 +402,15 @@ def test_the_numbers_in_force_are_in_the_record(none: Diagnosis) -> None:
 
 def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Diagnosis) -> None:  # type: ignore[no-untyped-def]
     """One size of voxels' noise and of contours', walls that may slide four times as far: fewer sizes, another covariance."""
-    noise = NoiseModelOptions(own_sizes_mm=(0.45,), contour_factors=(1.0,))
+    noise = NoiseModelOptions(own_sizes_mm=(0.6,), contour_factors=(1.0,))
     fit = fit_plain([(posed, None)], options=noise, walls=WallMotionOptions(slide_share=0.8))
     assert len(fit.noise.sizes) == len(noise.lengths_mm) * len(noise.long_shares) < len(none.fit.noise.sizes)
-    assert fit.sizes.own == pytest.approx(0.45)
+    assert fit.sizes.own == pytest.approx(0.6)
     k = none.fit.model.first.data.n_modes
     wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))
     assert wider > 1.1 * usual
     written = plain(record(replace(none, fit=fit), "a case"))["options"]
-    assert list(written["noise_model"]["own_sizes_mm"]) == [0.45] and written["wall_motion"]["slide_share"] == 0.8
+    assert list(written["noise_model"]["own_sizes_mm"]) == [0.6] and written["wall_motion"]["slide_share"] == 0.8
 
 
 def test_numbers_that_are_none_are_refused() -> None:

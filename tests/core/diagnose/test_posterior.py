@@ -227,6 +227,10 @@ def test_the_smaller_of_two_p_values_is_paid_for() -> None:
     share = 0.8 / (1.0 - RULES.prior_nothing) * (1.0 - RULES.prior_nothing)
     assert null(-1.0).test({"a": 12.0}).p_value == pytest.approx(np.exp(-12.0) / share / RULES.refit_share, rel=1e-3)
     assert null(-9.0).test({"a": -9.0}).p_value == 1.0
+    # What was not refitted keeps its factor: a field without a name is as good a cause.
+    unnamed = NullDistribution(RULES, {**null(-9.0).factors, UNKNOWN: np.array([[14.0, *np.full(199, -3.0)]])})
+    paid = RULES.prior_unknown * RULES.refit_share
+    assert unnamed.test({"a": -9.0}).p_value == pytest.approx(np.exp(-14.0) / paid, rel=1e-3)
 
 
 def test_another_level_and_fewer_draws_make_another_test() -> None:
