@@ -31,7 +31,7 @@ def told_places(facts: MapRecord, names: Mapping[str, object]) -> str:
     if not found:
         return (
             f"No place is told to be stiffer or softer than its half (asked: {100 * level:.0f} % for all places at once). That rules no "
-            "focus out: most of less than a centimetre and a half stay hidden."
+            "focus out: most of 12 mm and less stay hidden."
         )
     each = "; ".join(_place(place, names) for place in found)
     return (

@@ -27,7 +27,8 @@ def limits(record: CaseRecord) -> str:
     """What a reader of the summary might take it to say, and it does not."""
     many = len(record.regions) > 1
     found = record.result.stiffness_map
-    beyond = ", beyond the places that the map outlines" if found is not None and known(found.places) else ""
+    told_somewhere = None if found is None else known(found.places)
+    beyond = ", beyond the places that the map outlines" if told_somewhere else ""
     places = f"{'each half' if many else 'the organ'} has one value, over which a focus within it is spread"
     return (
         "What this does not tell: stiffness in absolute terms, which needs a known force; what the stiff tissue is, a tumour or anything "

@@ -18,7 +18,7 @@ class MapStudyOptions:
 
     cases: tuple[Path, ...]
     places: int = 2
-    draws: int = 100
+    draws: int = 50
     seed: int = 1
 
 

@@ -42,7 +42,8 @@ def map_layer(
     inside = np.isin(sampled.values, ORGAN_LABELS)
     rows, columns = np.nonzero(inside)
     points = _places(sampled, plane, position, rows, columns)
-    G, told = map_at(arrays, points, display.surest_factor, sampled.values[rows, columns])
+    halves = sampled.values[rows, columns].astype(np.int64)
+    G, told = map_at(arrays, points, display.surest_factor, halves)
     low = -np.inf if display.low_kpa is None else display.low_kpa
     high = np.inf if display.high_kpa is None else display.high_kpa
     shown = told & (low <= G) & (high >= G)
@@ -53,7 +54,7 @@ def map_layer(
     colours[:, 3] = share
     colours[:, :3] *= share[:, None]
     data[rows[shown], columns[shown]] = np.rint(255.0 * colours)
-    sense = called_at(arrays, points, sampled.values[rows, columns])
+    sense = called_at(arrays, points, halves)
     hatched, stiffer, softer = (
         _outlines(_pixels(inside.shape, rows[chosen], columns[chosen]), sampled)
         for chosen in (~told, sense > 0, sense < 0)
