@@ -175,8 +175,20 @@ class CaseFolder(CaseFiles):
             )
 
 
-def check_new_case(folder: Path) -> None:
-    """Raises InputError unless ``folder`` can become, or is, a case: no file, not full of other things, writable."""
+def check_new_case(folder: Path, scans: Iterable[Path] = ()) -> None:
+    """Raises InputError unless ``folder`` can become, or is, a case: no file, not full of other things, writable, not within the
+    folder of a scan, and with a name in UTF-8, which the case's files hold.
+    """
+    try:
+        str(folder.absolute()).encode()
+    except UnicodeEncodeError as error:
+        shown = str(folder).encode("ascii", "backslashreplace").decode()
+        raise InputError(f"{shown} is a name that is not UTF-8; choose another folder for the case with -o") from error
+    for scan in scans:
+        if scan.is_dir() and folder.resolve().is_relative_to(scan.resolve()):
+            raise InputError(
+                f"{folder} lies inside the scan {scan}, whose slices it would join; choose another place with -o"
+            )
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; choose a new folder for the case with -o")
     if folder.is_dir() and not (folder / "case.json").exists():

@@ -18,6 +18,8 @@ from palpate.imaging.dicom.pair_check import check_pair
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.volume import Volume
 
+# A compression that pydicom can write; others with as many digits take its place.
+WRITTEN = "1.2.840.10008.1.2.4.201"
 ROUND = np.hypot(np.arange(ROWS)[:, None] - 11.5, np.arange(COLUMNS)[None] - 9.5) > 11.0
 
 
@@ -235,19 +237,19 @@ def test_soft_tissue_that_is_off_is_told(gain: float, shift: float, told: bool, 
     assert any("the HU are off: soft tissue lies at" in note for note in notes) == told
 
 
-@pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2.4.111", "1.2.840.10008.1.2.4.112", "1.2.3.4.5"])
-def test_a_compression_that_is_not_known_is_not_called_damage(syntax: str, tmp_path: Path) -> None:
-    slices = series(straight())
-    for each in slices:
-        each.file_meta.TransferSyntaxUID = UID(syntax)
-        each.PixelData = encapsulate([bytes(12)])
-        each["PixelData"].VR = "OB"
+@pytest.mark.parametrize("ending", ["111", "112", "299"])
+def test_a_compression_that_is_not_known_is_not_called_damage(ending: str, tmp_path: Path) -> None:
     folder = tmp_path / "ct"
     folder.mkdir()
-    for number, each in enumerate(slices):
-        each.save_as(folder / f"{number}.dcm", implicit_vr=False, little_endian=True)
+    for number, each in enumerate(series(straight())):
+        each.file_meta.TransferSyntaxUID = UID(WRITTEN)
+        each.PixelData = encapsulate([bytes(12)])
+        each["PixelData"].VR = "OB"
+        file = folder / f"{number}.dcm"
+        each.save_as(file, implicit_vr=False, little_endian=True)
+        file.write_bytes(file.read_bytes().replace(WRITTEN.encode(), f"{WRITTEN[:-3]}{ending}".encode()))
     with pytest.raises(
         InputError, match="this compression is not known here: export the series uncompressed"
     ) as refused:
         read_series(folder)
-    assert ("JPEG XL" in str(refused.value)) == syntax.startswith("1.2.840")
+    assert ("JPEG XL" in str(refused.value)) == (ending != "299")

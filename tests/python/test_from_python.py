@@ -110,6 +110,52 @@ def test_what_cannot_be_posed_is_said(ball: Sphere) -> None:
         palpate.guess  # noqa: B018
 
 
+WRONG: list[tuple[dict[str, object], str]] = [
+    ({"tissue_G": "20"}, "tissue_G is '20'"),
+    ({"tissue_G": np.inf}, "tissue_G = inf is not finite"),
+    ({"noise_sd_mm": None}, "noise_sd_mm is None"),
+    ({"bounds_kpa": (500, 5)}, "bounds_kpa is \\(500, 5\\); two rising numbers above 0"),
+    ({"bounds_kpa": (0, 500)}, "two rising numbers above 0"),
+    ({"mesh": "mesh.vtu"}, "mesh: give a pyvista grid, or three arrays"),
+    ({"deformed": "a.stl"}, "deformed: give a pyvista surface, or two arrays"),
+    ({"driven": ([1], "wall.stl")}, "driven rectum: .*give a|driven rectum: no outer face"),
+    ({"fixed": "left"}, "fixed: give a mask"),
+    ({"particle": 3}, "particle is unknown; allowed are method"),
+]
+
+
+@pytest.mark.parametrize(("change", "said"), WRONG)
+def test_what_is_of_a_wrong_kind_is_said(ball: Sphere, change: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        palpate.identify(**{**ball, **change})  # type: ignore[arg-type]
+
+
+def test_meshes_and_surfaces_are_checked_as_files_are(ball: Sphere) -> None:
+    mesh, after, (_, wall) = ball["mesh"], ball["deformed"], ball["driven"]
+    P, C, R = mesh.points, mesh.cells, mesh.regions
+    wrong: list[tuple[dict[str, object], str]] = [
+        ({"mesh": (P, C)}, "or three arrays"),
+        ({"mesh": (P, C, R + 0.5)}, "mesh regions: 1.5 is no whole number"),
+        ({"mesh": (P, C, np.where(R == 1, "organ", "tissue"))}, "mesh regions: finite numbers"),
+        ({"mesh": (P / 1000.0, C, R)}, "mesh is 0.03 mm across; .* is it in mm"),
+        ({"deformed": (after.points / 1000.0, after.faces)}, "deformed is 0.02.* mm across"),
+        ({"deformed": (after.points, after.faces + 1)}, "deformed .*closed"),
+        ({"deformed": (after.points, after.faces[1:])}, "deformed is not closed: 3 edges"),
+        ({"deformed": (after.points, after.faces[:, ::-1])}, "its faces look inwards"),
+        ({"deformed": (after.points + 500.0, after.faces)}, "are both in one frame"),
+        ({"driven": (ball["fixed"], wall)}, "they cannot be held and moved at once"),
+        ({"fixed": np.ones(len(P), dtype=bool)}, "they cannot be held and moved at once"),
+    ]
+    own = P[C].reshape(-1, 3)
+    apart = {"mesh": (own, np.arange(len(own)).reshape(-1, 4), R)}
+    for change, said in [*wrong, (apart, "falls into .* pieces that share no point: merge")]:
+        with pytest.raises(InputError, match=said):
+            palpate.identify(**{**ball, **change})  # type: ignore[arg-type]
+    for call in (lambda: palpate.example_sphere(G="60"), lambda: palpate.load(5)):  # type: ignore[arg-type]
+        with pytest.raises(InputError, match=r"G is '60'|case is 5"):
+            call()
+
+
 def test_a_case_is_opened(tmp_path: Path) -> None:
     case = palpate.load(write_case(tmp_path / "case").path)
     assert repr(case).startswith("case case: rest labels, deformed labels\nprostate_left: G = 120 kPa, 95 % 100 to 144")

@@ -1,6 +1,6 @@
 """The command line: one subcommand a file, one line for every error, exit codes that scripts can rely on.
 
-0 done, 2 wrong usage, 3 bad input, 4 no convergence, 130 cancelled.
+0 done, 2 wrong usage, 3 bad input, 4 no convergence, 5 an error of the program itself, 130 cancelled.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ import argparse
 import importlib
 import os
 import sys
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from types import ModuleType
 
 from palpate import __version__
@@ -28,8 +30,14 @@ COMMANDS = {
 }  # fmt: skip
 _DESCRIPTION = (
     "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "
-    "Ends with 0 done, 2 wrong usage, 3 bad input, 4 no convergence, 130 cancelled."
+    "Ends with 0 done, 2 wrong usage, 3 bad input, 4 no convergence, 5 error of the program, 130 cancelled."
 )
+
+
+# An error that nobody foresaw, and where to tell of it.
+UNFORESEEN = 5
+_REPORT = "this is an error of Palpate: please report it with the command and this line (CONTRIBUTING.md says where)"
+_TRACEBACK = "PALPATE_TRACEBACK"
 
 
 def entry() -> None:
@@ -40,6 +48,7 @@ def entry() -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit status."""
     given = list(sys.argv[1:] if argv is None else argv)
+    open_streams()
     console = Console("--json" in given, "--quiet" in given)
     try:
         with nothing_left(), cancellable():
@@ -59,6 +68,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         console.error(_os_error(error), 3)
         return 3
+    except Exception as error:  # the last catch: one line instead of a traceback
+        if os.environ.get(_TRACEBACK):
+            raise
+        console.error(_unforeseen(error), UNFORESEEN)
+        return UNFORESEEN
 
 
 def parser(given: Sequence[str] = ()) -> Parser:
@@ -104,6 +118,26 @@ def _run(given: Sequence[str], console: Console) -> int:
 
 def _module(name: str) -> ModuleType:
     return importlib.import_module(f"palpate.ui.cli.commands.{COMMANDS[name]}")
+
+
+def open_streams() -> None:
+    """Opens standard streams that were closed, as under some job runners, on nothing: output has a place to go."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            mode = os.O_RDONLY if number == 0 else os.O_WRONLY
+            opened = os.open(os.devnull, mode)
+            if opened != number:
+                os.dup2(opened, number)
+                os.close(opened)
+            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", closefd=False, encoding="utf-8"))
+
+
+def _unforeseen(error: Exception) -> str:
+    """Kind and place of an error. Its text may hold a patient's name: it is left out."""
+    places = traceback.extract_tb(error.__traceback__)
+    own = [place for place in places if "palpate" in place.filename or "/ui/" in place.filename] or places
+    at = f" in {Path(own[-1].filename).name}, line {own[-1].lineno}" if own else ""
+    return f"{type(error).__name__}{at}; {_REPORT}; {_TRACEBACK}=1 shows where it came from"
 
 
 def _os_error(error: OSError) -> str:

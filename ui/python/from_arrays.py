@@ -12,11 +12,11 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.core.arrays import BoolArray, FloatArray, IntArray
+from palpate.core.arrays import BoolArray, IntArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import InputError
-from palpate.core.files.json_types import typed
+from palpate.core.files.json_types import typed, typed_strictly
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.result_record import IdentificationRecord
 from palpate.core.mesh import TetMesh
@@ -25,11 +25,24 @@ from palpate.core.residual.case_data import CaseData, arrays
 from palpate.core.surfaces.surface import Surface
 from palpate.core.worker.inline import run_inline
 from palpate.core.worker.job import Job
+from palpate.ui.python.checks import (
+    any_array,
+    check_closed,
+    check_mesh,
+    check_not_held,
+    check_one_body,
+    check_surface,
+    numbers,
+    positive,
+    rising_bounds,
+    whole_numbers,
+)
 from palpate.ui.python.findings import Gap, Stiffness
 
 TISSUE = 3
-# A wall that is not named is taken for this one: the model knows walls by these names.
-_WALL = "rectum"
+# The model knows walls by these names. One that is not named is taken for the first.
+WALLS = ("rectum", "bladder")
+_WALL = WALLS[0]
 
 Mesh = TetMesh | pv.UnstructuredGrid | tuple[ArrayLike, ArrayLike, ArrayLike]
 Triangles = Surface | pv.PolyData | tuple[ArrayLike, ArrayLike]
@@ -63,7 +76,7 @@ def identify(
     """
     facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa)
     problem = _problem(_tetrahedra(mesh), rest, deformed, fixed, driven, facts)
-    asked = asdict(IdentifyOptions(method=method, **{"stiffness_map": False, **options}))  # type: ignore[arg-type]
+    asked = asdict(_options(method, options))
     seed, workers = int(asked.pop("seed")), int(asked.pop("workers"))
     kind = "palpate.core.identify.job:run"
     return Stiffness(_answer(kind, "problem", problem.arrays(), asked, seed, workers, IdentificationRecord))
@@ -89,7 +102,7 @@ def diagnose(
     Of `options` only `seed` matters here: a diagnosis has one element and one way to fit, whatever a search for the
     stiffness uses. The others are checked, so that one call's arguments serve both.
     """
-    asked = IdentifyOptions(method=method, **options)  # type: ignore[arg-type]
+    asked = _options(method, options)
     facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa)
     problem = _problem(_tetrahedra(mesh), rest, deformed, fixed, driven, facts)
     of_job = {"case": "arrays", "effects": None, "numbers": DiagnosisOptions().to_json()}
@@ -97,11 +110,18 @@ def diagnose(
     return Gap(_answer(kind, "data", given, of_job, asked.seed, 1, DiagnosisRecord))
 
 
+def _options(method: str, further: Mapping[str, object]) -> IdentifyOptions:
+    given = {"method": method, "stiffness_map": False, **further}
+    given = {name: value.item() if isinstance(value, np.generic) else value for name, value in given.items()}
+    return typed_strictly(given, IdentifyOptions, "the options of palpate.identify", "")
+
+
 def _facts(tissue_G: float, noise_sd: float, correlation: float, bounds: tuple[float, float]) -> Facts:
-    for name, value in (("tissue_G", tissue_G), ("noise_sd_mm", noise_sd), ("noise_correlation_mm", correlation)):
-        if not value > 0.0:
-            raise InputError(f"{name} = {value} is not above 0")
-    return Facts(tissue_G, bounds_kpa=bounds, noise_sd_mm=noise_sd, noise_correlation_mm=correlation)
+    G, sd, length = (
+        positive(value, name)
+        for value, name in ((tissue_G, "tissue_G"), (noise_sd, "noise_sd_mm"), (correlation, "noise_correlation_mm"))
+    )
+    return Facts(G, bounds_kpa=rising_bounds(bounds), noise_sd_mm=sd, noise_correlation_mm=length)
 
 
 def _answer(
@@ -123,19 +143,34 @@ def _problem(
     organ = tuple(int(region) for region in np.unique(mesh.regions) if region != TISSUE)
     if not organ:
         raise InputError(f"the mesh has no region but {TISSUE}, the tissue; mark the organ's cells with another number")
+    check_mesh(mesh)
     faces, owner = mesh.region_boundary(organ)
-    at_rest = Surface(mesh.points, faces, mesh.regions[owner]) if rest is None else _surface(rest, organ[0])
-    after = _surface(deformed, organ[0])
+    at_rest = Surface(mesh.points, faces, mesh.regions[owner]) if rest is None else _closed(rest, organ[0], "rest")
+    after = _closed(deformed, organ[0], "deformed")
+    check_one_body(at_rest, after)
     outer = mesh.boundary[0]
-    boundary = {"bone": _faces_of(outer, _nodes(fixed, mesh, "fixed"), "fixed")}
+    held = _nodes(fixed, mesh, "fixed")
+    boundary = {"bone": _faces_of(outer, held, "fixed")}
     walls = {}
-    for name, (nodes, pushed) in (driven if isinstance(driven, Mapping) else {_WALL: driven}).items():
-        boundary[name] = _faces_of(outer, _nodes(nodes, mesh, f"driven {name}"), f"driven {name}")
+    for name, (nodes, pushed) in _driven(driven).items():
+        moved = _nodes(nodes, mesh, f"driven {name}")
+        boundary[name] = _faces_of(outer, moved, f"driven {name}")
+        check_not_held(outer, held, moved, name)
         # The wall's normals go into the tissue, those of the mesh's boundary out of it.
         wall = Surface(mesh.points, boundary[name][:, ::-1], np.full(len(boundary[name]), TISSUE))
-        walls[name] = SurfacePair(wall, _surface(pushed, TISSUE))
+        walls[name] = SurfacePair(wall, _surface(pushed, TISSUE, f"driven {name}"))
     names = {region: f"region_{region}" for region in organ}
     return IdentificationProblem(mesh, boundary, walls, SurfacePair(at_rest, after), facts, names)
+
+
+def _driven(
+    given: Mapping[str, tuple[ArrayLike, Triangles]] | tuple[ArrayLike, Triangles],
+) -> Mapping[str, tuple[ArrayLike, Triangles]]:
+    walls = given if isinstance(given, Mapping) else {_WALL: given}
+    for name, pair in walls.items():
+        if name not in WALLS or not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise InputError(f"driven {name!r}: give (nodes, surface), several by the names {' and '.join(WALLS)}")
+    return walls
 
 
 def _tetrahedra(mesh: Mesh) -> TetMesh:
@@ -145,32 +180,44 @@ def _tetrahedra(mesh: Mesh) -> TetMesh:
         cells = {int(kind): corners for kind, corners in mesh.cells_dict.items()}.get(int(pv.CellType.TETRA))
         if cells is None or len(cells) != mesh.n_cells or "region" not in mesh.cell_data:
             raise InputError("the mesh must be of tetrahedra only, with a cell array 'region'")
-        return TetMesh(
-            np.asarray(mesh.points, dtype=np.float64),
-            np.asarray(cells, dtype=np.int64),
-            np.asarray(mesh.cell_data["region"]),
-        )
+        mesh = (mesh.points, cells, mesh.cell_data["region"])
+    if not isinstance(mesh, tuple | list) or len(mesh) != 3:
+        raise InputError("mesh: give a pyvista grid, or three arrays: points (n, 3), cells (m, 4) and regions (m,)")
     points, corners, regions = mesh
-    return TetMesh(np.asarray(points, dtype=np.float64), np.asarray(corners, dtype=np.int64), np.asarray(regions))
+    return TetMesh(
+        numbers(points, (None, 3), "mesh points"),
+        whole_numbers(corners, (None, 4), "mesh cells"),
+        whole_numbers(regions, (None,), "mesh regions"),
+    )
 
 
-def _surface(given: Triangles, region: int) -> Surface:
+def _surface(given: Triangles, region: int, what: str) -> Surface:
     """Triangles with outward normals; those of one region where none is given."""
     if isinstance(given, Surface):
-        return given
-    if isinstance(given, pv.PolyData):
+        surface = given
+    elif isinstance(given, pv.PolyData):
         three: pv.PolyData = given.triangulate()
         marked = three.cell_data["region"] if "region" in three.cell_data else np.full(three.n_cells, region)
         faces: IntArray = np.asarray(three.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
-        return Surface(np.asarray(three.points, dtype=np.float64), faces, np.asarray(marked))
-    points: FloatArray = np.asarray(given[0], dtype=np.float64)
-    corners: IntArray = np.asarray(given[1], dtype=np.int64)
-    return Surface(points, corners, np.full(len(corners), region))
+        surface = Surface(np.asarray(three.points, dtype=np.float64), faces, np.asarray(marked))
+    elif isinstance(given, tuple | list) and len(given) == 2:
+        corners = whole_numbers(given[1], (None, 3), f"{what} faces")
+        surface = Surface(numbers(given[0], (None, 3), f"{what} points"), corners, np.full(len(corners), region))
+    else:
+        raise InputError(f"{what}: give a pyvista surface, or two arrays: points (n, 3) and faces (f, 3)")
+    check_surface(surface, what)
+    return surface
+
+
+def _closed(given: Triangles, region: int, what: str) -> Surface:
+    surface = _surface(given, region, what)
+    check_closed(surface, what)
+    return surface
 
 
 def _nodes(given: ArrayLike, mesh: TetMesh, what: str) -> BoolArray:
     """A mask (n,) of nodes, from a mask or from their numbers."""
-    array = np.asarray(given)
+    array = any_array(given, what)
     if array.dtype == bool and array.shape == (len(mesh.points),):
         return array
     if (

@@ -13,6 +13,7 @@ from palpate.core.forward.composition_scene import plain_scene
 from palpate.core.mesh import TetMesh
 from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
 from palpate.core.surfaces.surface import Surface
+from palpate.ui.python.checks import positive, whole
 
 _RADIUS, _HALF = 10.0, 15.0
 _WALL_STEPS = 30
@@ -31,8 +32,9 @@ def example_sphere(G: float = 60.0, depth_mm: float = 6.0, fineness: int = 3) ->
     """A ball of radius 10 mm and shear modulus G (kPa) in a cube of 20 kPa, one face pushed in by depth_mm, the opposite one held.
 
     The deformed surface is computed with quadratic elements on a finer mesh than the one that is returned.
-    Raises ConvergenceError where the push is too deep to be solved.
+    Raises InputError for numbers that are none or not above 0, ConvergenceError where the push is too deep to be solved.
     """
+    G, depth_mm, fineness = positive(G, "G"), positive(depth_mm, "depth_mm"), whole(fineness, "fineness", 1)
     coarse, fine = sphere_in_cube(fineness, 1, 2, _RADIUS, _HALF), sphere_in_cube(fineness + 1, 2, 2, _RADIUS, _HALF)
     wall = _wall(depth_mm)
     settled = plain_scene(truth := _posed(fine, depth_mm), "p2").settle(np.log([G]))

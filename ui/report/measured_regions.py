@@ -10,7 +10,7 @@ from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from palpate.case.measured.measurements import REGIONS, Measurement, Point
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.identify.map.region_mean import RegionMean, region_mean
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
@@ -51,9 +51,11 @@ def measured_region(
     """A region on labels at rest and the map's arrays, None where there is no map."""
     plane = _PLANES[measurement.plane]
     points = inside_points(plane, measurement.points, _STEP_MM)
-    organ = points[_in_organ(labels, points)]
-    mean = RegionMean(None, None, 0.0) if arrays is None else region_mean(arrays, organ)
-    share = len(organ) / len(points) if len(points) else 0.0
+    halves = _halves(labels, points)
+    organ = halves > 0
+    nothing = RegionMean(None, None, 0.0)
+    mean = nothing if arrays is None else region_mean(arrays, points[organ], halves[organ])
+    share = float(organ.mean()) if len(points) else 0.0
     return MeasuredRegion(measurement, area_mm2(plane, measurement.points), share, mean)
 
 
@@ -82,8 +84,10 @@ def inside_points(plane: Plane, points: Sequence[Point], step_mm: float) -> Floa
     return out
 
 
-def _in_organ(labels: Volume, points: FloatArray) -> NDArray[np.bool_]:
+def _halves(labels: Volume, points: FloatArray) -> IntArray:
+    """(p,) half of the prostate that each point lies in; 0 beside it."""
     index = np.rint(labels.to_index(points)).astype(int)
     inside = np.asarray(((index >= 0) & (index < labels.array.shape)).all(axis=1))
-    inside[inside] = np.isin(labels.array[tuple(index[inside].T)], ORGAN_LABELS)
-    return inside
+    out = np.zeros(len(points), dtype=np.int64)
+    out[inside] = labels.array[tuple(index[inside].T)]
+    return np.where(np.isin(out, ORGAN_LABELS), out, 0)

@@ -63,7 +63,7 @@ def run_import(
     """
     options = options or ImportOptions()
     paths, folder = (Path(rest), Path(deformed)), Path(case_path)
-    check_new_case(folder)
+    check_new_case(folder, paths)
     check_kinds(paths)
     sources = {state: scan_sha256(path) for state, path in zip(STATES, paths, strict=True)}
     job = _Job(paths, folder, options, progress, sources, inputs_sha256(sources, options, paths))

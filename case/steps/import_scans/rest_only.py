@@ -29,7 +29,7 @@ def import_alone(
     remedy).
     """
     options, rest, folder = options or ImportOptions(), Path(rest), Path(case_path)
-    check_new_case(folder)
+    check_new_case(folder, [rest])
     if not rest.exists():
         raise InputError(f"{rest} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
     sources = {"rest": scan_sha256(rest)}
