@@ -13,7 +13,7 @@ from made_up_body import body
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.measured_noise import measured_noise
-from palpate.case.problem import facts_of
+from palpate.case.problem import DEFAULT_NOISE_MM, facts_of
 from palpate.case.steps import measure_contour_noise
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_noise import EXTRACTION_LENGTH_MM, EXTRACTION_MM, matern_3_2, smooth_covariance
@@ -68,7 +68,7 @@ def test_a_case_goes_by_what_was_measured_unless_it_states_its_own(tmp_path: Pat
     shifted = np.eye(4)
     shifted[:3, 3] = [1.0, 0.0, 0.0]
     write_labels(tmp_path / "again.nii.gz", labels.moved(shifted))
-    assert measured_noise(case) is None and facts_of(case).noise_sd_mm == 0.4
+    assert measured_noise(case) is None and facts_of(case).noise_sd_mm == DEFAULT_NOISE_MM
     noise = measure_contour_noise.run(case, {"rest": tmp_path / "again.nii.gz"})
     # Moved by 1 mm along one axis: 1 / sqrt 3 mm rms along the normal of a ball, shared by two drawings.
     assert noise["states"]["rest"]["apart_mm"] == pytest.approx(0.58, abs=0.12)
