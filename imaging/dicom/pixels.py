@@ -61,7 +61,7 @@ def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> Numb
             f"pixels that are no picture (padding outside the field of view) were taken as air, on {filled} slices"
         )
     if saturated:
-        values = np.minimum(values, values.dtype.type(HIGHEST_HU))
+        values = np.minimum(values, HIGHEST_HU).astype(values.dtype)
         if notes is not None:
             notes.append(
                 f"values above {HIGHEST_HU:g} HU within the body (metal) were set to that limit, on {saturated} slices"
