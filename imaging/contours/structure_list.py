@@ -15,9 +15,10 @@ from palpate.imaging.contours.itksnap_labels import read_label_names
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, read_workspace
 from palpate.imaging.contours.named_labels import Segments
 from palpate.imaging.contours.nifti_labels import names_within, read_numbers
-from palpate.imaging.contours.roi_names import choose_rois, organ_of
+from palpate.imaging.contours.roi_names import choose_rois
 from palpate.imaging.contours.rtstruct import structures_in
 from palpate.imaging.contours.seg_nrrd import read_seg_nrrd
+from palpate.imaging.contours.structure_names import organ_of
 from palpate.imaging.contours.user_labels import DESCRIPTION, is_segmentation
 from palpate.imaging.dicom.files import read_file, reading
 from palpate.imaging.labels import LABELS
