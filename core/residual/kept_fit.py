@@ -87,6 +87,8 @@ def arrays_of(fit: PlainFit) -> dict[str, NDArray[np.generic]]:
         state: dict[str, NDArray[np.generic]] = {"u": at.equilibrium.u, "p": at.equilibrium.p}
         state |= {"walls_u": at.scene.linearised_at, **{key: getattr(at, key) for key in _OF_STATE}}
         state |= KnownState.of(model).arrays()
+        if fit.shapes:
+            state["shape"] = fit.shapes[k]
         out |= {f"{_prefix(k)}{key}": values for key, values in state.items()}
     if fit.on_own_mesh is not None:
         out["on_own_mesh"] = fit.on_own_mesh
@@ -133,6 +135,7 @@ def restored(
         noise=NoiseGrid(scalars.noise, covariances, _floats(arrays, "noise/log_prior"), options),
         sizes=scalars.sizes,
         weighting=Weighting(_floats(arrays, "weights")),
+        shapes=tuple(_floats(state, "shape") for state in states if "shape" in state),
         posterior=_posterior(arrays, scalars.scale),
     )
 

@@ -304,13 +304,18 @@ def _voxels(read: Sequence[Mapping[str, _Contour]], rows: Sequence[slice], lengt
 
 
 def organ_noise(
-    linearisations: Sequence[Linearisation], data_vectors: Sequence[DataVector], options: NoiseModelOptions
+    linearisations: Sequence[Linearisation],
+    data_vectors: Sequence[DataVector],
+    options: NoiseModelOptions,
+    shapes: Sequence[FloatArray] = (),
 ) -> Callable[[NoiseSizes], FloatArray]:
     """What the organ's own contours alone add to the covariance (n, n) mm2 of all states' data, for given sizes: drawing,
-    voxels, extraction."""
+    voxels, extraction. shapes : as of `NoiseParts.of`; none where the shape is taken to be known."""
     rows = rows_of(data_vectors)
     pairs = zip(linearisations, data_vectors, strict=True)
     read = [{"organ": _organ_contour(at.scene, data, at.equilibrium.u)} for at, data in pairs]
+    if shapes:
+        read = [{"organ": replace(one["organ"], shape=shape)} for one, shape in zip(read, shapes, strict=True)]
     of_length = {length: _contours(read, rows, length) for length in (*options.lengths_mm, options.long_mm)}
     voxels, own = _voxels(read, rows, options.voxel_length_mm), _read_twice(_of_modes(data_vectors))
 

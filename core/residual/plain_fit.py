@@ -8,7 +8,7 @@ whose sizes the case's own data choose. `identify` reports this fit, and `diagno
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,7 +55,8 @@ class PlainFit:
     better element changes on `meshes` (the fewest of any state). on_own_mesh (n,) : mm that it changes on the case's own
     mesh, None where it has no equilibrium. scatter_mm : rms along the surface of one mesh about that mean in the first
     state, NaN for one mesh. noise : all sizes that it may have. sizes : estimated ones. weighting : of the data vector.
-    posterior : of theta.
+    posterior : of theta. shapes : of each state, what the organ's contour at rest does through the model's geometry (n, q), as in
+    `noise`; none where it does nothing.
     """
 
     model: JointModel
@@ -67,6 +68,7 @@ class PlainFit:
     sizes: NoiseSizes
     weighting: Weighting
     posterior: Posterior
+    shapes: tuple[FloatArray, ...] = field(default=(), kw_only=True)
 
     @property
     def options(self) -> NoiseModelOptions:
@@ -165,7 +167,8 @@ def fit_plain(
     ]
     model, here = _corrected(model, optimum.linearisation, errors)
     progress(0.7, "plain model: noise of this case's contours")
-    grid, sizes, weighting = _noise(model, here, errors, options, further)
+    shapes = _shapes(model, here, options)
+    grid, sizes, weighting = _noise(model, here, errors, options, further, shapes)
     at = here.theta
     for k in range(_CORRECTIONS):
         progress(0.75 + 0.05 * k, "plain model: stiffness with the noise of this case")
@@ -191,6 +194,15 @@ def fit_plain(
         posterior=posterior,
         fine=tuple(e.own for e in errors),
         optimum=optimum,
+        shapes=shapes,
+    )
+
+
+def _shapes(model: JointModel, linearisation: JointLinearisation, options: NoiseModelOptions) -> tuple[FloatArray, ...]:
+    """What the organ's contour at rest does through the model's geometry, by state."""
+    return tuple(
+        shape_response(at.scene, data, at.tangent, options.mode_length_mm, options.mode_least)
+        for at, data in zip(linearisation.each, model.data_vectors, strict=True)
     )
 
 
@@ -230,15 +242,12 @@ def _noise(
     errors: Sequence[ElementErrors],
     options: NoiseModelOptions,
     further: FurtherErrors | None,
+    shapes: Sequence[FloatArray],
 ) -> tuple[NoiseGrid, NoiseSizes, Weighting]:
     """All sizes that the noise may have, the likely ones, and the weights that follow."""
     sizes, differences = NoiseSizes.of(options), [e.every for e in errors]
     found = [e.own.responses for e in errors if e.own is not None and e.own.responses is not None]
     better = found if len(found) == len(errors) else None
-    shapes = [
-        shape_response(at.scene, data, at.tangent, options.mode_length_mm, options.mode_least)
-        for at, data in zip(linearisation.each, model.data_vectors, strict=True)
-    ]
     parts = NoiseParts.of(linearisation.each, model.data_vectors, options, better, shapes)
     gap = UnknownDiscrepancy.around(linearisation, model.data_vectors, options)
     columns = [left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)]

@@ -48,7 +48,7 @@ class NoiseOfPoints:
         basis, _ = np.linalg.qr(read[:, read.any(axis=0)])
         plain = fit.linearisation
         noise = fit.noise.probable(plain.residual, plain.in_theta, free, most)
-        drawn = organ_noise(plain.each, fit.model.data_vectors, fit.options)
+        drawn = organ_noise(plain.each, fit.model.data_vectors, fit.options, fit.shapes)
         matched = apart([matched_noise(data) for data in fit.model.data_vectors])
         return cls(fit, basis, basis.T @ read, noise, free, lambda sizes: drawn(sizes) + matched)
 
