@@ -219,7 +219,7 @@ def _nodes(given: ArrayLike, mesh: TetMesh, what: str) -> BoolArray:
     """A mask (n,) of nodes, from a mask or from their numbers."""
     array = any_array(given, what)
     if array.dtype == bool and array.shape == (len(mesh.points),):
-        return array
+        return np.asarray(array, dtype=np.bool_)
     if (
         array.dtype.kind not in "iu"
         or array.ndim != 1

@@ -1,1 +1,1 @@
-"""Pairs of scans without information on stiffness: rigid motion, organ surface alone, no driving wall."""
+"""Pairs of scans that tell no stiffness: a motion as a whole, an organ whose surface is all that is seen."""

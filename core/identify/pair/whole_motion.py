@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,8 @@ def laid_on_itself(file: Path, folder: Path) -> tuple[Path, str]:
         return file, pair.in_words
     laid = folder / f"{file.stem}_laid.npz"
     with atomic_path(laid) as temporary, temporary.open("wb") as out:
-        np.savez(out, **arrays_of_state(pair.undone(problem), bones))
+        arrays: dict[str, Any] = arrays_of_state(pair.undone(problem), bones)
+        np.savez(out, **arrays)
     return laid, pair.in_words
 
 
