@@ -10,7 +10,7 @@ from phantoms import recorded, result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
-from palpate.case.missing import CARRIED_BY_IMAGES, CARRIED_OVER, at_bounds, missing_structures
+from palpate.case.missing import AUTOMATIC_CONTOURS, CARRIED_BY_IMAGES, CARRIED_OVER, at_bounds, missing_structures
 from palpate.case.surface_errors import write_surface_errors
 from palpate.imaging.volume import Volume
 from palpate.segmentation.surface_error import SurfaceErrors
@@ -62,8 +62,20 @@ def test_contours_that_were_carried_over(tmp_path: Path) -> None:
     write_surface_errors(case, errors, ["prostate"])
     assert missing_structures(case) == [CARRIED_OVER]
     assert missing_structures(case, image=True) == [CARRIED_BY_IMAGES]
-    write_surface_errors(case, errors)
-    assert missing_structures(case) == missing_structures(case, image=True) == []
+
+
+def test_contours_that_nobody_drew(tmp_path: Path) -> None:
+    case = made(tmp_path, labels(), labels())
+    one = SurfaceErrors(np.zeros((1, 3)), np.full(1, 1.4), 1.0)
+    write_surface_errors(case, {"deformed": {"prostate": one}})
+    (alone,), (beside,) = missing_structures(case), missing_structures(case, image=True)
+    assert alone.startswith(
+        f"{AUTOMATIC_CONTOURS}: those of the deformed scan were found automatically, and may be off by 1.4 mm"
+    )
+    assert "hardly can" in alone and "the images tell" in beside
+    write_surface_errors(case, {state: {"prostate": one} for state in ("rest", "deformed")})
+    (both,) = missing_structures(case, image=True)
+    assert "those of both scans were found automatically, and may be off by 1.4 mm and 1.4 mm" in both
 
 
 def test_a_bound_is_no_measurement() -> None:

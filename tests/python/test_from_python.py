@@ -63,6 +63,13 @@ def test_pyvista_and_arrays_are_the_same_body(ball: Sphere) -> None:
     assert axes.get_xlabel() == "shear modulus G, kPa" and axes.get_xscale() == "log"
 
 
+@pytest.mark.parametrize("G", [20.0, 60.0, 200.0])
+def test_the_ball_hides_nothing_and_that_is_what_its_diagnosis_says(G: float) -> None:
+    gap = palpate.diagnose(**palpate.example_sphere(G=G), tissue_G=20.0, noise_sd_mm=0.05)
+    assert gap.record.verdict == "none" and not gap.record.candidates
+    assert gap.record.gap.p_value > 0.05
+
+
 def test_a_diagnosis_from_arrays_starts_from_the_stiffness_that_is_identified(ball: Sphere) -> None:
     gap, found = palpate.diagnose(**ball, noise_sd_mm=0.05), palpate.identify(**ball, noise_sd_mm=0.05)
     without = gap.record.stiffness.without_effect["region_1"]

@@ -23,6 +23,7 @@ class Sphere(TypedDict):
     """Arguments of `palpate.identify`: see there."""
 
     mesh: TetMesh
+    rest: Surface
     deformed: Surface
     fixed: BoolArray
     driven: tuple[BoolArray, Surface]
@@ -31,7 +32,8 @@ class Sphere(TypedDict):
 def example_sphere(G: float = 60.0, depth_mm: float = 6.0, fineness: int = 3) -> Sphere:
     """A ball of radius 10 mm and shear modulus G (kPa) in a cube of 20 kPa, one face pushed in by depth_mm, the opposite one held.
 
-    The deformed surface is computed with quadratic elements on a finer mesh than the one that is returned.
+    Both surfaces are those of a finer mesh than the one that is returned, on which quadratic elements deform it: one scanner shows
+    both. The returned mesh's own boundary, of larger triangles, lies up to a third of a millimetre inside of them.
     Raises InputError for numbers that are none or not above 0, ConvergenceError where the push is too deep to be solved.
     """
     G, depth_mm, fineness = positive(G, "G"), positive(depth_mm, "depth_mm"), whole(fineness, "fineness", 1)
@@ -46,7 +48,8 @@ def example_sphere(G: float = 60.0, depth_mm: float = 6.0, fineness: int = 3) ->
     surface = truth.organ.rest
     deformed = Surface(surface.points + settled.equilibrium.u[:n], surface.faces, surface.region)
     y = coarse.points[:, 1]
-    return {"mesh": coarse, "deformed": deformed, "fixed": y < 1e-6 - _HALF, "driven": (y > _HALF - 1e-6, wall)}
+    driven = (y > _HALF - 1e-6, wall)
+    return {"mesh": coarse, "rest": surface, "deformed": deformed, "fixed": y < 1e-6 - _HALF, "driven": driven}
 
 
 def _posed(mesh: TetMesh, depth: float) -> IdentificationProblem:
