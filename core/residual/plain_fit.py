@@ -199,7 +199,10 @@ def fit_plain(
 
 
 def _shapes(model: JointModel, linearisation: JointLinearisation, options: NoiseModelOptions) -> tuple[FloatArray, ...]:
-    """What the organ's contour at rest does through the model's geometry, by state."""
+    """What the organ's contour at rest does through the model's geometry, by state; none on the paper's boundary, whose
+    loads come from that contour themselves."""
+    if model.first.only is not None:
+        return ()
     return tuple(
         shape_response(at.scene, data, at.tangent, options.mode_length_mm, options.mode_least)
         for at, data in zip(linearisation.each, model.data_vectors, strict=True)
@@ -248,7 +251,7 @@ def _noise(
     sizes, differences = NoiseSizes.of(options), [e.every for e in errors]
     found = [e.own.responses for e in errors if e.own is not None and e.own.responses is not None]
     better = found if len(found) == len(errors) else None
-    parts = NoiseParts.of(linearisation.each, model.data_vectors, options, better, shapes)
+    parts = NoiseParts.of(linearisation.each, model.data_vectors, options, better, shapes or None)
     gap = UnknownDiscrepancy.around(linearisation, model.data_vectors, options)
     columns = [left_by_all(differences, sizes.mesh), _of_the_model(gap, differences, options)]
     if further is not None:
