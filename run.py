@@ -96,14 +96,17 @@ def _status(command: list[str], env: dict[str, str] | None = None, cwd: Path | N
     """The exit status of a command. alone : Ctrl-C reaches this process only, which ends the command and says so; else the
     command hears it too, says so itself, and is waited for."""
     group = {} if not alone else {"creationflags": 0x200} if os.name == "nt" else {"start_new_session": True}
-    process = subprocess.Popen(command, env=env, cwd=cwd, **group)
+    process = None
     try:
+        process = subprocess.Popen(command, env=env, cwd=cwd, **group)
         return process.wait()
-    except KeyboardInterrupt:
+    except KeyboardInterrupt:  # also while the command is being started
         if alone:
-            process.terminate()
             print("run: cancelled; run the same again to go on", file=sys.stderr)
-        process.wait()
+        if process is not None:
+            if alone:
+                process.terminate()
+            process.wait()
         return 130
 
 

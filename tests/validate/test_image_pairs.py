@@ -21,7 +21,7 @@ from palpate.validate.images.figures import Said, way_row
 from palpate.validate.images.pairs import STIFFNESS_KPA, drawn_spec, make_pair, unmade
 from palpate.validate.images.records import ImagesOptions
 from palpate.validate.images.study import images_text, run
-from palpate.validate.images.ways import WAYS
+from palpate.validate.images.ways import WAYS, Run
 
 SCANS = ((Path("/a/ct"), Path("/a/contours.dcm")), (Path("/b/ct"), Path("/b/contours.dcm")))
 TRUE = {"prostate_left": 20.0, "prostate_right": 60.0}
@@ -38,16 +38,16 @@ def test_every_way_runs_commands_that_the_program_has(tmp_path: Path) -> None:
             (at / words[1] / "mesh.npz").write_bytes(b"")
 
     for way in WAYS.values():
-        way(tmp_path, note)
+        way(tmp_path, Run(note))
     told = [" ".join(words) for words in asked]
     assert [line for line in told if line.startswith(("identify", "diagnose"))] == [
-        "identify contours --no-map --no-image",
+        "identify contours --no-map --method gauss-newton --no-image",
         "diagnose contours --no-image",
-        "identify images --no-map --image",
+        "identify images --no-map --method gauss-newton --image",
         "diagnose images --image",
-        "identify one_scan --no-map --image",
+        "identify one_scan --no-map --method gauss-newton --image",
         "diagnose one_scan --image",
-        "identify automatic --no-map --image",
+        "identify automatic --no-map --method gauss-newton --image",
         "diagnose automatic --image",
     ]
     assert [line for line in told if "deformed-labels" in line] == [told[0]]
@@ -58,15 +58,30 @@ def test_every_way_runs_commands_that_the_program_has(tmp_path: Path) -> None:
 def test_images_need_the_mesh_of_contours(tmp_path: Path) -> None:
     (tmp_path / "contours").mkdir()
     asked: list[tuple[str, ...]] = []
-    WAYS["images"](tmp_path, lambda at, words: asked.append(words))
+    WAYS["images"](tmp_path, Run(lambda at, words: asked.append(words)))
     assert not asked
 
 
 def test_images_alone_make_a_case_of_their_own(tmp_path: Path) -> None:
     asked: list[str] = []
-    WAYS["images"](tmp_path, lambda at, words: asked.append(" ".join(words)))
+    WAYS["images"](tmp_path, Run(lambda at, words: asked.append(" ".join(words))))
     assert [line.split()[0] for line in asked] == ["import", "segment", "mesh", "identify", "diagnose"]
     assert "--deformed-labels scans/contours/deformed.nii.gz" in asked[0]
+
+
+def test_contours_that_err_as_asked_say_so_and_a_diagnosis_may_be_left_out(tmp_path: Path) -> None:
+    asked: list[str] = []
+
+    def note(at: Path, words: tuple[str, ...]) -> None:
+        asked.append(words[0])
+        if words[0] == "import":
+            CaseFolder.create(at / words[words.index("-o") + 1], CaseFacts("c"))
+
+    WAYS["images"](tmp_path, Run(note, 1.0, False))
+    assert asked == ["import", "segment", "mesh", "identify"]
+    assert CaseFolder(tmp_path / "images").facts.boundary_noise_sd_mm == 1.0
+    WAYS["automatic"](tmp_path, Run(note, 1.0, False))
+    assert CaseFolder(tmp_path / "automatic").facts.boundary_noise_sd_mm is None  # nobody drew anything
 
 
 def test_a_specification_is_one_that_simulate_takes() -> None:
@@ -174,7 +189,9 @@ def _made(options: ImagesOptions, number: int, folder: Path) -> bool:
     return True
 
 
-def _analysed(pair: Path, timeout_s: float, ways: tuple[str, ...]) -> None:
+def _analysed(
+    pair: Path, timeout_s: float, ways: tuple[str, ...], stated_mm: float | None = None, diagnosis: bool = True
+) -> None:
     """Contours are right within an sd of 0.4; images a standard deviation of 0.1 too soft on the left, and raise an alarm on pair 0."""
     assert pair.name in json.loads((pair.parents[1] / "ledger.json").read_text())["answers"]
     for way, sd in (("contours", 0.4), ("images", 0.1)):

@@ -28,7 +28,7 @@ from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.report.case_scale import map_arrays, regions_of
-from palpate.ui.report.measured_regions import MeasuredRegion, measured_regions
+from palpate.ui.report.measured.regions import MeasuredRegion, measured_regions
 from palpate.ui.report.regions import RegionStiffness
 
 T = TypeVar("T")

@@ -148,7 +148,7 @@ def test_ctrl_c_is_one_line_and_130(tmp_path: Path, command: str, line: str) -> 
         (top / ".venv" / "project.sha256").write_text(project)
     process = subprocess.Popen(
         [sys.executable, str(top / "run.py"), command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True,
+        start_new_session=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL) and None,
     )  # fmt: skip
     assert process.stdout is not None and process.stdout.readline() == "ready\n"
     os.killpg(process.pid, signal.SIGINT)

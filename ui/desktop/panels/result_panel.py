@@ -13,7 +13,7 @@ from palpate.ui.desktop.panels.panel_parts import group
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.report.diagnosis_words import says_little
-from palpate.ui.report.measured_regions import YOUNG
+from palpate.ui.report.measured.regions import YOUNG
 from palpate.ui.report.summary import MISSING, NOTHING_TOLD
 from palpate.ui.words.number_words import three_figures
 

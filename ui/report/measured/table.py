@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from palpate.ui.report.document import Block, Table
-from palpate.ui.report.measured_regions import YOUNG, MeasuredRegion
+from palpate.ui.report.measured.regions import YOUNG, MeasuredRegion
 from palpate.ui.words.number_words import three_figures
 
 _DASH = "\N{EN DASH}"

@@ -1,0 +1,1 @@
+"""Regions that a person measured on the map, in the report."""
