@@ -150,7 +150,7 @@ class Assembler:
         return Residual(r, b - self.pressures.apply(state.p), size, low, lag)
 
     def internal_residual_on(self, points: FloatArray, state: State) -> FloatArray:
-        """Residual forces (kept,) mN and volumes mm3 of the cells alone, without terms, at a state on a mesh whose points
+        """Residual (kept,), forces mN and volumes mm3, of the cells alone, without terms, at a state on a mesh whose points
         (vertices, 3) mm lie elsewhere. The cells keep their materials."""
         mesh = TetMesh(points, self.space.mesh.cells, self.space.mesh.regions)
         space = replace(self.space, mesh=mesh, nodes=points)  # mid-edge nodes are not read: cells are straight-sided
