@@ -30,8 +30,12 @@ class Source(Protocol):
         """The case's name."""
 
     @property
+    def body(self) -> Volume:
+        """Labels to be meshed, 0 outside the modelled region; the same in each pair of one body."""
+
+    @property
     def model_labels(self) -> Volume:
-        """Labels to be meshed, 0 outside the modelled region."""
+        """Labels whose smooth surfaces are the contours, 0 outside the modelled region."""
 
     @property
     def label_grid(self) -> Volume:
@@ -87,6 +91,11 @@ class PhantomSource:
         return self._region_grid(self.voxel_mm)
 
     @property
+    def body(self) -> Volume:
+        """See `Source.body`."""
+        return self.model_labels
+
+    @property
     def model_labels(self) -> Volume:
         """See `Source.model_labels`."""
         return labels_on(self.labels, self._region_grid((self.model_voxel_mm,) * 3))
@@ -118,7 +127,7 @@ class VolumeSource:
     """A real body: labels of the state at rest and its CT (None: labels can be simulated, scans cannot).
 
     changes : what else differs on the day of the second scan, of `other_day.CHANGES`. noise_anew : the scan at rest has
-    fresh noise in place of its own. written_on : see `Source.label_grid`; None: the grid of `model_labels`.
+    fresh noise in place of its own. drawn : the labels as they were drawn, where those of `model_labels` lie on another grid.
     """
 
     name: str
@@ -126,12 +135,17 @@ class VolumeSource:
     ct: Volume | None
     changes: tuple[str, ...] = ()
     noise_anew: bool = False
-    written_on: Volume | None = None
+    drawn: Volume | None = None
+
+    @property
+    def body(self) -> Volume:
+        """See `Source.body`."""
+        return self.drawn or self.model_labels
 
     @property
     def label_grid(self) -> Volume:
         """See `Source.label_grid`."""
-        return self.written_on or self.model_labels
+        return self.body
 
     def on_voxels_of_its_own(self, random: np.random.Generator) -> VolumeSource:
         """The same body from labels on a grid that lies a random share of a voxel elsewhere; written where it was drawn.
@@ -143,7 +157,7 @@ class VolumeSource:
         affine = grid.affine.copy()
         affine[:3, 3] = grid.to_lps(random.uniform(-0.5, 0.5, (1, 3)))[0]
         moved = labels_on(self.labels, Volume(grid.array, affine))
-        return replace(self, model_labels=moved, written_on=grid)
+        return replace(self, model_labels=moved, drawn=grid)
 
     def labels(self, points: FloatArray) -> LabelArray:
         """See `Source.labels`: from the contours' smooth surfaces, so that a moved contour has no voxel steps."""

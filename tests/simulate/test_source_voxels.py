@@ -50,3 +50,9 @@ def test_contours_are_written_where_they_were_drawn(drawn: VolumeSource) -> None
     np.testing.assert_array_equal(fair.label_grid.affine, drawn.model_labels.affine)
     first, again = (labels_on(s.labels, s.label_grid).array != SURROUNDING_TISSUE for s in (drawn, fair))
     assert 2.0 * (first & again).sum() / (first.sum() + again.sum()) > 0.95
+
+
+def test_what_is_meshed_is_the_same_for_every_grid(drawn: VolumeSource) -> None:
+    one, other = (drawn.on_voxels_of_its_own(np.random.default_rng(seed)) for seed in (7, 8))
+    assert one.body is other.body is drawn.model_labels
+    assert (one.model_labels.affine != other.model_labels.affine).any()

@@ -95,7 +95,8 @@ def test_a_motion_that_folds_is_drawn_anew_and_the_stiffness_stays(
 ) -> None:
     tried: list[Mapping[str, object]] = []
 
-    def simulate(spec: Mapping[str, object], case: Path, answers: Path) -> Mapping[str, object]:
+    def simulate(spec: Mapping[str, object], case: Path, answers: Path, mesh_cache: Path) -> Mapping[str, object]:
+        assert mesh_cache == tmp_path / "meshes"
         tried.append(spec)
         if len(tried) < 3:
             raise ConvergenceError(f"the tissue folds, {len(tried)}")
@@ -126,7 +127,8 @@ def test_a_pair_hides_its_effect_and_keeps_it_when_the_motion_is_drawn_anew(
 ) -> None:
     tried: list[Mapping[str, object]] = []
 
-    def simulate(spec: Mapping[str, object], case: Path, answers: Path) -> Mapping[str, object]:
+    def simulate(spec: Mapping[str, object], case: Path, answers: Path, mesh_cache: Path) -> Mapping[str, object]:
+        assert mesh_cache == tmp_path / "meshes"
         tried.append(spec)
         if len(tried) == 1:
             raise ConvergenceError("the tissue folds")

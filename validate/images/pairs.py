@@ -33,7 +33,7 @@ SOFT_SHARE = 0.4
 # What else may differ in the second scan, in every second pair of each scan: each with this probability.
 CHANGES, CHANGE_SHARE = ("contrast", "kernel", "noise", "streaks"), 0.5
 # Number of the way in which pairs are made; another one makes another study.
-MAKING = 4
+MAKING = 5
 # Another wall motion is drawn where the tissue folds, so many times.
 ATTEMPTS = 3
 
@@ -47,8 +47,8 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     """FOLDER/cases/NAME/scans and FOLDER/answers/NAME.json; whether the pair could be made. Where it could not, FOLDER/unmade/NAME.txt
     says why, a line for each wall motion that was tried. Nothing is done where either is there.
 
-    Stiffness and hidden effect are drawn once: whether a wall's motion has an equilibrium must not select them. Raises InputError
-    for scans or contours that cannot be read.
+    Stiffness and hidden effect are drawn once: whether a wall's motion has an equilibrium must not select them. All pairs of a CT
+    share the simulation's mesh, FOLDER/meshes. Raises InputError for scans or contours that cannot be read.
     """
     name, answers = name_of(number), folder / "answers"
     if (answers / f"{name}.json").exists():
@@ -73,7 +73,9 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
             spec |= {"contour_noise_sd_mm": sd, "noise_correlation_mm": length}
         shutil.rmtree(folder / "cases" / name, ignore_errors=True)
         try:
-            truth = run_simulate(spec, folder / "cases" / name / "scans", folder / "truths" / name)
+            truth = run_simulate(
+                spec, folder / "cases" / name / "scans", folder / "truths" / name, mesh_cache=folder / "meshes"
+            )
         except ConvergenceError as error:
             reasons.append(str(error))
             shutil.rmtree(folder / "cases" / name, ignore_errors=True)

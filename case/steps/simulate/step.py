@@ -75,7 +75,7 @@ def _source(spec: SimulationSpec) -> Source:
 
 
 def _deformed_pair(source: Source, spec: SimulationSpec, progress: Progress, mesh_cache: Path | None) -> SimulatedPair:
-    labels = source.model_labels
+    labels = source.body
     present = {label for label in ORGAN_LABELS if (labels.array == label).any()}
     if present != set(spec.stiffness.organ):
         wanted = " and ".join(LABELS[label] for label in sorted(present))
