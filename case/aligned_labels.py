@@ -1,7 +1,8 @@
 """Coordinate frame of labels drawn on the deformed scan: the scanner's own, or the rest frame.
 
 `palpate export` writes the deformed scan in the rest frame for ITK-SNAP and 3D Slicer. A NIfTI or NRRD label file does
-not name its frame. The frame follows from the voxel grid: labels lie on the grid of the scan that they were drawn on.
+not name its frame. The frame follows from the voxel grid: labels lie on the grid of the scan that they were drawn on, or
+were resampled along its axes.
 """
 
 from __future__ import annotations
@@ -15,9 +16,14 @@ from palpate.imaging.contours.user_labels import UserLabels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
 
-# Tolerances under which two grids count as one: voxel axes in mm, voxel centres as a share of a voxel.
-_STEP_MM, _SHARE = 1e-3, 0.02
+# Tolerances under which two grids count as one: voxel axes in mm, voxel centres as a share of a voxel. And under which two
+# directions do: ten times what a NIfTI header rounds.
+_STEP_MM, _SHARE, _TURNED = 1e-3, 0.02, 1e-5
 NOTE = "they were drawn on the scan as it was exported, moved onto the one at rest, and were taken from there"
+UNSURE = (
+    "their voxels are neither the scan's nor those of the exported scan; they were taken to be drawn on the scan as the scanner "
+    "wrote it: look at them in the window"
+)
 
 
 def lies_on(labels: Volume, grid: Volume) -> bool:
@@ -36,13 +42,26 @@ def in_own_frame(
     """Labels of the deformed scan in the scanner's own coordinates (LPS, mm); labels in the rest frame are moved there.
 
     ct : the deformed scan in the scanner's coordinates. deformed_to_rest : (4, 4) rigid transform, mm. aligned : a
-    further grid in the rest frame, such as the case's label volume. Labels that were moved carry `NOTE` in their notes.
-    Labels on none of these grids are returned unchanged.
+    further grid in the rest frame, such as the case's label volume. Labels that were moved carry `NOTE` in their notes,
+    labels whose frame nothing tells `UNSURE`.
     """
-    if labels.source not in ("nifti", "itksnap", "seg.nrrd") or lies_on(labels.volume, ct):
+    named = labels.source not in ("nifti", "itksnap", "seg.nrrd")
+    if named or np.allclose(deformed_to_rest, np.eye(4)) or lies_on(labels.volume, ct):
         return labels
-    grids = [ct.moved(deformed_to_rest), *([] if aligned is None else [aligned])]
+    moved = ct.moved(deformed_to_rest)
+    grids = [moved, *([] if aligned is None else [aligned])]
     if not any(lies_on(labels.volume, grid) for grid in grids):
-        return labels
+        along, along_moved = (_turned(labels.volume, grid) < _TURNED for grid in (ct, moved))
+        if along or not along_moved:
+            sure = along and not along_moved
+            return labels if sure else replace(labels, notes=(*labels.notes, UNSURE))
     own = labels.volume.moved(np.linalg.inv(deformed_to_rest).astype(np.float64))
     return replace(labels, volume=own, notes=(*labels.notes, NOTE))
+
+
+def _turned(one: Volume, other: Volume) -> float:
+    """How far the axes of two grids are turned against each other: the largest difference of their directions."""
+    first, second = (
+        v.affine[:3, :3] / np.linalg.norm(v.affine[:3, :3], axis=0) for v in map(in_lps_order, (one, other))
+    )
+    return float(np.abs(first - second).max())

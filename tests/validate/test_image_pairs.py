@@ -153,7 +153,7 @@ def test_every_second_pair_of_each_scan_differs_in_more_than_its_motion(
 ) -> None:
     made: list[Mapping[str, object]] = []
 
-    def simulate(spec: Mapping[str, object], case: Path, answers: Path) -> Mapping[str, object]:
+    def simulate(spec: Mapping[str, object], case: Path, answers: Path, mesh_cache: Path) -> Mapping[str, object]:
         made.append(spec)
         return {}
 

@@ -5,6 +5,7 @@ the table.
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from phantoms import affine
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
-from palpate.case.aligned_labels import NOTE, in_own_frame
+from palpate.case.aligned_labels import NOTE, UNSURE, in_own_frame
 from palpate.case.case_folder import CaseFolder
 from palpate.case.labels_on_scan import labels_on_scan
 from palpate.case.second_contours import second_contours
@@ -289,6 +290,24 @@ def test_an_import_tells_where_labels_of_the_deformed_scan_were_drawn(
     assert_same(own.volume, labels_resampled(fine.labels("deformed").moved(np.linalg.inv(TURN)), ct))
     assert in_own_frame(own, ct, fine.deformed_to_rest()) is own
     assert in_own_frame(aligned, ct, np.eye(4)) is aligned
+
+
+def test_resampled_labels_of_the_deformed_scan_are_taken_where_their_axes_point(
+    fine: CaseFolder, tmp_path: Path
+) -> None:
+    exporter("itksnap").export(fine, tmp_path)
+    ct, facts = fine.series("deformed")
+    exported = read_user_labels(tmp_path / "deformed.itksnap", ct, facts)
+    finer = exported.volume.affine @ np.diag([0.7, 0.7, 0.7, 1.0])
+    resampled = replace(exported, volume=Volume(exported.volume.array, finer))
+    on_rest = in_own_frame(resampled, ct, fine.deformed_to_rest())
+    assert NOTE in on_rest.notes
+    np.testing.assert_allclose(fine.deformed_to_rest() @ on_rest.volume.affine, finer, atol=1e-9)
+    on_scan = replace(exported, volume=Volume(exported.volume.array, ct.affine @ np.diag([0.7, 0.7, 0.7, 1.0])))
+    assert in_own_frame(on_scan, ct, fine.deformed_to_rest()) is on_scan
+    shifted = np.eye(4)
+    shifted[:3, 3] = 3.3
+    assert UNSURE in in_own_frame(on_scan, ct, shifted).notes  # nothing is turned, and only the grid could tell
 
 
 @pytest.mark.parametrize("form, name", [("itksnap", "deformed_labels.nii.gz"), ("nrrd", "deformed_labels.seg.nrrd")])
