@@ -1,4 +1,5 @@
-"""The maps of a diagnosis: the residual on the organ in its own standard deviations, the missing force on the slices."""
+"""The maps of a diagnosis: the residual on the organ in its own standard deviations, and on the slices the residual motion in
+and around the organ and the missing force."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from palpate.core.arrays import FloatArray
+from palpate.core.arrays import BoolArray, FloatArray
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import PLANES, Plane, Window
@@ -27,9 +28,11 @@ from palpate.ui.pictures.slice_axes import (
 
 _LIMIT_SD = 3.0
 # Not the colours of the misfit in mm, which this must not be taken for.
-_RESIDUAL, _FORCE = "PuOr_r", "autumn"
-# Forces within this distance of a slice are shown on it, in squares of this edge, mm.
+_RESIDUAL, _FORCE, _MOTION = "PuOr_r", "autumn", "plasma"
+# Forces and residual motion within this distance of a slice are shown on it, in squares of this edge, mm.
 _SLAB_MM, _SQUARE_MM = 7.0, 7.0
+# How many times as long as the residual motion its arrow is: a millimetre would hardly be seen.
+LONGER = 5.0
 # Forces below this share of the largest are left out: arrows everywhere would hide the anatomy.
 _SHOWN = 0.2
 
@@ -93,6 +96,34 @@ def force_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
     return figure
 
 
+def motion_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
+    """Axial, sagittal and coronal slice with the plain model's motion minus the matched one, in and around the organ.
+
+    maps : motion/places (w, 3) mm, motion/residual_mm (w, 3), motion/standardised (w, 3). Arrows are `LONGER` times as long as the
+    residual; their colour is its size in standard deviations, rms over the axes.
+    """
+    figure = Figure(figsize=(PAGE_INCHES, 3.4), layout="constrained")
+    axes = list(figure.subplots(1, 3))
+    norm = Normalize(0.0, _LIMIT_SD)
+    places, missed = maps["motion/places"], maps["motion/residual_mm"]
+    size = np.sqrt((maps["motion/standardised"] ** 2).mean(axis=1))
+    for ax, plane in zip(axes, PLANES, strict=True):
+        window = images.window(plane)
+        draw_background(ax, images, plane, window)
+        draw_outlines(ax, images, plane, window, (ORGAN, *WALLS))
+        near = _near(plane, window, places)
+        if near.any():
+            at, mean = _binned(places[near][:, [plane.across, plane.down]], np.column_stack([missed, size])[near])
+            ax.quiver(
+                at[:, 0], at[:, 1], mean[:, plane.across], mean[:, plane.down], mean[:, 3], cmap=_MOTION, norm=norm, angles="xy",
+                scale_units="xy", scale=1.0 / LONGER, width=0.008,
+            )  # fmt: skip
+    bar = figure.colorbar(ScalarMappable(norm, _MOTION), ax=axes, shrink=0.8, extend="max")
+    bar.set_label("predicted \N{MINUS SIGN} matched (sd)", fontsize=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)
+    return figure
+
+
 def _seen_from(ax: Axes, view: View, maps: Mapping[str, FloatArray], norm: Normalize) -> None:
     axis, sign = view.towards
     near = sign * maps["normals"][:, axis] > 0.15
@@ -119,8 +150,7 @@ def _frame(ax: Axes, across: float, up: float, half: float) -> None:
 
 def _arrows(ax: Axes, plane: Plane, window: Window, maps: Mapping[str, FloatArray], norm: Normalize) -> None:
     nodes, force = maps["nodes"], maps["force_kpa_per_mm"]
-    near = np.abs(nodes[:, plane.normal] - window.centre[plane.normal]) < _SLAB_MM
-    near &= (np.abs(nodes - np.array(window.centre)) < window.half_mm).all(axis=1)
+    near = _near(plane, window, nodes)
     if not near.any():
         return
     at, f = _binned(nodes[near][:, [plane.across, plane.down]], force[near])
@@ -133,8 +163,14 @@ def _arrows(ax: Axes, plane: Plane, window: Window, maps: Mapping[str, FloatArra
     )  # fmt: skip
 
 
+def _near(plane: Plane, window: Window, x: FloatArray) -> BoolArray:
+    """Which points (k, 3) mm lie within the slice's slab and its field of view."""
+    near = np.abs(x[:, plane.normal] - window.centre[plane.normal]) < _SLAB_MM
+    return np.asarray(near & (np.abs(x - np.array(window.centre)) < window.half_mm).all(axis=1))
+
+
 def _binned(at: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means of places (k, 2) and forces (k, 3) over squares."""
+    """Means of places (k, 2) and of values (k, c) there over squares."""
     _, group = np.unique(np.floor(at / _SQUARE_MM).astype(int), axis=0, return_inverse=True)
     group = group.ravel()
     count = np.bincount(group)

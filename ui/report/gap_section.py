@@ -12,7 +12,7 @@ from palpate.case.case_folder import CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, otherwise_words, read_diagnosis
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffnessRecord, ParameterRecord
 from palpate.core.files.json_types import known
-from palpate.ui.pictures.gap_pictures import force_planes, residual_views
+from palpate.ui.pictures.gap_pictures import LONGER, force_planes, motion_planes, residual_views
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import save
 from palpate.ui.report.diagnosis_words import (
@@ -52,6 +52,14 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
             0.85,
         )
     }
+    if len(maps.get("motion/places", ())):
+        out["gap_motion"] = Picture(
+            save(motion_planes(images, maps), folder / "gap_motion.png"),
+            "Where the plain model's motion and the one that the two images show differ, in and around the organ, within 7 mm of each "
+            f"slice: arrows {LONGER:g} times as long as the difference, coloured by its size in standard deviations. Model and images "
+            "agree where no arrow is warmer than 2.",
+            "Slices in three planes with arrows where the predicted motion differs from the one that the images show.",
+        )
     if found.verdict != "none":
         out["gap_force"] = Picture(
             save(force_planes(images, maps), folder / "gap_force.png"),
@@ -73,7 +81,7 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     if gap_is_seen(found):
         blocks.append(Paragraph(FALSE_ALARMS))
     blocks.append(_figures(found))
-    blocks += [pictures[n] for n in ("gap_residual", "gap_force") if n in pictures]
+    blocks += [pictures[n] for n in ("gap_residual", "gap_motion", "gap_force") if n in pictures]
     if gap_is_seen(found):
         blocks += [ranking_table(found), *_told(_shrinkage(found)), *_told(_stiffness(found))]
     which = two_stiffnesses(record)

@@ -30,9 +30,11 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> CaseFolder:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     maps = {"points": 15.0 * normals, "normals": normals, "standardised": rng.standard_normal(200),
             "nodes": 20.0 * rng.standard_normal((150, 3)), "force_kpa_per_mm": 0.1 * rng.standard_normal((150, 3))}  # fmt: skip
+    missed = 0.3 * rng.standard_normal((80, 3))
+    around = {"places": 20.0 * rng.standard_normal((80, 3)), "residual_mm": missed, "standardised": missed / 0.2}
     case.write_json("diagnosis.json", diagnosis("contour_bias"))
     case.file("diagnose").mkdir()
-    case.write_npz("diagnose/gap_maps.npz", **maps)
+    case.write_npz("diagnose/gap_maps.npz", **maps, **{f"motion/{key}": values for key, values in around.items()})
     run(case, ReportOptions(pdf=False))
     return case
 
@@ -52,6 +54,7 @@ def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> 
         assert text in page, text
     assert case.has("report/gap_residual.png")
     assert case.has("report/gap_force.png")
+    assert case.has("report/gap_motion.png") and "arrows 5 times as long as the difference" in page
 
 
 def test_a_stiffness_that_may_be_quoted_is_not_called_one_not_to_quote(case: CaseFolder) -> None:
