@@ -28,7 +28,7 @@ from palpate.ui.pictures.slice_axes import (
 
 _LIMIT_SD = 3.0
 # Not the colours of the misfit in mm, which this must not be taken for.
-_RESIDUAL, _FORCE, _MOTION = "PuOr_r", "autumn", "plasma"
+_RESIDUAL, _FORCE, _MOTION = "PuOr_r", "autumn", "cool"
 # Forces and residual motion within this distance of a slice are shown on it, in squares of this edge, mm.
 _SLAB_MM, _SQUARE_MM = 7.0, 7.0
 # How many times as long as the residual motion its arrow is: a millimetre would hardly be seen.
