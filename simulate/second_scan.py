@@ -38,7 +38,7 @@ class SecondScan:
         """Of a CT. region : label volume, 0 outside the modelled region. labels_on : labels on any grid."""
         part, crop = _crop(ct, region)
         labels: LabelArray = labels_on(crop).array
-        noise_hu = noise_of(crop.array, labels, crop.spacing)
+        noise_hu = _noise_hu(ct, region)
         values, share = ct.array.astype(np.float32), np.zeros(ct.array.shape, dtype=np.float32)
         values[part] = other_contents(denoised(crop.array, noise_hu), labels, crop.spacing, random)
         share[part] = 1.0
@@ -65,18 +65,24 @@ class SecondScan:
         return np.asarray(values, dtype=np.float64)
 
 
-def with_noise_anew(
-    ct: Volume, region: Volume, labels_on: Callable[[Volume], Volume], random: np.random.Generator
-) -> Float32Array:
+def with_noise_anew(ct: Volume, region: Volume, random: np.random.Generator) -> Float32Array:
     """HU of a CT whose noise about the region is taken out and drawn anew, of the same size; arguments as of `SecondScan.of`.
 
     All pairs that are simulated from one CT share its noise otherwise, however many they are.
     """
     part, crop = _crop(ct, region)
-    noise_hu = noise_of(crop.array, labels_on(crop).array, crop.spacing)
+    noise_hu = _noise_hu(ct, region)
     values = ct.array.astype(np.float32)
     values[part] = denoised(crop.array, noise_hu) + fresh_noise(crop.array.shape, crop.spacing, noise_hu, random)
     return values
+
+
+def _noise_hu(ct: Volume, region: Volume) -> float:
+    """Noise of a CT from the voxels nearest to those of the region, the same for each pair of one body."""
+    places = region.to_lps(np.indices(region.array.shape).reshape(3, -1).T.astype(float))
+    nearest = np.clip(np.rint(ct.to_index(places)).astype(int), 0, np.array(ct.array.shape) - 1)
+    hu = ct.array[tuple(nearest.T)].reshape(region.array.shape).astype(np.float32)
+    return noise_of(hu, region.array, region.spacing)
 
 
 def _crop(ct: Volume, region: Volume) -> tuple[tuple[slice, ...], Volume]:

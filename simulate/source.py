@@ -170,8 +170,8 @@ class VolumeSource:
         if own and not self.noise_anew:
             return ct
         if own:
-            return _as_stored(with_noise_anew(ct, self.model_labels, self._labels_on, random), ct, ct)
-        scan = SecondScan.of(ct, self.model_labels, self._labels_on, random)
+            return _as_stored(with_noise_anew(ct, self.body, random), ct, ct)
+        scan = SecondScan.of(ct, self.body, self._labels_on, random)
         moved = scan.seen(to_rest or (lambda points: points), grid or ct, self.changes, random)
         return _as_stored(moved, ct, grid or ct)
 

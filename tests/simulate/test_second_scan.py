@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy import ndimage
 
+from palpate.core.arrays import Float32Array
 from palpate.imaging.labels import BLADDER, PROSTATE_LEFT, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
+from palpate.simulate import other_day
 from palpate.simulate.other_day import denoised
-from palpate.simulate.source import VolumeSource
+from palpate.simulate.second_scan import SecondScan
+from palpate.simulate.source import VolumeSource, labels_on
 
 SHAPE, SPACING = (40, 40, 24), np.array([1.5, 1.5, 2.0])
 GRID = np.diag([*SPACING, 1.0])
@@ -86,3 +91,32 @@ def test_the_same_seed_makes_the_same_scan_and_contrast_shows(source: VolumeSour
     gain = brighter.scan(lambda points: points, None, 3).array[inside].mean() - one[inside].mean()
     # Within two standard deviations of the uneven brightness.
     assert gain == pytest.approx(0.15 * 140.0, abs=16.0)
+
+
+def test_a_scan_is_denoised_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two pairs of one CT, and both scans of a pair whose noise is drawn anew, share it."""
+    calls: list[float] = []
+
+    def once(hu: Float32Array, noise_hu: float) -> Float32Array:
+        calls.append(noise_hu)
+        return hu
+
+    monkeypatch.setattr(other_day, "_non_local_means", once)
+    hu = np.random.default_rng(11).normal(size=(6, 5, 4)).astype(np.float32)
+    first = denoised(hu, 7.0)
+    assert denoised(hu.copy(), 7.0) is first and len(calls) == 2  # there and back
+    denoised(hu, 8.0)
+    denoised(hu + 1.0, 7.0)
+    assert len(calls) == 6
+
+
+def test_the_noise_of_a_body_is_that_of_its_urine_whatever_voxels_its_contours_have(source: VolumeSource) -> None:
+    shares = [
+        SecondScan.of(*parts(s)).noise_hu for s in (source, source.on_voxels_of_its_own(np.random.default_rng(2)))
+    ]
+    assert shares[0] == shares[1] == pytest.approx(NOISE_HU, rel=0.25)
+
+
+def parts(source: VolumeSource) -> tuple[Volume, Volume, Callable[[Volume], Volume], np.random.Generator]:
+    assert source.ct is not None
+    return source.ct, source.body, lambda grid: labels_on(source.labels, grid), np.random.default_rng(1)
