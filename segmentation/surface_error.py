@@ -78,9 +78,8 @@ def errors_of(scene: Scene, found: Found, runs: Sequence[Volume | None], model: 
 def clues_of(scene: Scene, shell: Shell, chosen: IntArray, found: Found, runs: Sequence[Volume | None]) -> Clues:
     """What speaks for and against the surface at the chosen of its points."""
     points = shell.points[chosen]
-    away = np.stack([_away(run, points) for run in runs]) if runs else np.zeros((1, len(points)))
     # The middle one: a run that fails by a landmark that was put far off speaks of the landmark.
-    usual = np.median(np.abs(away), axis=0)
+    usual = np.median(np.abs(_distances(runs, points)), axis=0)
     local = np.sqrt(_averaged(points, usual**2))
     bare = _weakness(scene, points, shell.normals[chosen])
     weak = _averaged(points, bare)
@@ -112,14 +111,14 @@ def expected_dice(shell: Shell, chosen: IntArray, sd_mm: FloatArray) -> float:
     return float(np.clip(1.0 - 0.5 * layer / enclosed_volume(shell.points, shell.faces), 0.0, 1.0))
 
 
-def _away(run: Volume | None, points: FloatArray) -> FloatArray:
-    """Distance (n,) mm of points from a run's surface."""
-    if run is None:
-        return np.full(len(points), MOST_MM)
-    mask = run.array.astype(bool)
-    if not mask.any() or mask.all():
-        return np.full(len(points), MOST_MM)
-    return np.clip(distance_of(points, mask, run), -MOST_MM, MOST_MM)
+def _distances(runs: Sequence[Volume | None], points: FloatArray) -> FloatArray:
+    """Distances (r, n) mm of points from the surfaces of the runs that found the organ: a run without a surface says nothing of
+    where it is. MOST_MM where most runs found none, 0 where there were no runs."""
+    masks = [(run, run.array.astype(bool)) for run in runs if run is not None]
+    found = [(run, mask) for run, mask in masks if mask.any() and not mask.all()]
+    if 2 * len(found) <= len(runs):
+        return np.full((1, len(points)), MOST_MM if runs else 0.0)
+    return np.stack([np.clip(distance_of(points, mask, run), -MOST_MM, MOST_MM) for run, mask in found])
 
 
 def _weakness(scene: Scene, points: FloatArray, normals: FloatArray) -> FloatArray:
