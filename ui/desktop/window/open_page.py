@@ -33,8 +33,8 @@ _STATES = (
     "by a full bladder, a filled rectum or a probe."
 )
 _CONTOURS_MATTER = (
-    "Contours of a person or a trained model are the way to a stiffness. Those that Palpate draws by itself are good for a first look "
-    "and as a start for corrections; they seldom tell a stiffness."
+    "The two scans show how the tissue moved; contours show where the prostate and the walls beside it are. Palpate draws them by "
+    "itself: look at them before you trust a stiffness, correct them, or give contours of a person or a trained model."
 )
 _ROWS = (
     ("rest", "Scan at rest", "drop a folder here"),
