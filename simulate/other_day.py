@@ -38,7 +38,7 @@ def denoised(hu: Float32Array, noise_hu: float) -> Float32Array:
     the scan and its mirror image moves nothing. It takes minutes on a CT; of the last two scans it is kept, for all pairs of a
     study are made from a few.
     """
-    return _denoised(_Scan(hashlib.sha256(np.ascontiguousarray(hu)).hexdigest(), hu), noise_hu)
+    return _denoised(_Scan(hashlib.sha256(np.ascontiguousarray(hu).data).hexdigest(), hu), noise_hu)
 
 
 @dataclass(frozen=True)

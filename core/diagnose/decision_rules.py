@@ -19,14 +19,6 @@ _PEAK = (
 class DecisionRules(EvidenceRules):
     """Levels, thresholds, minimum gains, priors of evidence, and draws: what decides a diagnosis."""
 
-    tied: Annotated[
-        float,
-        sourced(
-            "odds",
-            "Effects on a bench whose probability is within this factor of the best one's cannot be told from it.",
-            "Kass & Raftery (1995): less is positive evidence at best.",
-        ),
-    ] = 5.0
     sure: Annotated[
         float,
         sourced(
@@ -77,10 +69,6 @@ class DecisionRules(EvidenceRules):
     )
     peak_around_mm: Annotated[float, sourced("mm", "Those within this of the largest one are averaged.", _PEAK)] = 12.0
     at_bound: Annotated[float, sourced("ln G", "A stiffness this close to a bound is flagged.", _FLAG)] = 0.05
-    not_told: Annotated[
-        float,
-        sourced("ln G", "Standard deviation above which such a flag says that the scans tell nothing of it.", _FLAG),
-    ] = 1.0
     coarse_mm: Annotated[
         float,
         sourced(
@@ -94,9 +82,3 @@ class DecisionRules(EvidenceRules):
     bench_unnamed_mm: Annotated[
         float, sourced("mm", "What an effect that nobody has thought of would do to the markers of a bench.", "Chosen.")
     ] = 2.0
-    bench_hopeless: Annotated[
-        float,
-        sourced(
-            "ln", "On a bench, effects further below the best one's first look are not refitted.", "Chosen; saves time."
-        ),
-    ] = 10.0

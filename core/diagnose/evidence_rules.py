@@ -13,7 +13,6 @@ _COST = (
     "nor probability of "
     "shared case 310, the one it was tried on (tests/benchmarks/chosen_numbers.py)."
 )
-_ASKED = "Asked for with the diagnosis: 10 %."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,17 +153,6 @@ class EvidenceRules:
             "Numerical: under a correlation length of the noise.",
         ),
     ] = 4.0
-    gain_share: Annotated[
-        float,
-        sourced(
-            "1",
-            "A gain on a bench counts when it is more than this share of the mean square before.",
-            _ASKED,
-        ),
-    ] = 0.1
-    placebo_tested: Annotated[
-        int, sourced("1", "So many of the best effects of a bench are refitted without each state.", _COST)
-    ] = 3
     placebos: Annotated[
         int, sourced("1", "Placebos whose median gain is told beside that of the effect.", "Numerical.")
     ] = 40

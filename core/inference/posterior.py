@@ -139,7 +139,12 @@ def _flat_prior(bounds: FloatArray) -> FloatArray:
 
 def unknown(posterior: Posterior) -> BoolArray:
     """(t,) whether a region's stiffness is about as uncertain as it was before the scans."""
-    return posterior.spread > _BLIND * (posterior.bounds[:, 1] - posterior.bounds[:, 0]) / np.sqrt(12.0)
+    return as_before(posterior.spread, posterior.bounds)
+
+
+def as_before(sd: FloatArray, bounds: FloatArray) -> BoolArray:
+    """(t,) whether standard deviations sd (t,) of ln G are about that of a flat prior over bounds (t, 2)."""
+    return np.asarray(sd > _BLIND / np.sqrt(prior_precision(bounds)))
 
 
 def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | None = None) -> str:

@@ -17,7 +17,7 @@ from palpate.core.files.json_types import plain
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "silicone_beam"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
-EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compressible_organ")}
+EFFECTS = library()
 
 
 def diagnosed(folder: Path, *states: str) -> dict[str, Any]:

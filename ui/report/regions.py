@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.case.case_facts import CaseFacts
 from palpate.core.identify.result_record import RegionRecord
+from palpate.core.inference.posterior import as_before
 from palpate.imaging.labels import LABEL_VALUES
 
 
@@ -17,7 +18,7 @@ class RegionStiffness:
     """One region of result.json: G, sd, mu in kPa; ci is the 95 % interval. None where unknown.
 
     words : the name as a person says it.
-    told : whether the pair tells this stiffness at all: not at a bound, and its interval does not span what was allowed.
+    told : whether the pair tells this stiffness at all: not at a bound, and known better than before the scans.
     """
 
     name: str
@@ -48,9 +49,11 @@ def region_of(name: str, p: RegionRecord, facts: CaseFacts, alone: bool) -> Regi
     """A region of result.json by its name and entry. alone : it is the organ's only one."""
     ci = p.ci95_kpa
     low, high = facts.organ_shear_modulus_bounds_kpa
-    spans = ci is not None and ci[0] < 1.3 * low and ci[1] > high / 1.3
-    words, told = region_words(name, alone), not (p.at_bound or spans)
-    return RegionStiffness(name, words, p.G_kpa, p.sd_kpa, ci, p.mu1_kpa, p.mu2_kpa, p.mu_mean_kpa, p.at_bound, told)
+    found = RegionStiffness(
+        name, region_words(name, alone), p.G_kpa, p.sd_kpa, ci, p.mu1_kpa, p.mu2_kpa, p.mu_mean_kpa, p.at_bound, not p.at_bound
+    )  # fmt: skip
+    nothing_new = found.ln_sd is not None and as_before(np.array([found.ln_sd]), np.log([[low, high]]))[0]
+    return replace(found, told=False) if nothing_new else found
 
 
 def in_words(text: str, names: Iterable[str]) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.bench_bodies.kept_work import KeptWork
 from palpate.core.diagnose.bench_bodies.marker_data import MarkerData
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data, noise_covariance
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
@@ -52,51 +51,28 @@ class BodyFit:
         """Residuals (k, 3) mm of every state's markers, NaN where not seen, from those of all data (n,)."""
         return [d.missed(residual[rows]) for d, rows in zip(self.data, self.plain.model.rows, strict=True)]
 
-    def without(self, state: int) -> PlainFit:
-        """The same fit with a state's data and model left out, not yet fitted anew."""
-        fit = self.plain
-        rest = [k for k in range(len(fit.model.each)) if k != state]
-        rows = np.concatenate([np.arange(fit.model.rows[k].start, fit.model.rows[k].stop) for k in rest])
-        covariance = fit.weighting.covariance[np.ix_(rows, rows)]
-        model, here = JointModel(tuple(fit.model.each[k] for k in rest)), without_state(fit.linearisation, state)
-        return replace(
-            fit,
-            model=model,
-            linearisation=here,
-            noise=NoiseGrid.known(covariance, self.options.noise_model),
-            weighting=Weighting(covariance),
-            posterior=_normal(model, here, Weighting(covariance)),
-        )
-
 
 def _normal(model: JointModel, at: JointLinearisation, weighting: Weighting) -> Posterior:
     """Markers tell a body's stiffness well enough for Laplace's approximation."""
     return laplace(at.theta, weighting.whiten(at.residual), weighting.whiten(at.in_theta), model.bounds)
 
 
-def without_state(at: JointLinearisation, state: int) -> JointLinearisation:
-    """A linearisation of all states but one."""
-    return JointLinearisation(tuple(one for k, one in enumerate(at.each) if k != state))
-
-
 def fit_body(
     problem: BodyProblem,
     options: DiagnosisOptions | None = None,
     progress: Progress = silent,
-    kept: KeptWork | None = None,
     how: FitOptions | None = None,
 ) -> BodyFit:
     """Fit of the plain model to all states: Gauss-Newton from several starts with a quick element, then with the good
     one from where those end.
 
-    kept : work of a run before. Raises InputError when nothing holds the body, ConvergenceError when it has no
-    equilibrium.
+    Raises InputError when nothing holds the body, ConvergenceError when it has no equilibrium.
     """
-    options, how, kept = options or DiagnosisOptions(), how or FitOptions(), kept or KeptWork()
+    options, how = options or DiagnosisOptions(), how or FitOptions()
     model = bench_model(problem, how.element, options.noise_model.markers_common)
     try:
-        place = kept.place("plain", lambda: _searched(problem, model, options, how, progress).linearisation)
-        here = solved(model, place.theta, place.on(model))
+        found = _searched(problem, model, options, how, progress).linearisation
+        here = solved(model, found.theta, found)
     except ConvergenceError as error:
         raise ConvergenceError(_NO_EQUILIBRIUM) from error
     covariance = noise_covariance(problem, model, here)

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from palpate.core.arrays import FloatArray
-from palpate.core.diagnose.bench_bodies.kept_work import Place
 from palpate.core.diagnose.bench_bodies.marker_data import MarkerData
 from palpate.core.diagnose.bench_bodies.problem import BodyPatch, BodyProblem, PointLoad
 from palpate.core.fem.space import Space
@@ -143,7 +142,7 @@ def _by_rims(problem: BodyProblem, model: JointModel, at: JointLinearisation) ->
         drawn = bench_model(
             replace(problem, patches=patches), model.first.geometry.element, marker_data(model)[0].common
         )
-        solved = drawn.plain(at.theta, Place.of(at).on(drawn))
+        solved = drawn.plain(at.theta, at)
         if solved is not None:
             columns.append(solved.residual - at.residual)
     return shrunk(np.stack(columns, axis=1) / np.sqrt(3.0)) if len(columns) > 1 else np.zeros((model.n, model.n))

@@ -9,22 +9,21 @@ from msgspec import UNSET, structs
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies.fit import BodyFit
+from palpate.core.diagnose.bench_bodies.judge import BodyDiagnosis, rms_mm
 from palpate.core.diagnose.bench_bodies.model import state_model
 from palpate.core.diagnose.bench_bodies.problem import BodyPatch, BodyProblem
-from palpate.core.diagnose.bench_bodies.rivals import Rival, rms_mm
+from palpate.core.diagnose.detection.gap_test import GapTest
 from palpate.core.diagnose.diagnosis_record import (
     FittedStiffnessRecord,
     GapRecord,
     MarkersRecord,
-    ParameterRecord,
-    RankedRecord,
     ReactionRecord,
     RegionGapRecord,
     RemainderRecord,
     ShrinkageRecord,
 )
-from palpate.core.diagnose.effects import Effect
 from palpate.core.diagnose.refit.refit import Refit
+from palpate.core.diagnose.verdict.judge import effect_id
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE
 from palpate.core.forward.composition import PerAxis
 from palpate.core.inference.posterior import unknown
@@ -42,8 +41,8 @@ def distances(missed: FloatArray) -> FloatArray:
     return np.sqrt(np.nansum(missed**2, axis=1))
 
 
-def gap(base: BodyFit, p: float) -> GapRecord:
-    """The "gap" of diagnosis.json; p : of the data under their noise alone."""
+def gap(base: BodyFit, test: GapTest) -> GapRecord:
+    """The "gap" of diagnosis.json."""
     distance = np.concatenate([distances(r) for r in by_state(base)])
     variance = np.diag(base.plain.weighting.covariance)
     parts = zip(base.data, base.plain.model.rows, strict=True)
@@ -52,8 +51,9 @@ def gap(base: BodyFit, p: float) -> GapRecord:
         rms_mm=rms(distance),
         p95_mm=float(np.quantile(distance, 0.95)),
         noise_floor_mm=float(np.sqrt(noise / len(distance))),
-        detected=p < base.options.decision_rules.level,
-        p_value=p,
+        detected=test.detected,
+        p_value=test.p_value,
+        statistic=test.log_factor,
     )
 
 
@@ -94,35 +94,23 @@ def stiffness_with(one: Refit) -> dict[str, FittedStiffnessRecord]:
     return stiffness(float(one.linearisation.theta[0]), float(np.sqrt(one.covariance[0, 0])))
 
 
-def row(base: BodyFit, f: Rival, probability: float) -> RankedRecord:
-    """One row of "ranking"."""
-    before, after = (float(np.sqrt(np.square(c).mean())) for c in f.left_out.T)
-    fit = base.plain
-    left = fit.weighting.squared(f.fit.linearisation.residual) / max(
-        fit.weighting.squared(fit.linearisation.residual), 1e-30
-    )
-    assert f.fit.hypothesis.variant is not None
-    values = zip(f.effect.parameters, f.fit.phi.tolist(), f.fit.sd_phi.tolist(), strict=True)
-    return RankedRecord(
-        effect=f.effect.id,
-        probability=probability,
-        residual_share=left,
-        cv_gain_mm=before - after if np.isfinite(before) and np.isfinite(after) else 0.0,
-        p_value=f.p_value,
-        parameters={p.name: ParameterRecord(p.physical(v), s, p.unit) for p, v, s in values},
-        variant=f.fit.hypothesis.variant.name,
-        log_evidence=f.log_evidence,
-        refitted=True,
-    )
+def gains_mm(found: BodyDiagnosis) -> dict[str, float]:
+    """rms that every effect gains on the states left out, mm; none where there is one state."""
+    before = found.foretold_mm("")
+    if before is None:
+        return {}
+    each = {name: found.foretold_mm(name) for name in found.left_out if name}
+    return {name: rms(before) - rms(after) for name, after in each.items() if after is not None}
 
 
-def shrinkage(best: Rival) -> ShrinkageRecord | None:
+def shrinkage(found: BodyDiagnosis, best: Refit) -> ShrinkageRecord | None:
     """Shrinkage of the misfit on states left out of the fit; None where there is only one state."""
-    if not np.isfinite(best.left_out).all():
+    every, each = found.foretold_mm(""), found.foretold_mm(effect_id(best))
+    if every is None or each is None:
         return None
-    before, after = (float(np.sqrt(np.square(c).mean())) for c in best.left_out.T)
+    before, after = rms(every), rms(each)
     fraction = 1.0 - after / max(before, 1e-30)
-    low, high = np.quantile(1.0 - best.left_out[:, 1] / best.left_out[:, 0], [0.0, 1.0]).tolist()
+    low, high = np.quantile(1.0 - each / every, [0.0, 1.0]).tolist()
     return ShrinkageRecord(
         held_out_rms_before_mm=before,
         held_out_rms_after_mm=after,
@@ -131,14 +119,16 @@ def shrinkage(best: Rival) -> ShrinkageRecord | None:
         ci95=(low, high),
         ceiling_fraction=1.0,
         placebo_fraction=0.0,
-        effect=best.effect.id,
+        effect=effect_id(best),
     )
 
 
-def states(base: BodyFit, best: Rival | None) -> list[MarkersRecord]:
+def states(found: BodyDiagnosis, best: Refit | None) -> list[MarkersRecord]:
     """Every state's misfit, mm, before and after, fitted and predicted from the others; and its reaction forces."""
-    out, before = [], by_state(base)
-    after = None if best is None else by_state(base, best.fit)
+    base, out = found.base, []
+    before = by_state(base)
+    after = None if best is None else by_state(base, best)
+    left = [None if best is None else found.foretold_mm(name) for name in ("", "" if best is None else effect_id(best))]
     for k, state in enumerate(base.problem.states):
         record = MarkersRecord(
             name=state.name,
@@ -147,10 +137,10 @@ def states(base: BodyFit, best: Rival | None) -> list[MarkersRecord]:
             noise_mm=_noise_mm(base, k),
             reactions=_reactions(base, best, k) or UNSET,
         )
-        if best is not None and after is not None:
-            left = [float(x) if np.isfinite(x) else None for x in best.left_out[min(k, len(best.left_out) - 1)]]
+        if after is not None:
+            one, other = (None if rows is None else float(rows[k]) for rows in left)
             record = structs.replace(
-                record, rms_after_mm=rms_mm(after[k]), held_out_before_mm=left[0], held_out_after_mm=left[1]
+                record, rms_after_mm=rms_mm(after[k]), held_out_before_mm=one, held_out_after_mm=other
             )
         out.append(record)
     return out
@@ -163,7 +153,7 @@ def _noise_mm(base: BodyFit, state: int) -> float:
     return float(np.sqrt(variance.sum() / len(data.seen)))
 
 
-def _reactions(base: BodyFit, best: Rival | None, state: int) -> list[ReactionRecord]:
+def _reactions(base: BodyFit, best: Refit | None, state: int) -> list[ReactionRecord]:
     """Reaction forces of a state, N: measured, and predicted without and with the best effect."""
     rows, data = base.plain.model.rows[state], base.data[state]
     first = rows.start + data.n_seen
@@ -172,20 +162,21 @@ def _reactions(base: BodyFit, best: Rival | None, state: int) -> list[ReactionRe
         for axis, (force, sd) in enumerate(zip(patch.facts.reaction_n, patch.facts.reaction_sd_n, strict=True)):
             if force is None or sd is None:
                 continue
-            off = [None if f is None else f.linearisation.residual[k] for f in (base.plain, best.fit if best else None)]
+            off = [None if f is None else f.linearisation.residual[k] for f in (base.plain, best)]
             values = [None if r is None else force + float(r) for r in off]
             out.append(ReactionRecord(patch.facts.name, "xyz"[axis], force, sd, *values))
             k += 1
     return out
 
 
-def remainder(base: BodyFit, named: Rival, cause: Effect | None) -> RemainderRecord:
-    """Misfit of each state's markers with the named effect, mm rms, and a second cause where one passes."""
-    missed = zip(base.problem.states, by_state(base, named.fit), strict=True)
-    return RemainderRecord({s.name: rms_mm(r) for s, r in missed}, None if cause is None else cause.id)
+def remainder(base: BodyFit, named: Refit) -> RemainderRecord:
+    """Misfit of each state's markers with the named effect, mm rms. Two causes at once are a verdict of their own, so that no second one
+    is ever told here."""
+    missed = zip(base.problem.states, by_state(base, named), strict=True)
+    return RemainderRecord({s.name: rms_mm(r) for s, r in missed}, None)
 
 
-def next_state(base: BodyFit, best: Rival) -> str | None:
+def next_state(base: BodyFit, best: Refit) -> str | None:
     """Sentence on the further load or displacement under which both models' markers differ most, in mm rms."""
     last = len(base.problem.states) - 1
     moved = bool(base.problem.states[last].loads) or any(p.facts.state == last for p in base.problem.patches)
@@ -195,7 +186,7 @@ def next_state(base: BodyFit, best: Rival) -> str | None:
             _scaled(base.problem, last, factor), last, base.element, base.options.noise_model.markers_common
         )
         predicted = []
-        for at, hypothesis in ((base.plain.linearisation, Hypothesis()), (best.fit.linearisation, best.fit.hypothesis)):
+        for at, hypothesis in ((base.plain.linearisation, Hypothesis()), (best.linearisation, best.hypothesis)):
             solved = asked.solve(hypothesis, at.theta, at.phi, None)
             predicted.append(None if solved is None else asked.marker_data.markers.motion(solved.equilibrium.u))
         if predicted[0] is not None and predicted[1] is not None:
@@ -205,7 +196,7 @@ def next_state(base: BodyFit, best: Rival) -> str | None:
     (first, one), (second, other) = sorted(differences, reverse=True)
     return (
         f"a further load: with {one} the models' markers differ by {first:.1f} mm (with {other} by {second:.1f} mm), "
-        f"which tells {best.effect.id.replace('_', ' ')} from another stiffness"
+        f"which tells {effect_id(best).replace('_', ' ')} from another stiffness"
     )
 
 
@@ -228,7 +219,7 @@ def _moved(patch: BodyPatch, state: int, factor: float) -> BodyPatch:
     return replace(patch, facts=replace(patch.facts, displacement_mm=displacement))
 
 
-def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
+def words(base: BodyFit, verdict: str, named: Refit | None) -> str:
     """Sentence that sums up the diagnosis for a reader."""
     missed = rms(np.concatenate([distances(r) for r in by_state(base)]))
     start = f"The plain model misses the markers by {missed:.2f} mm"
@@ -240,11 +231,12 @@ def words(base: BodyFit, verdict: str, named: Rival | None) -> str:
             if verdict == AMBIGUOUS
             else f"{start}; nothing in the library explains it."
         )
-    left = rms(np.concatenate([distances(r) for r in by_state(base, named.fit)]))
-    return f"{start}, because {named.effect.words}; with it the states are missed by {left:.2f} mm."
+    left = rms(np.concatenate([distances(r) for r in by_state(base, named)]))
+    assert named.hypothesis.effect is not None
+    return f"{start}, because {named.hypothesis.effect.words}; with it the states are missed by {left:.2f} mm."
 
 
-def maps(base: BodyFit, best: Rival | None) -> dict[str, FloatArray]:
+def maps(base: BodyFit, best: Refit | None) -> dict[str, FloatArray]:
     """Arrays of the body for pictures: its surface, and by state (state_1/) markers, what is missed, and the motion.
 
     points (n, 3) mm, faces (f, 3); rest, moved (k, 3) mm as seen; residual, residual_after (k, 3) mm, predicted minus seen, NaN where
@@ -253,8 +245,8 @@ def maps(base: BodyFit, best: Rival | None) -> dict[str, FloatArray]:
     mesh = base.problem.mesh
     out = {"points": mesh.points, "faces": mesh.boundary[0].astype(np.float64)}
     before = by_state(base)
-    after = None if best is None else by_state(base, best.fit)
-    each = (base.plain if best is None else best.fit).linearisation.each
+    after = None if best is None else by_state(base, best)
+    each = (base.plain if best is None else best).linearisation.each
     for k, state in enumerate(base.problem.states):
         at = f"state_{k + 1}/"
         out |= {f"{at}rest": np.array(state.rest), f"{at}moved": base.data[k].moved, f"{at}residual": before[k]}

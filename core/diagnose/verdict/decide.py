@@ -13,6 +13,7 @@ TWO_EFFECTS = "two_effects"
 REASONS = {
     "nothing_told": "the stiffness may be anything that was allowed, so that it takes the place of whatever the model leaves out",
     "no_gap": "what the plain model leaves is no more than contours, walls and mesh explain",
+    "known_to_act": "what is known to act is not in the model, but the stiffness takes its place in these states",
     "nothing_named": "no effect of the library explains the gap as well as a free smooth field of forces",
     TWO_EFFECTS: "no effect alone explains the gap, these two together do",
     "several_effects": "these effects explain the gap about equally well",
@@ -27,18 +28,22 @@ def decide(
     checks: Sequence[ModelCheck] = (),
     *,
     told: bool = True,
+    lacking: tuple[str, ...] = (),
     rules: DecisionRules,
 ) -> Verdict:
     """The verdict.
 
     posterior : probability of every hypothesis (`posterior.posterior`). detected : outcome of the gap test. checks : of the most probable
-    hypothesis; one that fails vetoes a single name. told : whether the scans tell any region's stiffness.
+    hypothesis; one that fails vetoes a single name. told : whether the scans tell any region's stiffness. lacking : effects that are
+    known to act though the model has none of them, where the data do not speak against them.
     """
     probability = given_a_gap(posterior)
 
     def answer(verdict: str, names: tuple[str, ...], reason: str, sentence: str = "") -> Verdict:
         return Verdict(verdict, names, probability, sentence or REASONS[reason], reason, posterior)
 
+    if not detected and lacking:
+        return answer(AMBIGUOUS, lacking, "known_to_act")
     if not detected:
         return answer(NONE, (), "no_gap") if told else answer(AMBIGUOUS, (), "nothing_told")
     likely = smallest_set(probability, rules.sure)

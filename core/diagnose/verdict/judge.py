@@ -8,16 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.comparison import Comparison
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.gap_test import GapTest, free_field, null_distribution
 from palpate.core.diagnose.detection.leave_out import data_split
 from palpate.core.diagnose.detection.location import DiscrepancyMaps
 from palpate.core.diagnose.detection.placebo import PlaceboSize, placebo_gains
 from palpate.core.diagnose.detection.score_test import Screened
-from palpate.core.diagnose.posterior import UNKNOWN, posterior
+from palpate.core.diagnose.posterior import UNKNOWN
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.decide import decide
 from palpate.core.diagnose.verdict.verdict import ModelCheck, Verdict
+from palpate.core.inference.evidence import Directions
 from palpate.core.inference.heldout import Gain, Linear, Split, gain, predictive_p
 from palpate.core.inference.posterior import prior_precision
 from palpate.core.inference.posterior import unknown as untold
@@ -53,32 +55,27 @@ class Diagnosis:
 
 def judge(
     fit: PlainFit,
-    test: GapTest,
-    screened: Sequence[Screened],
-    refits: Sequence[Refit],
-    pairs: Sequence[Refit],
-    factors: Mapping[str, float],
+    found: Comparison,
     discrepancy: DiscrepancyMaps,
     forces: UnknownDiscrepancy,
     rules: DecisionRules,
     seed: int,
 ) -> Diagnosis:
-    """The diagnosis. factors : log Bayes factors against nothing of every hypothesis by name."""
+    """The diagnosis of a plain fit whose hypotheses were compared."""
     split, plain = data_split(fit, rules), plain_model(fit)
-    effects = {effect_id(f): effect_model(f) for f in (*refits, *pairs)}
+    effects = {effect_id(f): effect_model(f) for f in (*found.refits, *found.pairs)}
     models = {"": plain, "ceiling": saturated_model(fit, forces)} | effects
     left_out = dict(zip(models, split.left_out(list(models.values())), strict=True))
     gains = {name: gain(split, left_out[""], left_out[name]) for name in models if name}
-    probability = posterior(factors, len(screened), rules)
-    lead = max((*refits, *pairs), key=lambda f: probability[effect_id(f)], default=None)
-    checks = model_checks(fit, lead, split, forces, rules, seed) if lead is not None and test.detected else []
+    lead = found.lead
+    checks = model_checks(fit, lead, split, forces, rules, seed) if lead is not None and found.test.detected else []
     told = not (untold(fit.posterior).all() and _moved(fit))
     return Diagnosis(
         fit,
-        test,
-        screened,
-        refits,
-        decide(probability, test.detected, checks, told=told, rules=rules),
+        found.test,
+        found.screened,
+        found.refits,
+        decide(found.probability, found.test.detected, checks, told=told, rules=rules),
         discrepancy,
         split,
         left_out,
@@ -87,7 +84,7 @@ def judge(
         0.0 if lead is None else _placebo_share(fit, split, left_out[""], lead, forces, rules, seed),
         forces,
         rules,
-        pairs,
+        found.pairs,
     )
 
 
@@ -108,34 +105,36 @@ def model_checks(
     fit: PlainFit, lead: Refit, split: Split, forces: UnknownDiscrepancy, rules: DecisionRules, seed: int
 ) -> list[ModelCheck]:
     """Whether the leading hypothesis predicts what was left out, leaves no more than noise, and means what its name says."""
-    ahead = predictive_p(split, effect_model(lead), rules.check_draws, seed)
     said = _unlike(fit, lead, rules)
     return [
-        ModelCheck(
-            "not_predicted",
-            ahead,
-            "the effect fits best, but misses what was left out by more than it says that it may",
-        ),
+        not_predicted(split, lead, rules, seed),
         ModelCheck(
             "something_left",
-            remainder_p(fit, lead, forces, rules, seed),
+            remainder_p(fit, lead, free_field(forces.free, fit.options.gap_sizes), rules, seed),
             "the effect explains the gap best, but what it leaves is still more than noise: it may stand for something like it",
         ),
         ModelCheck("unlike_its_name", 0.0 if said else 1.0, said),
     ]
 
 
-def remainder_p(fit: PlainFit, lead: Refit, forces: UnknownDiscrepancy, rules: DecisionRules, seed: int) -> float:
-    """p-value of a nameless gap in what the hypothesis leaves; its parameters are projected out as the stiffness is."""
+def not_predicted(split: Split, lead: Refit, rules: DecisionRules, seed: int) -> ModelCheck:
+    """Whether a hypothesis misses what was left out by more than it says that it may."""
+    return ModelCheck(
+        "not_predicted",
+        predictive_p(split, effect_model(lead), rules.check_draws, seed),
+        "the effect fits best, but misses what was left out by more than it says that it may",
+    )
+
+
+def remainder_p(fit: PlainFit, lead: Refit, unnamed: Sequence[Directions], rules: DecisionRules, seed: int) -> float:
+    """p-value of a cause without a name in what the hypothesis leaves; its parameters are projected out as the stiffness is."""
     assert lead.hypothesis.effect is not None
     J = np.hstack([lead.linearisation.in_theta, lead.in_phi])
     precision = np.concatenate([prior_precision(fit.bounds), 1.0 / lead.hypothesis.effect.scales**2])
-    causes = {UNKNOWN: free_field(forces.free, fit.options.gap_sizes)}
-    return (
-        null_distribution(fit.noise, lead.linearisation.residual, J, precision, causes, seed, rules=rules)
-        .test()
-        .p_value
+    left = null_distribution(
+        fit.noise, lead.linearisation.residual, J, precision, {UNKNOWN: unnamed}, seed, rules=rules
     )
+    return left.test().p_value
 
 
 def _placebo_share(

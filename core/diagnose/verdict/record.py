@@ -6,14 +6,11 @@ import numpy as np
 
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.detection.location import DiscrepancyMaps, MotionGap, discrepancy_maps, regions, residuals
-from palpate.core.diagnose.detection.score_test import Screened
 from palpate.core.diagnose.diagnosis_record import (
     DecidedByRecord,
     DiagnosisRecord,
     FittedStiffnessRecord,
     GapRecord,
-    ParameterRecord,
-    RankedRecord,
     StateGapRecord,
     StiffnessRecord,
     WhereRecord,
@@ -23,10 +20,12 @@ from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.verdict.bounds_reached import bounds_reached
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.model_average import model_average, plain_stiffness
+from palpate.core.diagnose.verdict.ranking import ranking
 from palpate.core.diagnose.verdict.shrinkage import shrinkage
 from palpate.core.diagnose.verdict.stiffness_with_effect import leading
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.diagnose.verdict.words import next_measurement, sentence
+from palpate.core.inference.posterior import as_before
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.statistics import rms
 
@@ -51,7 +50,13 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         ),
         verdict=diagnosis.verdict.verdict,
         candidates=list(diagnosis.verdict.candidates),
-        ranking=_ranking(diagnosis),
+        ranking=ranking(
+            diagnosis.fit,
+            diagnosis.screened,
+            diagnosis.refits,
+            diagnosis.verdict.probability,
+            {name: gain.before_mm - gain.after_mm for name, gain in diagnosis.gains.items()},
+        ),
         shrinkage=None if best is None else shrinkage(diagnosis, best),
         stiffness=StiffnessRecord(
             without_effect=_plain_stiffness(diagnosis),
@@ -166,56 +171,6 @@ def _gap(diagnosis: Diagnosis) -> GapRecord:
     )
 
 
-def _ranking(diagnosis: Diagnosis) -> list[RankedRecord]:
-    """Every effect looked at, most probable first; those not refitted have their linear estimate."""
-    refits = {f.hypothesis.effect.id: f for f in diagnosis.refits if f.hypothesis.effect is not None}
-    rows = [
-        (_row(diagnosis, s, refits.get(s.effect.id)), _evidence(diagnosis, s, refits.get(s.effect.id)))
-        for s in diagnosis.screened
-    ]
-    order = sorted(rows, key=lambda row: -row[0].probability if refits else -row[1])
-    return [row for row, _ in order]
-
-
-def _evidence(diagnosis: Diagnosis, screened: Screened, fitted: Refit | None) -> float:
-    return screened.log_evidence if fitted is None else fitted.log_evidence
-
-
-def _row(diagnosis: Diagnosis, screened: Screened, fitted: Refit | None) -> RankedRecord:
-    effect, first = screened.effect, screened.scores[0]
-    phi = first.estimate if fitted is None else fitted.phi
-    sd = np.sqrt(np.diag(first.covariance)) if fitted is None else fitted.sd_phi
-    variant = screened.variants[0] if fitted is None else fitted.hypothesis.variant
-    gain = diagnosis.gains.get(effect.id)
-    parameters = {}
-    for p, value, error in zip(effect.parameters, phi.tolist(), sd.tolist(), strict=True):
-        low, high = (p.physical(float(np.clip(value + s * error, p.low, p.high))) for s in (-1, 1))
-        inside = float(np.clip(value, p.low, p.high))
-        parameters[p.name] = ParameterRecord(p.physical(inside), abs(high - low) / 2.0, p.unit)
-    return RankedRecord(
-        effect=effect.id,
-        probability=diagnosis.verdict.probability.get(effect.id, 0.0),
-        residual_share=_residual_share(diagnosis, fitted),
-        cv_gain_mm=0.0 if gain is None else gain.before_mm - gain.after_mm,
-        p_value=min(1.0, first.p_value * screened.tried),
-        parameters=parameters,
-        variant="" if variant is None else variant.name,
-        log_evidence=_evidence(diagnosis, screened, fitted),
-        refitted=fitted is not None,
-    )
-
-
-def _residual_share(diagnosis: Diagnosis, fitted: Refit | None) -> float:
-    """Share of the plain model's weighted square residual that is left with the effect."""
-    if fitted is None:
-        return 1.0
-    a, b = (
-        diagnosis.fit.weighting.squared(x)
-        for x in (fitted.linearisation.residual, diagnosis.fit.linearisation.residual)
-    )
-    return float(a / max(b, 1e-30))
-
-
 def _stiffness_with(
     diagnosis: Diagnosis, theta: FloatArray, covariance: FloatArray
 ) -> dict[str, FittedStiffnessRecord]:
@@ -247,7 +202,7 @@ def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
     fits += [] if shown is None else [("with", shown.linearisation.theta, shown.covariance)]
     for what, theta, covariance in fits:
         for k, name in bounds_reached(fit, theta, rules).items():
-            told = np.sqrt(covariance[k, k]) <= rules.not_told
+            told = not as_before(np.sqrt(covariance[k, k]), fit.bounds[k : k + 1])[0]
             why = "it may be absorbing an effect" if told else "the scans say next to nothing of it"
             out.append(f"{name}: stiffness at its bound {what} the effect; {why}")
     at = diagnosis.fit.model.surface

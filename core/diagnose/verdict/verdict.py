@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from palpate.core.diagnose.posterior import NONE, UNKNOWN
 
 AMBIGUOUS = "ambiguous"
 
-__all__ = ["AMBIGUOUS", "NONE", "UNKNOWN", "ModelCheck", "Verdict", "probabilities"]
+__all__ = ["AMBIGUOUS", "NONE", "UNKNOWN", "ModelCheck", "Verdict"]
 
 
 @dataclass(frozen=True)
@@ -39,17 +37,3 @@ class Verdict:
     why: str
     decided_by: str
     posterior: Mapping[str, float] = field(default_factory=dict)
-
-
-def probabilities(evidence: Mapping[str, float], unknown: float, prior_unknown: float) -> dict[str, float]:
-    """Of every effect and of "unknown", given that there is a gap and the effects were equally likely before.
-
-    prior_unknown : probability, before, that none of them is the cause.
-    """
-    names = [*evidence, UNKNOWN]
-    n = max(len(evidence), 1)
-    log = np.array(
-        [*(np.log((1.0 - prior_unknown) / n) + v for v in evidence.values()), np.log(prior_unknown) + unknown]
-    )
-    weight = np.exp(log - log.max())
-    return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))

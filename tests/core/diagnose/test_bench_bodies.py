@@ -10,25 +10,27 @@ import pytest
 from schemas import check_form
 
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
+from palpate.core.diagnose.bench_bodies.fit import fit_body
+from palpate.core.diagnose.bench_bodies.judge import patches_of, split_of
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyPatch, BodyProblem, BodyState, PatchFacts, PointLoad
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.effects import library
 from palpate.core.diagnose.options import DiagnosisOptions
-from palpate.core.errors import Cancelled, InputError
+from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
 from palpate.core.files.json_types import plain
 from palpate.core.mesh import TetMesh
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.worker.job import Job
-from palpate.core.worker.messages import Message, Reporter
+from palpate.core.worker.messages import Reporter
 
 # Asymmetric on purpose: length along x, width y, height z, mm.
 LENGTH, WIDTH, HEIGHT = 60.0, 22.0, 16.0
 DENSITY, DOWN = 1200.0, (0.0, 0.0, -9.81)
 MARKERS = ((60.0, 4.0, 24.0), (60.0, 20.0, 3.0), (48.0, 11.0, 16.0))
 KIND = "palpate.core.diagnose.bench_bodies.diagnose:run"
-EFFECTS = {k: v for k, v in library().items() if k in ("gravity_change", "compressible_organ")}
+EFFECTS = library()
 
 
 def bar(*loads_n: float, model_gravity: bool) -> BodyProblem:
@@ -142,27 +144,15 @@ def test_the_numbers_of_a_job_decide_and_are_recorded(tmp_path: Path) -> None:
     assert told[1]["gap"]["p_value"] != pytest.approx(told[0]["gap"]["p_value"], rel=0.01)
 
 
-def test_a_stopped_job_goes_on_where_it_was_and_ends_with_the_same_bits(tmp_path: Path) -> None:
-    np.savez(tmp_path / "data.npz", **seen(bar(0.0, 0.08, 0.15, model_gravity=False), 60.0).arrays())
+def test_of_several_states_each_is_left_out_and_of_one_each_marker() -> None:
+    three = fit_body(seen(bar(0.0, 0.08, 0.15, model_gravity=True), 60.0))
+    np.testing.assert_array_equal(patches_of(three), np.repeat([0, 1, 2], 9))
+    one = fit_body(seen(bar(0.1, model_gravity=True), 60.0))
+    np.testing.assert_array_equal(patches_of(one), np.repeat([0, 1, 2], 3))
+    assert split_of(one).n_patches == 3
 
-    def run(folder: str, stop_at: str) -> tuple[dict[str, object] | None, list[str]]:
-        told: list[str] = []
 
-        def listen(message: Message) -> None:
-            told.append(str(message.get("message")))
-            if stop_at and stop_at in told[-1]:
-                raise Cancelled("stopped")
-
-        (tmp_path / folder).mkdir(exist_ok=True)
-        job = Job(KIND, str(tmp_path / folder), {"data": str(tmp_path / "data.npz")}, {"case": "bar"})
-        try:
-            return plain(job.function()(job, Reporter(listen))), told
-        except Cancelled:
-            return None, told
-
-    whole, _ = run("whole", "")
-    assert run("stopped", "predicted with gravity")[0] is None
-    again, told = run("stopped", "")
-    assert again == whole
-    assert not any("Gauss-Newton" in message for message in told), "the plain fit was made once more"
-    assert not list((tmp_path / "stopped").glob("finished*"))
+def test_gravity_that_the_stiffness_hides_in_one_state_is_told() -> None:
+    found, _ = diagnose_body(seen(bar(0.1, model_gravity=False), 60.0), EFFECTS, "bar")
+    assert (found.verdict, found.candidates) == ("ambiguous", ["gravity_change"])
+    assert found.next_measurement is not None and "a further load" in found.next_measurement

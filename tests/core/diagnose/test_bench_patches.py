@@ -11,7 +11,7 @@ from schemas import check_form
 
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.bench_bodies.fit import fit_body
-from palpate.core.diagnose.bench_bodies.judge import p_value
+from palpate.core.diagnose.bench_bodies.judge import judged
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data, noise_covariance
 from palpate.core.diagnose.bench_bodies.problem import BodyPatch, BodyProblem, BodyState, PatchFacts
 from palpate.core.diagnose.effects import library
@@ -110,7 +110,7 @@ def test_a_block_without_an_effect_has_no_gap_on_a_mesh_that_is_not_the_truths()
     """Its disc is made of other faces than the true one's: that error is counted."""
     problem = seen(block(), 15.0)
     fit = fit_body(problem)
-    assert p_value(fit) > 0.05
+    assert judged(fit, {}).found.test.p_value > 0.05
     posterior = fit.plain.posterior
     assert abs(posterior.mean[0] - np.log(15.0)) < 3.0 * posterior.sd[0]
 

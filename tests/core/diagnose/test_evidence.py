@@ -9,7 +9,6 @@ import pytest
 from scipy import integrate, stats
 
 from palpate.core.diagnose.effects import library
-from palpate.core.diagnose.verdict.verdict import probabilities
 from palpate.core.inference.evidence import (
     Directions,
     allowed,
@@ -174,13 +173,6 @@ def test_a_load_that_pulls_is_no_push() -> None:
     unlike = library(None)["unmodelled_load"].unlike
     assert unlike({"pressure": 20.0, "shear_1": -30.0, "pressure_2": -5.0}) == ""
     assert "pulls" in unlike({"pressure": 5.0, "shear_1": 30.0, "pressure_2": -20.0})
-
-
-def test_probabilities_of_a_bench_add_up_and_follow_the_evidence() -> None:
-    found = probabilities({"a": 3.0, "b": 1.0}, 0.0, 0.2)
-    assert sum(found.values()) == pytest.approx(1.0)
-    assert found["a"] / found["b"] == pytest.approx(np.exp(2.0))
-    assert found["unknown"] / found["a"] == pytest.approx(np.exp(-3.0) * 0.2 / 0.4)
 
 
 def test_a_change_of_stiffness_is_no_gap() -> None:

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
-from typing import cast
 
 import pytest
 
-from palpate.core.diagnose.bench_bodies.judge import BODY_RULES, BodyFindings
-from palpate.core.diagnose.bench_bodies.rivals import Rival
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.verdict.decide import REASONS, decide
-from palpate.core.diagnose.verdict.rules import first_that_holds
 from palpate.core.diagnose.verdict.verdict import ModelCheck, Verdict
 
 NUMBERS = DecisionRules()
@@ -27,12 +22,13 @@ class Found:
     detected: bool = True
     checks: tuple[ModelCheck, ...] = (AHEAD,)
     told: bool = True
+    lacking: tuple[str, ...] = ()
     rules: DecisionRules = NUMBERS
 
     @property
     def verdict(self) -> Verdict:
         posterior = {"none": 1.0 - sum(self.causes.values()), **self.causes}
-        return decide(posterior, self.detected, self.checks, told=self.told, rules=self.rules)
+        return decide(posterior, self.detected, self.checks, told=self.told, lacking=self.lacking, rules=self.rules)
 
 
 CLEAR = Found()
@@ -46,6 +42,12 @@ PAIR = replace(CLEAR, causes={"prestress+volume_change": 0.8, "prestress": 0.1, 
 # Reason -> what it decides, verdict, candidates, and the same with one fact changed that it does not decide.
 CASES: dict[str, tuple[Found, str, tuple[str, ...], Found]] = {
     "nothing_told": (replace(CLEAR, detected=False, told=False), "ambiguous", (), replace(CLEAR, detected=False)),
+    "known_to_act": (
+        replace(CLEAR, detected=False, lacking=("gravity_change",)),
+        "ambiguous",
+        ("gravity_change",),
+        replace(CLEAR, detected=False),
+    ),
     "no_gap": (replace(CLEAR, detected=False), "none", (), CLEAR),
     "nothing_named": (
         among(prestress=0.45, unknown=0.5),
@@ -113,36 +115,3 @@ def test_a_name_in_several_hypotheses_is_named_once_and_three_at_most() -> None:
 def test_other_numbers_decide_otherwise(changes: dict[str, float], found: Found, usual: str, other: str) -> None:
     assert found.verdict.decided_by == usual
     assert replace(found, rules=replace(NUMBERS, **changes)).verdict.decided_by == other  # type: ignore[arg-type]
-
-
-def test_rows_of_a_bench_have_names_of_their_own() -> None:
-    assert [rule.name for rule in BODY_RULES] == list(BODY_CASES)
-
-
-def rival(effect: str = "inclusion", evidence: float = 20.0, predicts: bool = True) -> Rival:
-    return cast(Rival, SimpleNamespace(effect=SimpleNamespace(id=effect), log_evidence=evidence, predicts=predicts))
-
-
-BODY = BodyFindings(True, [rival()], 5.0, False, rules=NUMBERS)
-HEAVY = BodyFindings(False, [rival("gravity_change", 0.0)], 0.0, True, rules=NUMBERS)
-BODY_CASES: dict[str, tuple[BodyFindings, str, tuple[str, ...], BodyFindings]] = {
-    "gravity_absorbed": (HEAVY, "ambiguous", ("gravity_change",), replace(HEAVY, gravity_unmodelled=False)),
-    "no_gap": (replace(BODY, detected=False), "none", (), BODY),
-    "nothing_named": (replace(BODY, unnamed=24.0), "unknown", (), replace(BODY, unnamed=21.0)),
-    "several_effects": (
-        replace(BODY, rivals=[rival(), rival("bone_motion", 19.0)]),
-        "ambiguous",
-        ("inclusion", "bone_motion"),
-        replace(BODY, rivals=[rival(), rival("bone_motion", 18.0)]),
-    ),
-    "not_predicted": (replace(BODY, rivals=[rival(predicts=False)]), "ambiguous", ("inclusion",), BODY),
-    "explained": (BODY, "inclusion", ("inclusion",), replace(BODY, detected=False)),
-}
-
-
-@pytest.mark.parametrize("name", BODY_CASES)
-def test_a_row_decides_on_a_body(name: str) -> None:
-    findings, verdict, candidates, otherwise = BODY_CASES[name]
-    found = first_that_holds(BODY_RULES, findings)
-    assert (found.rule, found.verdict, found.candidates) == (name, verdict, candidates)
-    assert first_that_holds(BODY_RULES, otherwise).rule != name
