@@ -154,11 +154,7 @@ def fit_plain(
     options = (options or NoiseModelOptions()).for_case(pairs[0][0])
     progress(0.0, "plain model: surfaces and distances")
     model = joint_model(pairs, options, walls or WallMotionOptions(), how)
-    progress(0.1, "plain model: stiffness with the quick element")
-    starts = np.vstack([spread_starts(model.bounds, how.starts), *([] if start is None else [start])])
-    first = solved_somewhere(model, starts)
-    weighting = _first_weights(model, first, options)
-    optimum = best_of(model, weighting, starts, first, part(progress, 0.1, 0.4))
+    optimum = _quick_optimum(model, options, how, start, part(progress, 0.1, 0.4))
     progress(0.4, f"plain model: element {how.element}")
     better = part(progress, 0.4, 0.7)
     errors = [
@@ -169,18 +165,7 @@ def fit_plain(
     progress(0.7, "plain model: noise of this case's contours")
     shapes = _shapes(model, here, options)
     grid, sizes, weighting = _noise(model, here, errors, options, further, shapes)
-    at = here.theta
-    for k in range(_CORRECTIONS):
-        progress(0.75 + 0.05 * k, "plain model: stiffness with the noise of this case")
-        here = best_of(model, weighting, here.theta[None], here).linearisation
-        sd = laplace(here.theta, weighting.whiten(here.residual), weighting.whiten(here.in_theta), model.bounds).sd
-        if (np.abs(here.theta - at) < _MOVED_SD * sd).all():
-            break
-        errors = [e.moved_to(m, p, how.element) for e, m, p in zip(errors, model.each, here.each, strict=True)]
-        model, here = _corrected(model, here, errors)
-        at = here.theta
-    here = solved(model, here.theta, here)  # lets the walls settle further
-    posterior = posterior_of(model, weighting, here, model.bounds, part(progress, 0.9, 1.0))
+    model, here, errors = _settled(model, weighting, here, errors, how.element, part(progress, 0.75, 0.9))
     differences = [e.every for e in errors]
     return FoundFit(
         model=model,
@@ -191,11 +176,43 @@ def fit_plain(
         noise=grid,
         sizes=sizes,
         weighting=weighting,
-        posterior=posterior,
+        posterior=posterior_of(model, weighting, here, model.bounds, part(progress, 0.9, 1.0)),
         fine=tuple(e.own for e in errors),
         optimum=optimum,
         shapes=shapes,
     )
+
+
+def _quick_optimum(
+    model: JointModel, options: NoiseModelOptions, how: FitOptions, start: FloatArray | None, progress: Progress
+) -> Optimum:
+    """Where the quick element fits best, with the weights that are taken before the case's own noise is known."""
+    progress(0.0, "plain model: stiffness with the quick element")
+    starts = np.vstack([spread_starts(model.bounds, how.starts), *([] if start is None else [start])])
+    first = solved_somewhere(model, starts)
+    return best_of(model, _first_weights(model, first, options), starts, first, progress)
+
+
+def _settled(
+    model: JointModel,
+    weighting: Weighting,
+    here: JointLinearisation,
+    errors: list[ElementErrors],
+    element: str,
+    progress: Progress,
+) -> tuple[JointModel, JointLinearisation, list[ElementErrors]]:
+    """The fit with the case's own weights, the better element's correction taken anew where it moved."""
+    at = here.theta
+    for k in range(_CORRECTIONS):
+        progress(k / _CORRECTIONS, "plain model: stiffness with the noise of this case")
+        here = best_of(model, weighting, here.theta[None], here).linearisation
+        sd = laplace(here.theta, weighting.whiten(here.residual), weighting.whiten(here.in_theta), model.bounds).sd
+        if (np.abs(here.theta - at) < _MOVED_SD * sd).all():
+            break
+        errors = [e.moved_to(m, p, element) for e, m, p in zip(errors, model.each, here.each, strict=True)]
+        model, here = _corrected(model, here, errors)
+        at = here.theta
+    return model, solved(model, here.theta, here), errors  # lets the walls settle further
 
 
 def _shapes(model: JointModel, linearisation: JointLinearisation, options: NoiseModelOptions) -> tuple[FloatArray, ...]:

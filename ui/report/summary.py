@@ -162,4 +162,6 @@ def _untold(region: RegionStiffness, record: CaseRecord) -> str:
             f"The {region.words} ended at the edge of what was allowed (G = {three_figures(region.G)} kPa of {low:g} to "
             f"{high:g}): it is no measurement, and may stand for something that the model leaves out."
         )
-    return f"This pair does not tell the stiffness of the {region.words}: it is hardly better known than before the scans."
+    return (
+        f"This pair does not tell the stiffness of the {region.words}: it is hardly better known than before the scans."
+    )

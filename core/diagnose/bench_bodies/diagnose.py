@@ -10,7 +10,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.bench_bodies import record
 from palpate.core.diagnose.bench_bodies.fit import fit_body
-from palpate.core.diagnose.bench_bodies.judge import judged
+from palpate.core.diagnose.bench_bodies.judge import BodyDiagnosis, judged
 from palpate.core.diagnose.bench_bodies.problem import BodyProblem
 from palpate.core.diagnose.diagnosis_record import DecidedByRecord, DiagnosisRecord, StiffnessRecord, WhereRecord
 from palpate.core.diagnose.effects import Effect, library
@@ -58,31 +58,34 @@ def diagnose_body(
     options = options or DiagnosisOptions()
     base = fit_body(problem, options, part(progress, 0.0, 0.3))
     found = judged(base, effects, seed, part(progress, 0.3, 0.95))
-    decided, best, named = found.verdict, found.lead, found.named
-    verdict = decided.verdict
-    out = DiagnosisRecord(
+    return _record(found, case), record.maps(base, found.lead)
+
+
+def _record(diagnosis: BodyDiagnosis, case: str) -> DiagnosisRecord:
+    """diagnosis.json for a body of this name."""
+    base, found, decided, best = diagnosis.base, diagnosis.found, diagnosis.verdict, diagnosis.lead
+    verdict, probability = decided.verdict, decided.probability
+    told = best if verdict not in (NONE, UNKNOWN) else None
+    return DiagnosisRecord(
         case=case,
-        gap=record.gap(base, found.found.test),
+        gap=record.gap(base, found.test),
         where=WhereRecord(map=MAP_FILE, regions=record.regions(base), peak_lps_mm=None),
         verdict=verdict,
         candidates=list(decided.candidates),
-        ranking=ranking(
-            base.plain, found.found.screened, found.found.refits, decided.probability, record.gains_mm(found)
-        ),
-        shrinkage=None if best is None or verdict == NONE else record.shrinkage(found, best),
+        ranking=ranking(base.plain, found.screened, found.refits, probability, record.gains_mm(diagnosis)),
+        shrinkage=None if best is None or verdict == NONE else record.shrinkage(diagnosis, best),
         stiffness=StiffnessRecord(
             without_effect=record.plain_stiffness(base),
-            with_effect=None if best is None or verdict in (NONE, UNKNOWN) else record.stiffness_with(best),
+            with_effect=None if told is None else record.stiffness_with(told),
         ),
         next_measurement=record.next_state(base, best) if verdict == AMBIGUOUS and best is not None else None,
         why=decided.why,
         decided_by=DecidedByRecord(decided.decided_by, decided.why),
-        in_words=record.words(base, verdict, named),
-        probability_unknown=decided.probability.get(UNKNOWN, 0.0),
+        in_words=record.words(base, verdict, diagnosis.named),
+        probability_unknown=probability.get(UNKNOWN, 0.0),
         flags=record.flags(base),
-        states=record.states(found, best),
-        remainder=None if named is None else record.remainder(base, named),
-        options=options,
+        states=record.states(diagnosis, best),
+        remainder=None if diagnosis.named is None else record.remainder(base, diagnosis.named),
+        options=base.options,
         posterior=dict(decided.posterior),
     )
-    return out, record.maps(base, best)

@@ -398,7 +398,7 @@ def test_refits_are_kept_to_effects_worth_it(wide: Diagnosis) -> None:
 def test_the_numbers_in_force_are_in_the_record(none: Diagnosis) -> None:
     written = json.loads(json.dumps(plain(record(none, "a case"))["options"]))
     assert DiagnosisOptions.from_json(written) == DiagnosisOptions()
-    assert written["decision_rules"]["tied"] == 5.0
+    assert written["decision_rules"]["sure"] == 0.9
     assert written["noise_model"]["landmark_mm"] == 0.45 and written["wall_motion"]["slide_share"] == 0.2
 
 
