@@ -88,20 +88,24 @@ class EvidenceRules:
         ),
     ] = 0.2
     hopeless: Annotated[
-        float, sourced("ln", "Effects whose linear evidence is further below the best one's are not refitted.", _COST)
+        float,
+        sourced(
+            "ln",
+            "Effects whose evidence is further below the best one's are neither refitted nor corrected for their own element error.",
+            _COST,
+        ),
     ] = 12.0
-    variants: Annotated[int, sourced("1", "Variants of an effect that are refitted at most.", _COST)] = 3
+    at_most: Annotated[
+        int,
+        sourced(
+            "1",
+            "Variants of an effect, pairs of effects, and effects with their own element error: refitted at most.",
+            _COST,
+        ),
+    ] = 3
     variants_within: Annotated[
         float, sourced("ln", "How close to the best variant's evidence they must be to be refitted.", _COST)
     ] = 3.0
-    own_error_most: Annotated[
-        int,
-        sourced("1", "Effects whose quick element's error is found anew at their own optimum, at most.", _COST),
-    ] = 3
-    own_error_within: Annotated[
-        float, sourced("ln", "How close to the best effect's evidence they must be for that.", _COST)
-    ] = 12.0
-    pairs: Annotated[int, sourced("1", "Pairs of effects that are refitted, at most.", _COST)] = 3
     pair_worth: Annotated[
         float,
         sourced(

@@ -39,7 +39,7 @@ def with_own_element_errors(
     are so far apart that the mesh is too coarse for either, the one that the data prefer stands, and `left_mm` says so: bones that moved
     by 6 mm beside an edge that was held crushed the cells between, and the correction moved ln G by 0.6 away from the truth.
     """
-    most, within = rules.own_error_most, rules.own_error_within
+    most, within = rules.at_most, rules.hopeless
     leading = [f for f in refits[:most] if f.log_evidence > refits[0].log_evidence - within]
     if fit.on_own_mesh is None or not leading:
         return list(refits)

@@ -63,7 +63,7 @@ def refit_pairs(
     seen = {pair.alone.effect.id: pair.alone.log_evidence for pair in pairs}
     probability = posterior({**factors, **seen}, len(screened), rules)
     worth = [pair for pair in pairs if probability[pair.alone.effect.id] > rules.pair_worth]
-    worth = sorted(worth, key=lambda pair: -pair.alone.log_evidence)[: rules.pairs]
+    worth = sorted(worth, key=lambda pair: -pair.alone.log_evidence)[: rules.at_most]
     out = []
     for pair in worth:
         found = refit_corrected(fit, pair.alone, pair.start, lead.correction)

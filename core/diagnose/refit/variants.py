@@ -16,7 +16,7 @@ from palpate.core.residual.plain_fit import PlainFit
 
 def refit_variants(fit: PlainFit, screened: Screened, rules: DecisionRules) -> Refit | None:
     """Refit of an effect's best variants, joined by `of_all`; None when the model cannot be solved with any."""
-    first = [s.log_evidence for s in screened.scores[: rules.variants]]
+    first = [s.log_evidence for s in screened.scores[: rules.at_most]]
     attempts = [
         refit(fit, screened, k) for k, evidence in enumerate(first) if evidence > first[0] - rules.variants_within
     ]
