@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.arrays import BoolArray, FloatArray, LabelArray
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import PLANES, Plane, Window
@@ -30,7 +31,7 @@ _LIMIT_SD = 3.0
 # Not the colours of the misfit in mm, which this must not be taken for.
 _RESIDUAL, _FORCE, _MOTION = "PuOr_r", "autumn", "cool"
 # Forces and residual motion within this distance of a slice are shown on it, in squares of this edge, mm.
-_SLAB_MM, _SQUARE_MM = 7.0, 7.0
+SLAB_MM, _SQUARE_MM = 7.0, 7.0
 # How many times as long as the residual motion its arrow is: a millimetre would hardly be seen.
 LONGER = 5.0
 # Forces below this share of the largest are left out: arrows everywhere would hide the anatomy.
@@ -106,7 +107,7 @@ def motion_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
     axes = list(figure.subplots(1, 3))
     norm = Normalize(0.0, _LIMIT_SD)
     places, missed = maps["motion/places"], maps["motion/residual_mm"]
-    size = np.sqrt((maps["motion/standardised"] ** 2).mean(axis=1))
+    size = size_in_sd(maps["motion/standardised"])
     for ax, plane in zip(axes, PLANES, strict=True):
         window = images.window(plane)
         draw_background(ax, images, plane, window)
@@ -122,6 +123,16 @@ def motion_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
     bar.set_label("predicted \N{MINUS SIGN} matched (sd)", fontsize=TEXT)
     bar.ax.tick_params(labelsize=TEXT)
     return figure
+
+
+def size_in_sd(standardised: FloatArray) -> FloatArray:
+    """Size (w,) of differences (w, 3) in standard deviations, rms over the axes."""
+    return np.asarray(np.sqrt((standardised**2).mean(axis=1)))
+
+
+def motion_rgb(size: FloatArray) -> LabelArray:
+    """Colours (w, 3) of such sizes (w,), as in `motion_planes`."""
+    return np.rint(255.0 * colormaps[_MOTION](np.clip(size / _LIMIT_SD, 0.0, 1.0))[:, :3]).astype(np.uint8)
 
 
 def _seen_from(ax: Axes, view: View, maps: Mapping[str, FloatArray], norm: Normalize) -> None:
@@ -165,7 +176,7 @@ def _arrows(ax: Axes, plane: Plane, window: Window, maps: Mapping[str, FloatArra
 
 def _near(plane: Plane, window: Window, x: FloatArray) -> BoolArray:
     """Which points (k, 3) mm lie within the slice's slab and its field of view."""
-    near = np.abs(x[:, plane.normal] - window.centre[plane.normal]) < _SLAB_MM
+    near = np.abs(x[:, plane.normal] - window.centre[plane.normal]) < SLAB_MM
     return np.asarray(near & (np.abs(x - np.array(window.centre)) < window.half_mm).all(axis=1))
 
 

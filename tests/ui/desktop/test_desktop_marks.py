@@ -85,3 +85,15 @@ def test_a_measurement_is_written_where_its_slice_is_shown(written: list[tuple[s
         written.clear()
         shape_marks.measurement(MagicMock(), screen, one, one.name, position)
         assert [word for word, _ in written] == [one.name] * shown
+
+
+def test_missed_motion_is_an_arrow_five_times_as_long_where_it_is_near_the_slice() -> None:
+    plane, painter = PLANES[0], MagicMock()
+    screen = Screen(plane, Viewport(np.zeros(3), 0.5), QSize(300, 300))
+    places = np.array([[10.0, -4.0, 2.0], [0.0, 0.0, 20.0]])
+    missed = np.array([[1.0, 2.0, 0.0], [1.0, 0.0, 0.0]])
+    slice_marks.missed_motion(painter, screen, places, missed, np.array([[255, 0, 0]] * 2, dtype=np.uint8), 0.0)
+    lines = [call.args for call in painter.drawLine.call_args_list]
+    assert (
+        lines == [(screen.to_pixel(10.0, -4.0), screen.to_pixel(15.0, 6.0))] * 2
+    )  # edge and colour; the second lies off

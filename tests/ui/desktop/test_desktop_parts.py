@@ -184,13 +184,17 @@ def test_the_map_of_a_diagnosis_is_shown_before_the_plain_misfit(tmp_path: Path)
     assert not gap.diagnosed
     np.testing.assert_array_equal(gap.residual, plain)
     # The names that palpate.core.diagnose.verdict.record.maps gives.
-    case.write_npz("diagnose/gap_maps.npz", points=spots + 1.0, residual_mm=found, standardised=found / 0.4)
+    missed = np.array([[0.3, -0.6, 0.0]])
+    around = {"motion/places": spots[:1], "motion/residual_mm": missed, "motion/standardised": missed / 0.2}
+    case.write_npz("diagnose/gap_maps.npz", points=spots + 1.0, residual_mm=found, standardised=found / 0.4, **around)
     case.write_json("diagnosis.json", diagnosis("none"))
     gap = _gap_of(folder)
     assert gap is not None
     assert gap.diagnosed
     np.testing.assert_array_equal(gap.points, spots + 1.0)
     np.testing.assert_array_equal(gap.residual, found)
+    np.testing.assert_array_equal(gap.missed, missed)
+    np.testing.assert_allclose(gap.missed_sd, np.sqrt((1.5**2 + 3.0**2) / 3.0))
 
 
 def _gap_of(folder: Path) -> GapMap | None:

@@ -24,6 +24,7 @@ from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.labels.journal import Journal, content_hash, replay
 from palpate.ui.desktop.session.labels.strokes import Corrections
+from palpate.ui.pictures.gap_pictures import size_in_sd
 from palpate.ui.report.case_scale import map_arrays, regions_of, scale_of
 from palpate.ui.report.record import read_record, simulated
 from palpate.ui.report.regions import RegionStiffness
@@ -43,11 +44,15 @@ class SessionData(TypedDict, total=False):
 @dataclass(frozen=True, eq=False)
 class GapMap:
     """points (n, 3) mm at rest, residual (n,) mm: predicted surface outside (+) or inside (-) the scan's. diagnosed : from
-    `diagnose`, smoothed; else the plain misfit of `identify`."""
+    `diagnose`, smoothed; else the plain misfit of `identify`. places (w, 3) mm, missed (w, 3) mm, missed_sd (w,) : predicted minus
+    matched motion in and around the organ, and its size in standard deviations; none without images."""
 
     points: FloatArray
     residual: FloatArray
     diagnosed: bool
+    places: FloatArray
+    missed: FloatArray
+    missed_sd: FloatArray
 
 
 class OpenCase:
@@ -176,7 +181,10 @@ class OpenCase:
             points = arrays.get("points", arrays.get("surface_points"))
             residual = arrays.get("residual_mm", arrays.get("surface_residual"))
             if points is not None and residual is not None and len(points) == len(residual) > 0:
-                return GapMap(points, residual.astype(np.float64), diagnosed)
+                none = np.zeros((0, 3))
+                places, missed = arrays.get("motion/places", none), arrays.get("motion/residual_mm", none)
+                sd = size_in_sd(arrays.get("motion/standardised", none))
+                return GapMap(points, residual.astype(np.float64), diagnosed, places, missed, sd)
         return None
 
     def _session(self) -> SessionData:

@@ -11,6 +11,7 @@ from PySide6.QtGui import QBrush, QColor, QFont, QFontMetricsF, QPainter, QPaint
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.ui.desktop import style
 from palpate.ui.desktop.slices.slice_viewport import Screen
+from palpate.ui.pictures.gap_pictures import LONGER, SLAB_MM
 from palpate.ui.pictures.slice_axes import LETTER_FONT
 
 _BARS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
@@ -138,6 +139,21 @@ def misfit_points(painter: QPainter, screen: Screen, points: FloatArray, rgb: La
     for n in near:
         painter.setBrush(QColor(*(int(c) for c in rgb[n])))
         painter.drawEllipse(screen.to_pixel(points[n, plane.across], points[n, plane.down]), 4.0, 4.0)
+
+
+def missed_motion(
+    painter: QPainter, screen: Screen, places: FloatArray, missed: FloatArray, rgb: LabelArray, position: float
+) -> None:
+    """Arrows near the slice from where tissue was at rest, `LONGER` times predicted minus matched motion (w, 3) mm, in colours (w, 3)."""
+    plane = screen.plane
+    for n in np.flatnonzero(np.abs(places[:, plane.normal] - position) <= SLAB_MM):
+        start, end = (
+            screen.to_pixel(x[plane.across], x[plane.down]) for x in (places[n], places[n] + LONGER * missed[n])
+        )
+        for ink, width in ((QColor(0, 0, 0, 160), 4.0), (QColor(*(int(c) for c in rgb[n])), 2.0)):
+            painter.setPen(QPen(ink, width))
+            painter.drawLine(start, end)
+            painter.drawEllipse(end, 1.5, 1.5)
 
 
 def hatch(painter: QPainter, paths: Iterable[QPainterPath]) -> None:

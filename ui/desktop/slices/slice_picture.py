@@ -15,6 +15,7 @@ from palpate.ui.desktop.slices.slice_layers import Kept, grey_image, label_image
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice, numbered, scan_outline
 from palpate.ui.desktop.slices.slice_viewport import Screen
 from palpate.ui.pictures.colours import OUTLINES
+from palpate.ui.pictures.gap_pictures import motion_rgb
 from palpate.ui.pictures.planes import Plane
 
 BLEND = "blend"
@@ -129,6 +130,9 @@ class SlicePicture:
         if case is not None and case.gap is not None and display.overlay == "misfit" and self._state != "deformed":
             rgb = overlay.residual_rgb(case.gap.residual, overlay.residual_limit(case.gap.residual))
             slice_marks.misfit_points(painter, screen, case.gap.points, rgb, position)
+            slice_marks.missed_motion(
+                painter, screen, case.gap.places, case.gap.missed, motion_rgb(case.gap.missed_sd), position
+            )
         slice_marks.crosshair(painter, screen, display.crosshair)
         if case is not None:
             slice_marks.seeds(
