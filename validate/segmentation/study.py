@@ -50,14 +50,21 @@ class SegmentationTable(TypedDict):
 
 
 def segmentation_study(
-    scans: Sequence[ContouredScan], modes: Sequence[str] = ALL_MODES, seed: int = 1, progress: Progress = silent
+    scans: Sequence[ContouredScan],
+    modes: Sequence[str] = ALL_MODES,
+    seed: int = 1,
+    errors: bool = True,
+    progress: Progress = silent,
 ) -> SegmentationTable:
-    """Rows of every scan, organ and mode beside what is wanted; JSON-able. Raises InputError for an unknown mode."""
+    """Rows of every scan, organ and mode beside what is wanted; JSON-able. errors : whether the surfaces' errors are estimated too,
+    which takes as long again. Raises InputError for an unknown mode."""
     rows: list[JudgedRow] = []
     for number, scan in enumerate(scans):
         for step, mode in enumerate(modes):
             progress((number + step / len(modes)) / len(scans), f"{scan.name}: {mode}")
-            rows += [_judged(scan.name, row.to_dict()) for row in dice_table(scan.ct, scan.masks, (mode,), seed)]
+            rows += [
+                _judged(scan.name, row.to_dict()) for row in dice_table(scan.ct, scan.masks, (mode,), seed, errors)
+            ]
     judged = [row for row in rows if row["wanted"] is not None]
     return {
         "rows": rows,
@@ -72,13 +79,14 @@ def segmentation_study(
 def study_text(found: SegmentationTable) -> str:
     """The table for a person."""
     lines = [f"{'scan':10}{'organ':10}{'pointed at':12}{'Dice':>7}{'inside':>8}{'wanted':>8}{'cc':>8}{'drawn':>8}"
-             f"{'off mm':>8}{'sure':>7}{'s':>6}"]  # fmt: skip
+             f"{'off mm':>8}{'sure':>7}{'said mm':>9}{'true mm':>9}{'s':>6}"]  # fmt: skip
     for row in found["rows"]:
         wanted = "" if row["wanted"] is None else f"{row['wanted']:.2f}"
         sure = "" if row["confidence"] is None else f"{row['confidence']:.2f}"
+        said, true = ("" if row[key] is None else f"{row[key]:.1f}" for key in ("said_mm", "true_mm"))
         lines.append(
             f"{row['scan']:10}{row['organ']:10}{row['mode']:12}{row['dice']:7.3f}{row['share_inside']:8.3f}{wanted:>8}"
-            f"{row['volume_cc']:8.1f}{row['reference_cc']:8.1f}{row['shift_mm']:8.1f}{sure:>7}{row['seconds']:6.0f}"
+            f"{row['volume_cc']:8.1f}{row['reference_cc']:8.1f}{row['shift_mm']:8.1f}{sure:>7}{said:>9}{true:>9}{row['seconds']:6.0f}"
             + ("" if row["reached"] else "  not reached")
         )
     told = ", ".join(f"{organ} {value:.2f}" for organ, value in found["confidence_rank_correlation"].items())

@@ -106,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--variants", type=whole_number(1, 10_000), default=0, metavar="N",
                         help="segmentation: N variants of scans and phantom in turn, with other noise, slices, HU, field, fat")  # fmt: skip
     parser.add_argument("--dice-only", action="store_true",
-                        help="segmentation: no estimate of the variants' surface errors, in half the time")  # fmt: skip
+                        help="segmentation: no estimate of the surface errors, in half the time")  # fmt: skip
     parser.add_argument("--pairs", type=whole_number(1, 1000), default=2, metavar="N",
                         help="images, matching: how many simulated pairs of the scans; map: places of each focus "
                         "(default %(default)s)")  # fmt: skip
@@ -257,7 +257,7 @@ def _segmentation(args: argparse.Namespace, progress: Progress) -> SegmentationT
         return variant_study(both, args.variants, random_seed(args), errors=not args.dice_only, progress=progress)
     from palpate.validate.segmentation.study import segmentation_study
 
-    return segmentation_study(_scans(args), seed=random_seed(args), progress=progress)
+    return segmentation_study(_scans(args), seed=random_seed(args), errors=not args.dice_only, progress=progress)
 
 
 def _segmentation_text(found: SegmentationTable | VariantTable) -> str:
