@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.imaging.contours.user_labels import UserLabels
+from palpate.imaging.contours.label_reader import UserLabels
+from palpate.imaging.contours.readers import readers
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
 
@@ -39,7 +40,7 @@ def in_own_frame(
     further grid in the rest frame, such as the case's label volume. Labels that were moved carry `NOTE` in their notes.
     Labels on none of these grids are returned unchanged.
     """
-    if labels.source not in ("nifti", "itksnap", "seg.nrrd") or lies_on(labels.volume, ct):
+    if not readers()[labels.source].holds_voxels or lies_on(labels.volume, ct):
         return labels
     grids = [ct.moved(deformed_to_rest), *([] if aligned is None else [aligned])]
     if not any(lies_on(labels.volume, grid) for grid in grids):

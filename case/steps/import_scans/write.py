@@ -13,8 +13,8 @@ from palpate.case.case_facts import CaseFacts, Vector
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import Landmarks, landmarks_csv
 from palpate.core.arrays import FloatArray
+from palpate.imaging.contours.label_reader import UserLabels
 from palpate.imaging.contours.nifti_labels import write_labels
-from palpate.imaging.contours.user_labels import UserLabels
 from palpate.imaging.registration.align_on_bone import Alignment
 
 # Gravity, m/s2, LPS, by the last letters of DICOM's PatientPosition (after head or feet first).
