@@ -21,11 +21,16 @@ _LONGEST_HEADER = 2**20
 _SPACES = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior")
 _UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
 # Where a MetaImage lies, by the names that its writers use.
+_NEEDED = {"ndims", "dimsize", "elementtype"}
 _ORIENTATION, _POSITION = {"transformmatrix", "rotation", "orientation"}, {"offset", "position", "origin"}
 # What the files of MetaImage are that hold a picture of another kind than a CT.
 _CT_KINDS = ("", "MET_MOD_CT", "MET_MOD_UNKNOWN", "MET_MOD_OTHER")
 # Its complaints of damaged files go to standard error, ten lines each.
 sitk.ProcessObject.SetGlobalWarningDisplay(False)
+
+
+# Of a MetaImage: keys in lower case, and the byte at which it ends.
+_MetaHeader = tuple[Mapping[str, str], int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +54,14 @@ def read_itk_image(path: Path, remedy: str = "save it again") -> ItkImage:
     reader = sitk.ImageFileReader()
     reader.SetImageIO("MetaImageIO" if is_meta else "NrrdImageIO")
     reader.SetFileName(str(path))
+    header = _meta_header(path, remedy) if is_meta else None
     scale = 1.0 if is_meta else _check_nrrd(path, remedy)
     try:
         reader.ReadImageInformation()
         if np.prod([float(n) for n in reader.GetSize()]) * reader.GetNumberOfComponents() > MOST_VOXELS:
             raise InputError(f"{path} has {reader.GetSize()} voxels, which is too many; crop it")
-        if is_meta:
-            _check_meta(path, reader, remedy)
+        if header is not None:
+            _check_meta(path, header, reader, remedy)
         image = reader.Execute()
     except RuntimeError as error:
         raise InputError(f"{path} is not a readable {'MetaImage' if is_meta else 'NRRD'} file; {remedy}") from error
@@ -71,7 +77,7 @@ def voxel_files(path: Path) -> list[Path]:
     """The file, and the one beside it that holds its voxels, where a MetaImage (.mhd) names one. Raises InputError."""
     if not path.name.lower().endswith(METAIMAGE) or not path.is_file():
         return [path]
-    name = _meta_fields(path, "save it again")[0]["elementdatafile"]
+    name = _meta_header(path, "save it again")[0]["elementdatafile"]
     return [path] if name.upper() == "LOCAL" else [path, _beside(path, name)]
 
 
@@ -97,9 +103,9 @@ def _check_nrrd(path: Path, remedy: str) -> float:
     return _UNITS_MM[unit]
 
 
-def _check_meta(path: Path, reader: sitk.ImageFileReader, remedy: str) -> None:
+def _check_meta(path: Path, header: _MetaHeader, reader: sitk.ImageFileReader, remedy: str) -> None:
     """Raises InputError where voxels are missing or damaged, the file does not say where it lies, or it is no CT."""
-    fields, end = _meta_fields(path, remedy)
+    fields, end = header
     if not fields.keys() & _ORIENTATION or not fields.keys() & _POSITION:
         raise InputError(f"{path} does not say where it lies in the patient (TransformMatrix, Offset); {remedy}")
     if fields.get("modality", "") not in _CT_KINDS:
@@ -117,8 +123,8 @@ def _check_meta(path: Path, reader: sitk.ImageFileReader, remedy: str) -> None:
         raise InputError(f"{file} ends before its voxels do; copy it again")
 
 
-def _meta_fields(path: Path, remedy: str) -> tuple[Mapping[str, str], int]:
-    """The header of a MetaImage, keys in lower case, and the byte at which it ends."""
+def _meta_header(path: Path, remedy: str) -> _MetaHeader:
+    """The header of a MetaImage. Raises InputError where it lacks what SimpleITK would complain of on standard error."""
     fields: dict[str, str] = {}
     with path.open("rb") as stream:
         while stream.tell() < _LONGEST_HEADER:
@@ -126,7 +132,7 @@ def _meta_fields(path: Path, remedy: str) -> tuple[Mapping[str, str], int]:
             if not sign:
                 break
             fields[key.strip().lower()] = value.strip()
-            if key.strip().lower() == "elementdatafile":
+            if key.strip().lower() == "elementdatafile" and fields.keys() >= _NEEDED:
                 return fields, stream.tell()
     raise InputError(f"{path} is not a readable MetaImage file; {remedy}")
 

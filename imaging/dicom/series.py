@@ -46,6 +46,16 @@ class SeriesFacts:
     notes: tuple[str, ...]
 
     @property
+    def is_dicom(self) -> bool:
+        """Whether the scan is DICOM, so that objects can refer to its images."""
+        return bool(self.sop_class_uid)
+
+    @property
+    def place(self) -> Path:
+        """What a person gave: the folder of the slices, or the file."""
+        return self.paths[0].parent if self.is_dicom else self.paths[0]
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """The files of the series, each once, in slice order."""
         return tuple(dict.fromkeys(self.paths))

@@ -16,7 +16,7 @@ from palpate.case.step_records import ImportRecord
 from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.options import (
     ImportOptions,
-    check_kinds,
+    are_cts,
     inputs_sha256,
     scan_sha256,
 )
@@ -33,9 +33,10 @@ from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.contours.user_labels import lying_in, read_label_volume, read_user_labels
 from palpate.imaging.dicom.pair_check import check_pair
-from palpate.imaging.dicom.series import SeriesFacts, read_series
+from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import Alignment, align_ct, align_labels
+from palpate.imaging.scans.scan import read_scan
 from palpate.imaging.volume import Volume
 
 
@@ -56,7 +57,7 @@ def run_import(
     options: ImportOptions | None = None,
     progress: Progress = silent,
 ) -> ImportRecord:
-    """Make the case folder of a pair: two folders with a DICOM CT each, or two NIfTI label volumes.
+    """Make the case folder of a pair: two CTs (DICOM folders or volume files), or two NIfTI label volumes.
 
     Returns the content of import.json: case, sources_sha256, residual_mm, notes. All inputs are read and checked before
     anything is written. A rerun with the same inputs does nothing. Raises InputError (file, what, remedy).
@@ -64,21 +65,21 @@ def run_import(
     options = options or ImportOptions()
     paths, folder = (Path(rest), Path(deformed)), Path(case_path)
     check_new_case(folder, paths)
-    check_kinds(paths)
+    scanned = are_cts(paths)
     sources = {state: scan_sha256(path) for state, path in zip(STATES, paths, strict=True)}
     job = _Job(paths, folder, options, progress, sources, inputs_sha256(sources, options, paths))
     earlier = _earlier(job)
     if earlier is not None:
         progress(1.0, "already imported")
         return earlier
-    return _import_scans(job) if paths[0].is_dir() else _import_labels(job)
+    return _import_scans(job) if scanned else _import_labels(job)
 
 
 def _import_scans(job: _Job) -> ImportRecord:
     options, scans = job.options, []
     for index, state in enumerate(STATES):
         job.progress(0.2 * index, f"reading the {state} scan")
-        scans.append(read_series(job.paths[index], options.series[index]))
+        scans.append(read_scan(job.paths[index], options.series[index]))
     notes = [f"{state}: {note}" for state, scan in zip(STATES, scans, strict=True) for note in scan[1].notes]
     notes += check_pair(scans[0], scans[1], options.same_patient)
     contours = {
@@ -101,8 +102,8 @@ def _import_scans(job: _Job) -> ImportRecord:
     job.progress(0.8, "writing the case")
     case = _begun(job, [gravity_of(facts.patient_position) for _, facts in scans])
     outputs = ["case.json", "alignment.json"]
-    for state, (_, facts) in zip(STATES, scans, strict=True):
-        outputs += write_scan(case, state, facts.files)
+    for state, (volume, facts) in zip(STATES, scans, strict=True):
+        outputs += write_scan(case, state, volume, facts)
     matrix = write_alignment(case, alignment)
     swapped = swapped_note(
         {state: scan[0] for state, scan in zip(STATES, scans, strict=True)},
