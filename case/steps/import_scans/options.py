@@ -22,7 +22,7 @@ class ImportOptions:
     labels : contours of that scan, in any format of `imaging.contours`. roi : organ -> structure names, in both files;
     rois : the same for each file by itself, which goes before. landmarks : CSV
     of matched points, each in its own scan's coordinates. same_patient : skips the comparison of patients. align :
-    False where both states are in one frame already.
+    False where both states are in one frame already. registration : DICOM REG file of the two scans that goes before bone.
     """
 
     name: str | None = None
@@ -32,6 +32,7 @@ class ImportOptions:
     landmarks: Path | None = None
     same_patient: bool = False
     align: bool = True
+    registration: Path | None = None
     rois: tuple[Mapping[str, Sequence[str]], Mapping[str, Sequence[str]]] = field(default_factory=lambda: ({}, {}))
 
     def roi_of(self, state: str) -> Mapping[str, Sequence[str]]:
@@ -64,16 +65,18 @@ def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Seq
 
     Raises InputError for files that do not exist.
     """
-    given = [path for path in (*options.labels, options.landmarks) if path is not None]
+    given = [path for path in (*options.labels, options.landmarks, options.registration) if path is not None]
     missing = [path for path in given if not path.is_file()]
     if missing:
-        raise InputError(f"{missing[0]} is not there; correct the path of the labels or landmarks")
+        raise InputError(f"{missing[0]} is not there; correct the path of the labels, landmarks or registration")
     content = {
         "sources": dict(sources),
         "files": [[content_of(path) for path in (*options.labels, options.landmarks)]],
         **{f"beside {path.name}": file_sha256(file) for path in scans for file in described_by(path)},
         "options": [options.series, {k: list(v) for k, v in options.roi.items()}, options.align, options.same_patient],
     }
+    if options.registration is not None:
+        content["registration"] = file_sha256(options.registration)
     if any(options.rois):
         content["rois"] = [{k: list(v) for k, v in roi.items()} for roi in options.rois]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
