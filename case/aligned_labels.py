@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.imaging.contours.user_labels import UserLabels
+from palpate.imaging.contours.label_reader import UserLabels
+from palpate.imaging.contours.readers import readers
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
 
@@ -45,8 +46,8 @@ def in_own_frame(
     further grid in the rest frame, such as the case's label volume. Labels that were moved carry `NOTE` in their notes,
     labels whose frame nothing tells `UNSURE`.
     """
-    named = labels.source not in ("nifti", "itksnap", "seg.nrrd")
-    if named or np.allclose(deformed_to_rest, np.eye(4)) or lies_on(labels.volume, ct):
+    frame_is_named = not readers()[labels.source].holds_voxels
+    if frame_is_named or np.allclose(deformed_to_rest, np.eye(4)) or lies_on(labels.volume, ct):
         return labels
     moved = ct.moved(deformed_to_rest)
     grids = [moved, *([] if aligned is None else [aligned])]

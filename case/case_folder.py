@@ -19,8 +19,9 @@ from palpate.core.files import atomic
 from palpate.core.files.json_file import as_json, write_json
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
 from palpate.imaging.contours.nifti_labels import read_labels, read_nifti, write_labels
-from palpate.imaging.dicom.series import SeriesFacts, read_series
+from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.grid import in_lps_order
+from palpate.imaging.scans.scan import read_scan
 from palpate.imaging.volume import Volume
 
 STATES = ("rest", "deformed")
@@ -85,7 +86,7 @@ class CaseFolder(CaseFiles):
 
     def series(self, state: str) -> tuple[Volume, SeriesFacts]:
         """The CT of a state in its scanner's own frame, slices in the files' order, and what else its files say."""
-        return read_series(self.file(f"{_known(state)}_ct"))
+        return read_scan(self.file(f"{_known(state)}_ct"))
 
     def bones(self, state: str) -> Volume | None:
         """Which bone (values of BONE_PARTS) each bone voxel of a state is, rest frame; None where no bone was told

@@ -11,8 +11,8 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder
 from palpate.core.arrays import BoolArray, LabelArray
 from palpate.core.errors import InputError
+from palpate.imaging.contours.label_reader import UserLabels
 from palpate.imaging.contours.nifti_labels import read_labels
-from palpate.imaging.contours.user_labels import UserLabels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume

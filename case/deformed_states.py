@@ -22,10 +22,10 @@ from palpate.core.files.json_types import plain
 from palpate.imaging.contours.itksnap_labels import label_values
 from palpate.imaging.contours.nifti_labels import read_labels, write_labels
 from palpate.imaging.contours.user_labels import files_of, read_label_volume, read_user_labels
-from palpate.imaging.dicom.series import read_series
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BONE, ORGAN_LABELS
 from palpate.imaging.registration.align_on_bone import align_ct, align_labels
+from palpate.imaging.scans.scan import is_ct, read_scan
 from palpate.imaging.volume import Volume
 
 
@@ -67,7 +67,7 @@ def state_landmarks(case: CaseFolder, state: FurtherState) -> Landmarks | None:
 class NewState:
     """Files of a deformed state to add.
 
-    scan : NIfTI label volume, or folder of a DICOM CT. labels : contours drawn on that CT; required with a CT.
+    scan : NIfTI label volume, or CT. labels : contours drawn on that CT; required with a CT.
     landmarks : CSV file, deformed points in this scan's own coordinates (LPS, mm). align : False where the scan already
     lies in the frame of the scan at rest.
     """
@@ -111,20 +111,20 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
 
 def _aligned(case: CaseFolder, new: NewState) -> tuple[Volume, FloatArray]:
     """Labels in the state's own frame, and the rigid transform (4, 4), mm, from there into the rest frame."""
-    if new.scan.is_dir():
+    if not new.scan.exists():
+        raise InputError(f"{new.scan} is not there; give a CT or a NIfTI label volume")
+    if is_ct(new.scan):
         if new.labels is None:
             raise InputError(
                 f"{new.scan}: labels drawn on a further deformed CT are needed; give them with --more-labels"
             )
-        ct, facts = read_series(new.scan)
+        ct, facts = read_scan(new.scan)
         volume = read_user_labels(new.labels, ct, facts).volume
         matrix = align_ct(case.ct("rest"), ct).deformed_to_rest if new.align else np.eye(4)
     else:
-        if not new.scan.is_file():
-            raise InputError(f"{new.scan} is not there; give a NIfTI label volume or a folder with a DICOM CT")
         if not case.has_labels("rest"):
             raise InputError(
-                f"{new.scan}: the scan at rest is a CT, so give this state as a CT folder too, with --more-labels"
+                f"{new.scan}: the scan at rest is a CT, so give this state as a CT too, with --more-labels"
             )
         volume = read_label_volume(new.scan).volume
         rest = case.labels("rest")

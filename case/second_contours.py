@@ -9,12 +9,11 @@ import numpy as np
 from palpate.case.aligned_labels import in_own_frame
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
+from palpate.imaging.contours.nifti_labels import NIFTI
 from palpate.imaging.contours.user_labels import lying_in, read_label_volume, read_user_labels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
-
-_NIFTI = (".nii", ".nii.gz")
 
 
 def second_contours(case: CaseFolder, state: str, path: Path) -> Volume:
@@ -33,7 +32,7 @@ def second_contours(case: CaseFolder, state: str, path: Path) -> Volume:
             case_grid = case.labels(state) if case.has_labels(state) else None
             contours = lying_in(in_own_frame(contours, ct, case.deformed_to_rest(), case_grid), ct, path)
         volume = contours.volume
-    elif path.name.lower().endswith(_NIFTI):
+    elif path.name.lower().endswith(NIFTI):
         volume = read_label_volume(path).volume
     else:
         raise InputError(f"{path}: this case has no CT to place contours on; give a NIfTI label volume")

@@ -8,8 +8,8 @@ from typing import NotRequired, TypedDict
 
 
 class ImportRecord(TypedDict, total=False):
-    """import.json. sources_sha256 : of what was imported, by state. residual_mm : of the alignment on bone, rms; None
-    without one.
+    """import.json. sources_sha256 : of what was imported, by state. residual_mm : of the bones once aligned, rms; None
+    without an alignment. aligned_by : "registration" where a DICOM registration was given, absent where the bones were used.
 
     An import that was cut short has left the first two keys alone; one of surfaces notes no residual.
     """
@@ -17,6 +17,7 @@ class ImportRecord(TypedDict, total=False):
     case: str
     sources_sha256: dict[str, str]
     residual_mm: float | None
+    aligned_by: str
     notes: list[str]
 
 

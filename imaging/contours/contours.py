@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
@@ -19,9 +20,11 @@ ON_SLICE = 0.05
 # polygon2mask counts a voxel centre on the outline as inside. Outlines drawn through centres would gain half a voxel
 # all around; moved by less than any rounding, they gain on one side and lose on the other.
 _OFF_CENTRE = (1.3e-6, 0.9e-6)
-# Contours whose voxels differ by less than this share are one that was written twice, with other rounding. A wall is more: that of a
-# bladder of 70 mm, 3 mm thick, has 16 % of its area.
-TWICE_WITHIN = 0.1
+# Contours that are nowhere further apart than this, mm, are one that was written twice, with other rounding: half of the thinnest wall
+# that a person can draw on pixels of 1 mm.
+TWICE_WITHIN_MM = 0.5
+# Of a loop's pixels, at most this share lies outside a loop that it may repeat.
+_OUTSIDE = 0.25
 # Contours left out over at most this many usual gaps, and mm, are interpolated.
 BRIDGED_GAPS = 3.5
 BRIDGED_MM = 15.0
@@ -38,11 +41,11 @@ def contours_to_mask(
     Between planes that are further apart than slices the signed distances to the outlines are interpolated; the first and last
     reach out by half a gap.
 
-    Raises InputError naming the structure when a contour is not parallel to the slices, all lie outside the volume, or
-    they are interrupted for too long.
+    Raises InputError naming the structure when a contour is not parallel to the slices, two loops of a wall are nearer each
+    other than the pixels, all lie outside the volume, or they are interrupted for too long.
     """
     planes = {
-        height: _combined(parts, name, notes, exclusive)
+        height: _combined(parts, grid.spacing[:2], name, notes, exclusive)
         for height, parts in _masks_by_plane([grid.to_index(c) for c in contours], grid, name).items()
     }
     heights = np.array(sorted(planes))
@@ -62,8 +65,16 @@ def contours_to_mask(
     return mask
 
 
-def _masks_by_plane(contours: Sequence[FloatArray], grid: Volume, name: str) -> dict[float, list[BoolArray]]:
-    planes: dict[float, list[BoolArray]] = {}
+@dataclass(frozen=True, eq=False)
+class _Loop:
+    """One contour. points : (n, 2) in pixels. mask : the pixels within it."""
+
+    points: FloatArray
+    mask: BoolArray
+
+
+def _masks_by_plane(contours: Sequence[FloatArray], grid: Volume, name: str) -> dict[float, list[_Loop]]:
+    planes: dict[float, list[_Loop]] = {}
     for points in contours:
         height = float(points[:, 2].mean())
         if np.ptp(points[:, 2]) * grid.spacing[2] > FLAT_WITHIN_MM:
@@ -72,32 +83,55 @@ def _masks_by_plane(contours: Sequence[FloatArray], grid: Volume, name: str) -> 
             )
         height = round(height) if abs(height - round(height)) < ON_SLICE else height
         plane = next((known for known in planes if abs(known - height) < ON_SLICE), height)
-        planes.setdefault(plane, []).append(polygon2mask(grid.array.shape[:2], points[:, :2] - _OFF_CENTRE))
+        flat = points[:, :2]
+        planes.setdefault(plane, []).append(_Loop(flat, polygon2mask(grid.array.shape[:2], flat - _OFF_CENTRE)))
     return planes
 
 
-def _combined(parts: list[BoolArray], name: str, notes: list[str], exclusive: bool) -> BoolArray:
-    """One mask of the contours on one plane, each given by the voxels within it."""
-    distinct: list[BoolArray] = []
-    for part in sorted(parts, key=lambda mask: -int(mask.sum())):
-        if any(_alike(part, other) for other in distinct):
+def _combined(loops: list[_Loop], pixel: FloatArray, name: str, notes: list[str], exclusive: bool) -> BoolArray:
+    """One mask of the contours on one plane. pixel : edge lengths (2,) mm."""
+    distinct: list[_Loop] = []
+    for loop in sorted(loops, key=lambda each: -int(each.mask.sum())):
+        if any(_is_twice(loop, other, pixel, name) for other in distinct):
             note = f"structure {name} has a contour twice on a slice; it was taken once"
             notes += [note] if note not in notes else []
         else:
-            distinct.append(part)
+            distinct.append(loop)
+    masks = [loop.mask for loop in distinct]
     if exclusive:
-        return np.logical_xor.reduce(distinct)
+        return np.logical_xor.reduce(masks)
     # From the largest on: one in an odd number of others is a hole in them.
-    depths = [sum(not (part & ~larger).any() for larger in distinct[:at]) for at, part in enumerate(distinct)]
-    mask = np.zeros_like(distinct[0])
-    for depth, part in sorted(zip(depths, distinct, strict=True), key=lambda pair: pair[0]):
+    depths = [sum(not (part & ~larger).any() for larger in masks[:at]) for at, part in enumerate(masks)]
+    mask = np.zeros_like(masks[0])
+    for depth, part in sorted(zip(depths, masks, strict=True), key=lambda pair: pair[0]):
         mask = mask & ~part if depth % 2 else mask | part
     return mask
 
 
-def _alike(one: BoolArray, other: BoolArray) -> bool:
-    """Whether two contours are one, up to the rounding of its points."""
-    return bool((one ^ other).sum() <= TWICE_WITHIN * other.sum()) and bool(one.any())
+def _is_twice(loop: _Loop, larger: _Loop, pixel: FloatArray, name: str) -> bool:
+    """Whether two contours are one, up to the rounding of its points. Raises InputError where they are two that pixels cannot part."""
+    if not loop.mask.any() or (loop.mask & ~larger.mask).sum() > _OUTSIDE * loop.mask.sum():
+        return False
+    apart = np.concatenate([_distances(loop, larger, pixel), _distances(larger, loop, pixel)])
+    if apart.max() <= TWICE_WITHIN_MM:
+        return True
+    usual = float(np.median(apart))
+    if usual >= pixel.max():
+        return False
+    raise InputError(
+        f"structure {name} has two contours {usual:.1f} mm apart on a slice, nearer than pixels of {pixel.max():.1f} mm can show: "
+        "a wall that is drawn as two loops, or one contour in two versions; keep the outer one"
+    )
+
+
+def _distances(loop: _Loop, other: _Loop, pixel: FloatArray) -> FloatArray:
+    """From each corner of a closed contour to the other's line, (n,) mm."""
+    points, start = loop.points * pixel, other.points * pixel
+    along = np.roll(start, -1, axis=0) - start
+    length = np.maximum((along**2).sum(axis=1), 1e-12)
+    away = points[:, None] - start
+    share = np.clip((away * along).sum(axis=-1) / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(away - share[..., None] * along, axis=-1).min(axis=1), dtype=np.float64)
 
 
 def _check_interruptions(heights: NumberArray, usual: float, slice_mm: float, name: str, notes: list[str]) -> None:

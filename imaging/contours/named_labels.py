@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from palpate.core.arrays import BoolArray
 from palpate.core.errors import InputError
+from palpate.imaging.contours.label_reader import Roi, StructureEntry, UserLabels
 from palpate.imaging.contours.roi_names import choose_rois, unused_note
+from palpate.imaging.contours.structure_names import organ_of
 from palpate.imaging.labels import (
     BLADDER,
     BONE,
@@ -33,6 +36,7 @@ PAINT_ORDER = {
 }
 # Share of the prostate by which the whole one and its halves may differ without a note: rounding of outlines.
 _SAME_PROSTATE = 0.02
+_CUBIC_MM = 1000.0
 # Organs that reach from their first slice to their last.
 ONE_PIECE = ("prostate", "prostate_left", "prostate_right", "bladder", "rectum")
 
@@ -87,6 +91,19 @@ def labels_of(
     if not array.any():
         raise InputError(f"{source}: the segments of {', '.join(chosen)} are empty; save the segmentation again")
     return segments.grid.with_array(array), chosen, notes
+
+
+def segments_as_labels(segments: Segments, source: str, path: Path, roi: Roi) -> UserLabels:
+    """The labels of a file's segments. source : of its reader. Raises InputError as `labels_of`."""
+    volume, chosen, notes = labels_of(segments, str(path), roi)
+    return UserLabels(volume, source, is_split(chosen), chosen, tuple(notes))
+
+
+def segments_as_structures(segments: Segments) -> list[StructureEntry]:
+    """The segments that are not empty."""
+    voxel = float(np.prod(segments.grid.spacing)) / _CUBIC_MM
+    counts = {name: int(segments.mask(name).sum()) for name in segments.names}
+    return [StructureEntry(name, name, n * voxel, organ_of(name) or "") for name, n in counts.items() if n]
 
 
 def halves_beside_whole(chosen: Mapping[str, Sequence[str]]) -> bool:

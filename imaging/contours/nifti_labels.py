@@ -23,6 +23,8 @@ from palpate.imaging.contours.checksums import check_gzip_file
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 
+# Endings of NIfTI files.
+NIFTI = (".nii", ".nii.gz")
 # NIfTI's world is RAS, patient coordinates here are LPS (DICOM): x and y change sign.
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 _SCANNER_COORDINATES = 1

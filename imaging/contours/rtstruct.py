@@ -68,6 +68,16 @@ def is_rtstruct(path: Path) -> bool:
     return header is not None and header.get("Modality") == "RTSTRUCT"
 
 
+def opened_rtstruct(path: Path) -> pydicom.Dataset:
+    """The dataset of a structure set. Raises InputError naming the file when it is none."""
+    if not path.is_file():
+        raise InputError(f"{path} is not there; give the path of an RTSTRUCT file")
+    dataset = read_file(path)
+    if dataset is None or dataset.get("Modality") != "RTSTRUCT":
+        raise InputError(f"{path} holds no contours: give an RTSTRUCT")
+    return dataset
+
+
 def read_rtstruct(
     path: Path | str, ct: Volume, facts: SeriesFacts | None = None, roi: Mapping[str, Sequence[str]] | None = None
 ) -> Structures:
@@ -79,13 +89,7 @@ def read_rtstruct(
     Raises InputError naming the file: no structure set, of another scan, no organ, an unclear choice, bad contours.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path} is not there; give the path of an RTSTRUCT file")
-    dataset = read_file(path)
-    if dataset is None or dataset.get("Modality") != "RTSTRUCT":
-        raise InputError(
-            f"{path} holds no contours: give an RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace or .seg.nrrd"
-        )
+    dataset = opened_rtstruct(path)
     notes: list[str] = []
     with reading(path):
         if facts is not None:

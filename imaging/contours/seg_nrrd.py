@@ -13,17 +13,11 @@ import SimpleITK as sitk
 
 from palpate.core.arrays import BoolArray, FloatArray, NumberArray
 from palpate.core.errors import InputError
-from palpate.imaging.contours.checksums import check_gzip
-from palpate.imaging.contours.nifti_labels import MOST_VOXELS
+from palpate.imaging.contours.itk_images import read_itk_image
 from palpate.imaging.contours.roi_names import distinct
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
 
-_SPACE = "NRRD_space"
-# Bytes; Slicer writes some hundred for each segment.
-_LONGEST_HEADER = 2**20
-# Its complaints of damaged files go to standard error, ten lines each.
-sitk.ProcessObject.SetGlobalWarningDisplay(False)
 _KEY = re.compile(r"Segment([0-9]{1,6})_(ID|Name|LabelValue|Layer)$")
 # What our labels are, by SNOMED CT: type and side. Name of the list as Slicer's own segmentations have it.
 _TERMINOLOGY = "Segmentation category and type - DICOM master list"
@@ -42,7 +36,6 @@ _TERMS = {
     "hip_right": ("SCT^29836001^Hip", _RIGHT),
     "sacrum": ("SCT^54735007^Sacrum", _NO_SIDE),
 }
-_SPACES = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior")
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +70,9 @@ def read_seg_nrrd(path: Path) -> NrrdSegments:
 
     Raises InputError naming the file when it is not readable, has no segments, no place in the patient, or is no volume.
     """
-    if not path.is_file():
-        raise InputError(f"{path} is not there; give the path of a .seg.nrrd file")
-    image = _opened(path)
-    if image.GetDimension() != 3:
-        raise InputError(f"{path} has {image.GetDimension()} dimensions; one 3D segmentation is needed")
-    facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys() if key == _SPACE or _KEY.match(key)}
-    if facts.get(_SPACE) not in _SPACES:
-        raise InputError(f"{path} does not say where it lies in the patient (no space); save it again with 3D Slicer")
+    found = read_itk_image(path, "save it again with 3D Slicer")
+    image = found.image
+    facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys() if _KEY.match(key)}
     stored = sitk.GetArrayFromImage(image)
     if stored.dtype.kind not in "iu":
         raise InputError(f"{path} holds numbers that are no labels; save it as a segmentation with 3D Slicer")
@@ -93,7 +81,7 @@ def read_seg_nrrd(path: Path) -> NrrdSegments:
     segments = _segments(facts, path)
     values = _values(segments, layers.shape[3], path)
     numbers = dict(zip(values, segments, strict=True))
-    return NrrdSegments(path, values, numbers, layers, _placement(image, path))
+    return NrrdSegments(path, values, numbers, layers, found.affine, found.notes)
 
 
 def write_seg_nrrd(
@@ -129,34 +117,6 @@ def _tags(name: str) -> str:
     category = "SCT^85756007^Tissue" if name == "surrounding_tissue" else "SCT^123037004^Anatomical Structure"
     entry = f"{_TERMINOLOGY}~{category}~{kind}~{side}~{_ANATOMY}~^^~^^"
     return f"TerminologyEntry:{entry}|"
-
-
-def _opened(path: Path) -> sitk.Image:
-    _check_attached(path)
-    reader = sitk.ImageFileReader()
-    reader.SetImageIO("NrrdImageIO")
-    reader.SetFileName(str(path))
-    try:
-        reader.ReadImageInformation()
-        if np.prod([float(n) for n in reader.GetSize()]) * reader.GetNumberOfComponents() > MOST_VOXELS:
-            raise InputError(f"{path} has {reader.GetSize()} voxels, which is too many; crop it")
-        return reader.Execute()
-    except RuntimeError as error:
-        raise InputError(f"{path} is not a readable NRRD file; save it again with 3D Slicer") from error
-
-
-def _check_attached(path: Path) -> None:
-    """Raises InputError where the voxels lie in another file, or are damaged."""
-    with path.open("rb") as stream:
-        header = stream.read(_LONGEST_HEADER).replace(b"\r\n", b"\n").partition(b"\n\n")[0].lower().split(b"\n")
-        if any(line.startswith((b"data file:", b"datafile:")) for line in header):
-            raise InputError(f"{path} has its voxels in another file; save it as one .seg.nrrd with 3D Slicer")
-        if any(line.replace(b" ", b"") in (b"encoding:gzip", b"encoding:gz") for line in header):
-            stream.seek(0)
-            for line in stream:
-                if not line.strip():
-                    break
-            check_gzip(stream, path)
 
 
 def _segments(facts: Mapping[str, str], path: Path) -> dict[int, dict[str, str]]:
@@ -195,13 +155,3 @@ def _values(segments: Mapping[int, Mapping[str, str]], layers: int, path: Path) 
             raise InputError(f"{path}: segment {name} is in layer {layer}, there are {layers}; save it again")
         found[name] = (layer, value)
     return found
-
-
-def _placement(image: sitk.Image, path: Path) -> FloatArray:
-    affine = np.eye(4)
-    spacing, direction = np.array(image.GetSpacing()), np.array(image.GetDirection()).reshape(3, 3)
-    affine[:3, :3], affine[:3, 3] = direction * spacing, image.GetOrigin()
-    off = np.abs(direction.T @ direction - np.eye(3)).max()
-    if not np.isfinite(affine).all() or spacing.min() < 1e-3 or off > 1e-3:
-        raise InputError(f"{path} has a sheared or degenerate grid; resample it onto a right-angled one")
-    return affine

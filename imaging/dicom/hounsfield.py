@@ -28,6 +28,9 @@ _SAME_HU, _SURROUNDS, _ABOVE_HU = 15.0, 0.9, 50.0
 # and below the second, however much fat there is.
 _SOFT_RANGE_HU = (-500.0, 300.0)
 _SOFT_HU = (-120.0, 120.0)
+_FAT_HU = (-150.0, -50.0)
+# Metal saturates below this, HU, on every scale.
+_MOST_HU = 31_000.0
 
 
 def check_hounsfield(volume: Volume, source: object, each_slice: bool = False) -> None:
@@ -53,6 +56,26 @@ def check_hounsfield(volume: Volume, source: object, each_slice: bool = False) -
             f"{source}: no voxel is air at -1000 HU, what surrounds the body lies at {scaled:.0f} and nothing above "
             f"{_NO_BODY_HU:g}: the values are no Hounsfield units (RescaleSlope wrong?); export the series again"
         )
+
+
+def refuse_other_scales(volume: Volume, source: object) -> None:
+    """Raises InputError unless values show Hounsfield units by themselves, for files that do not state their scale.
+
+    Air or fat must be there, and soft tissue: MR, windowed or normalised pictures have none of the first two.
+    """
+    values = volume.array.reshape(-1)
+    values = values[:: max(1, len(values) // _MOST_VALUES)].astype(np.float64)
+    air = (np.abs(values - AIR_HU) < _NEAR_HU).mean()
+    body = values[values > _SOFT_RANGE_HU[0]]
+    fat = ((body > _FAT_HU[0]) & (body < _FAT_HU[1])).mean() if len(body) else 0.0
+    soft = ((values > _SOFT_HU[0]) & (values < _SOFT_HU[1])).mean()
+    if soft < _LEAST_TISSUE or (air < _SHARE and fat < _LEAST_TISSUE):
+        raise InputError(
+            f"{source}: its values, {values.min():.4g} to {values.max():.4g}, are no Hounsfield units (air at -1000, fat at -100, soft "
+            "tissue at 0 to 100); give a CT in HU"
+        )
+    if values.max() > _MOST_HU:
+        raise InputError(f"{source}: it has values of {values.max():.4g}, which are no HU; set them to air or metal")
 
 
 def soft_tissue_note(volume: Volume) -> list[str]:

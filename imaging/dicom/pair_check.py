@@ -25,7 +25,7 @@ def check_pair(
     Raises InputError when both are the same scan, or of two patients.
     """
     (rest_volume, rest_facts), (deformed_volume, deformed_facts) = rest, deformed
-    folders = f"{rest_facts.paths[0].parent} and {deformed_facts.paths[0].parent}"
+    folders = f"{rest_facts.place} and {deformed_facts.place}"
     notes = []
     told = rest_facts.telling_images(), deformed_facts.telling_images()
     if _shared(rest_facts, deformed_facts) if told[0] and told[1] else rest_facts.paths == deformed_facts.paths:
@@ -35,7 +35,9 @@ def check_pair(
             f"{folders} hold the same voxels under two names; give a scan at rest and another one with the organ deformed"
         )
     if not (told[0] and told[1]):
-        notes.append("the scans' UIDs were removed or made alike: that they are two scans was told by their voxels")
+        dicom = rest_facts.is_dicom and deformed_facts.is_dicom
+        why = "the scans' UIDs were removed or made alike" if dicom else "a scan that is no DICOM has no UIDs"
+        notes.append(f"{why}: that they are two scans was told by their voxels")
     elif rest_facts.series_uid == deformed_facts.series_uid:
         notes.append(
             "both scans have one series UID, but no image in common and other voxels: they were taken as two scans"

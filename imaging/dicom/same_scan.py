@@ -11,6 +11,7 @@ from palpate.core.errors import InputError
 from palpate.imaging.dicom.series import SeriesFacts, patient_hash
 
 NOT_CHECKED = "neither the scan nor what was drawn says which scan it belongs to: that was not checked"
+NO_DICOM = "the scan is no DICOM: that this was drawn on it was not checked"
 
 
 def check_same_scan(dataset: pydicom.Dataset, images: Set[str], facts: SeriesFacts, path: Path) -> list[str]:
@@ -20,6 +21,8 @@ def check_same_scan(dataset: pydicom.Dataset, images: Set[str], facts: SeriesFac
 
     Raises InputError when it belongs to another scan or patient, or nothing says that it belongs to this one.
     """
+    if not facts.is_dicom:
+        return [NO_DICOM]
     frames = {str(dataset.get("FrameOfReferenceUID") or "").strip()}
     for reference in dataset.get("ReferencedFrameOfReferenceSequence") or []:
         frames.add(str(reference.get("FrameOfReferenceUID") or "").strip())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,9 @@ from palpate.imaging.dicom.slices import Slice, is_localizer, slices_of
 from palpate.imaging.dicom.stack import SAME_PLACE_MM, Stack, in_order, stack
 from palpate.imaging.volume import Volume
 
+# Modality of DICOM registrations.
+REGISTRATION = "REG"
+
 
 @dataclass(frozen=True)
 class SeriesFacts:
@@ -28,6 +31,7 @@ class SeriesFacts:
 
     patient_hash : SHA-256 of the patient's number and name, None where both are blank; for comparing in memory only.
     study_date : YYYYMMDD. sop_uids, frames, paths : of each slice in slice order (frame is the index in its file).
+    registrations : DICOM registrations (REG) that lie within the folder.
     regridded : the volume's slices are not those of the files (tilted gantry, uneven gaps).
     notes : what was done that a person should know, one line each.
     """
@@ -44,6 +48,17 @@ class SeriesFacts:
     paths: tuple[Path, ...]
     regridded: bool
     notes: tuple[str, ...]
+    registrations: tuple[Path, ...] = ()
+
+    @property
+    def is_dicom(self) -> bool:
+        """Whether the scan is DICOM, so that objects can refer to its images."""
+        return bool(self.sop_class_uid)
+
+    @property
+    def place(self) -> Path:
+        """What a person gave: the folder of the slices, or the file."""
+        return self.paths[0].parent if self.is_dicom else self.paths[0]
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -75,13 +90,15 @@ def read_series(
     """
     folder = Path(folder)
     notes: list[str] = []
-    files = choose_series(find_dicom(folder, notes), folder, series, modalities)
+    found = find_dicom(folder, notes)
+    files = choose_series(found, folder, series, modalities)
     ordered = _stack(files, folder, notes)
     volume = as_volume(read_slices(ordered.slices, notes), ordered, notes)
     if files[0].header.get("Modality") == "CT":
         check_hounsfield(volume, folder, each_slice=len({each.intercept for each in ordered.slices}) > 1)
         notes += soft_tissue_note(volume)
-    return volume, _facts(files[0].header, ordered, notes)
+    registrations = tuple(file.path for file in found if file.header.get("Modality") == REGISTRATION)
+    return volume, replace(_facts(files[0].header, ordered, notes), registrations=registrations)
 
 
 def _stack(files: Sequence[DicomFile], folder: Path, notes: list[str]) -> Stack:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import SimpleITK as sitk
@@ -83,23 +84,39 @@ def align_labels(rest: Volume, deformed: Volume) -> Alignment:
     )
 
 
+def given_alignment(rest: Volume, deformed: Volume, deformed_to_rest: FloatArray, source: Path) -> Alignment:
+    """An alignment of two CTs (HU) from elsewhere, (4, 4) LPS mm, measured on bone. source : its file.
+
+    Raises InputError when the scans show no common bone, or their bones lie apart under it: the model's frame is that of the bones.
+    """
+    bones = bone_of_ct(rest, "the scan at rest"), bone_of_ct(deformed, "the deformed scan")
+    surfaces = bone_surface(bones[0]), bone_surface(bones[1])
+    found, _ = _measured(np.asarray(np.linalg.inv(deformed_to_rest)), surfaces, *bones)
+    try:
+        found = _accepted(found)
+    except InputError as error:
+        why = str(error).rpartition(";")[0]
+        raise InputError(f"{source}: {why}; leave it out to align on bone") from error
+    return replace(found, notes=(*found.notes, "aligned by the registration that was given, not on bone"))
+
+
 def _align(rest: BoneField, deformed: BoneField) -> Alignment:
     surfaces = bone_surface(rest), bone_surface(deformed)
     start = coarse_shift(rest, deformed)
     mask = reach(rest.mask, 6.0)
     everything = register(rest, deformed, mask, start)
-    first, _ = _measured(everything, surfaces, rest, deformed)
+    first, _ = _measured(matrix_of(everything), surfaces, rest, deformed)
     if first.residual_mm < SUSPECT_MM:
         return _accepted(first)
     # A part that moved by itself pulls the whole after it and hides: judge by an alignment on the middle alone, the
     # pelvic ring, and leave out what did not come along.
     inner = register(rest, deformed, _without(mask, SIDES, surfaces[0]), everything)
-    _, off = _measured(inner, surfaces, rest, deformed)
+    _, off = _measured(matrix_of(inner), surfaces, rest, deformed)
     moved = [part for part in SIDES if off[part] > max(MOVED_MM, MOVED_TIMES * off["centre"])]
     if not moved:
         return _accepted(first)
     transform = register(rest, deformed, _without(mask, moved, surfaces[0]), everything)
-    found, off = _measured(transform, surfaces, rest, deformed)
+    found, off = _measured(matrix_of(transform), surfaces, rest, deformed)
     notes = tuple(
         f"the bones on the {part} did not move with the others (a quarter is {off[part]:.1f} mm off or more, in the middle "
         f"{off['centre']:.1f} mm) and were left out of the alignment: a leg lay differently"
@@ -109,13 +126,12 @@ def _align(rest: BoneField, deformed: BoneField) -> Alignment:
 
 
 def _measured(
-    transform: sitk.Euler3DTransform,
+    back: FloatArray,
     surfaces: tuple[OrientedPoints, OrientedPoints],
     rest: BoneField,
     deformed: BoneField,
 ) -> tuple[Alignment, dict[str, float]]:
-    """What a transform, rest point to deformed point, achieves; and for each part how far off a quarter of it is, mm."""
-    back = matrix_of(transform)
+    """What a transform (4, 4), rest point to deformed point, achieves; and for each part how far off a quarter of it is, mm."""
     matrix = np.asarray(np.linalg.inv(back), dtype=np.float64)
     overlap = float(_inside(transformed(back, surfaces[0].points), deformed.mask).mean())
     points = transformed(matrix, surfaces[1].points)

@@ -192,7 +192,7 @@ def test_wrong_input_gives_one_line_and_no_folder(pair: Path, tmp_path: Path) ->
         (rest, rest, "hold the same scan"),
         (tmp_path / "gap", deformed, "a slice is missing between"),
         (rest, tmp_path / "other", "are of two patients"),
-        (tmp_path / "text.txt", deformed, r"text.txt is no folder and no NIfTI file"),
+        (tmp_path / "text.txt", deformed, r"text.txt is no scan; give a folder with a DICOM CT series"),
         (tmp_path / "absent", deformed, "absent is not there"),
     ]:
         with pytest.raises(InputError, match=message) as caught:

@@ -165,6 +165,25 @@ def test_contours_of_one_slice_add_up(ct: tuple, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["CLOSED_PLANAR", "CLOSEDPLANAR_XOR"])
+def test_a_wall_drawn_as_two_loops_is_a_ring_or_refused(kind: str, ct: tuple, tmp_path: Path) -> None:
+    """A wall of a pixel is a ring; one of 0.6 to 0.8 mm, on pixels of 2 by 1.5 mm, is none."""
+
+    def walled(pixels: float) -> Path:
+        loops = [*outlines("prostate"), *(rectangle("prostate", k, grow=-pixels) for k in (2, 3, 4))]
+        path, dataset = rtstruct(tmp_path / f"{pixels}.dcm", {"Prostate": loops})
+        for contour in dataset.ROIContourSequence[0].ContourSequence:
+            contour.ContourGeometricType = kind
+        dataset.save_as(path)
+        return path
+
+    found = read_user_labels(walled(1.1), *ct[1:])
+    assert counts(found.volume) == {1: SIZES["prostate"] - 3 * 4 * 5}
+    assert not any("twice" in note for note in found.notes)
+    with pytest.raises(InputError, match=r"Prostate has two contours 0\.\d mm apart on a slice, nearer than pixels of"):
+        read_user_labels(walled(0.4), *ct[1:])
+
+
+@pytest.mark.parametrize("kind", ["CLOSED_PLANAR", "CLOSEDPLANAR_XOR"])
 def test_a_contour_in_another_is_a_hole(kind: str, ct: tuple, tmp_path: Path) -> None:
     holed = [*outlines("prostate"), *(rectangle("prostate", k, grow=-2.0) for k in (2, 3, 4))]
     path, dataset = rtstruct(tmp_path / "rs.dcm", {"Prostate": holed})
@@ -368,3 +387,24 @@ def test_no_library_speaks_for_us(ct: tuple, tmp_path: Path, capfd: pytest.Captu
             assert "\n" not in str(refused.value)
     told = capfd.readouterr()
     assert told.err == "" and told.out == ""
+
+
+def nrrd_in(folder: Path, units: str) -> Path:
+    """A .seg.nrrd that states its units, with the numbers as they are in mm."""
+    path = nrrd(folder / "s.seg.nrrd", {"Segment0_Name": "prostate", "Segment0_LabelValue": "1"}, [["prostate"]])
+    stated = f"encoding: gzip\nspace units: {units}\n".encode()
+    path.write_bytes(path.read_bytes().replace(b"encoding: gzip\n", stated, 1))
+    return path
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("cm", 10.0), ("m", 1000.0)])
+def test_segments_in_another_unit_are_scaled(unit: str, mm: float, ct: tuple, tmp_path: Path) -> None:
+    found = read_seg_nrrd(nrrd_in(tmp_path, f'"{unit}" "{unit}" "{unit}"'))
+    np.testing.assert_allclose(found.grid.affine, np.diag([mm, mm, mm, 1.0]) @ ct[1].affine)
+    assert bool(found.notes) == (unit != "mm")
+
+
+@pytest.mark.parametrize("units", ['"furlong" "furlong" "furlong"', '"mm" "cm" "mm"'])
+def test_segments_in_an_unknown_unit_are_refused(units: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"s\.seg\.nrrd: its space units are .*; mm, cm, m, um are known"):
+        read_seg_nrrd(nrrd_in(tmp_path, units))

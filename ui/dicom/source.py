@@ -15,6 +15,7 @@ from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import find_dicom, reading
 from palpate.imaging.dicom.slices import is_image, is_localizer
+from palpate.imaging.scans.scan import is_kept_volume
 from palpate.imaging.volume import Volume
 
 # highdicom quotes names that it finds odd, and they are the patient's: nothing of it reaches any log or terminal.
@@ -70,6 +71,10 @@ def read_source(case: CaseFolder, state: str) -> SourceScan:
     folder = case.file(f"{state}_ct")
     if not folder.is_dir():
         raise InputError(f"{folder} is not there; a DICOM object needs the CT it belongs to: import the scans as DICOM")
+    if is_kept_volume(folder):
+        raise InputError(
+            f"{folder}: the {state} scan was no DICOM, so nothing can refer to it; import the scans as DICOM"
+        )
     files = [f for f in find_dicom(folder, []) if is_image(f.header) and not is_localizer(f.header)]
     if not files:
         raise InputError(f"{folder} holds no CT image; import the scans as DICOM")

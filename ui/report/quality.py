@@ -110,7 +110,8 @@ def _alignment(record: CaseRecord) -> list[Block]:
         return [Paragraph("The two states were taken as lying in one frame already; no alignment on bone was made.")]
     parts = record.alignment.get("part_residual_mm", {})
     detail = ", ".join(f"{part} {value:.2f} mm" for part, value in parts.items())
-    return [Paragraph(f"Alignment on bone: {residual:.2f} mm rms" + (f" ({detail})." if detail else "."))]
+    how = "by a DICOM registration, bones agree to" if "aligned_by" in record.imported else "on bone:"
+    return [Paragraph(f"Alignment {how} {residual:.2f} mm rms" + (f" ({detail})." if detail else "."))]
 
 
 def _mesh(record: CaseRecord) -> list[Block]:

@@ -10,9 +10,9 @@ import numpy as np
 
 from palpate.imaging.contours.rtstruct import is_rtstruct, read_rtstruct
 from palpate.imaging.contours.user_labels import read_user_labels
-from palpate.imaging.dicom.series import read_series
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
+from palpate.imaging.scans.scan import read_scan
 from palpate.imaging.volume import Volume
 from palpate.simulate.phantom import phantom
 from palpate.simulate.scanner import Scanner
@@ -41,7 +41,7 @@ def contoured_scan(
 
     roi : organ -> names of its structures, where the file's names do not tell.
     """
-    ct, facts = read_series(folder)
+    ct, facts = read_scan(folder)
     drawn = read_user_labels(contours, ct, facts, roi)
     labels = in_lps_order(drawn.volume)
     masks = {organ: labels.with_array(np.isin(labels.array, values)) for organ, values in _VALUES.items()}

@@ -11,9 +11,7 @@ from pathlib import Path
 from palpate.case.case_files import file_sha256
 from palpate.core.errors import InputError
 from palpate.imaging.contours.user_labels import files_of
-from palpate.imaging.dicom.files import list_files
-
-_NIFTI = (".nii", ".nii.gz")
+from palpate.imaging.scans.scan import files_of_scan, is_ct
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class ImportOptions:
     labels : contours of that scan, in any format of `imaging.contours`. roi : organ -> structure names, in both files;
     rois : the same for each file by itself, which goes before. landmarks : CSV
     of matched points, each in its own scan's coordinates. same_patient : skips the comparison of patients. align :
-    False where both states are in one frame already.
+    False where both states are in one frame already. registration : DICOM REG file of the two scans that goes before bone.
     """
 
     name: str | None = None
@@ -34,6 +32,7 @@ class ImportOptions:
     landmarks: Path | None = None
     same_patient: bool = False
     align: bool = True
+    registration: Path | None = None
     rois: tuple[Mapping[str, Sequence[str]], Mapping[str, Sequence[str]]] = field(default_factory=lambda: ({}, {}))
 
     def roi_of(self, state: str) -> Mapping[str, Sequence[str]]:
@@ -41,24 +40,24 @@ class ImportOptions:
         return self.rois[0 if state == "rest" else 1] or self.roi
 
 
-def check_kinds(paths: tuple[Path, Path]) -> None:
-    """Check of the two inputs. Raises InputError unless they are two folders or two NIfTI files."""
+def are_cts(paths: tuple[Path, Path]) -> bool:
+    """Whether two inputs are CTs, not label volumes. Raises InputError where one is not there, neither, or of the other kind."""
     for path in paths:
         if not path.exists():
-            raise InputError(f"{path} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
-        if path.is_file() and not path.name.lower().endswith(_NIFTI):
-            raise InputError(f"{path} is no folder and no NIfTI file; give the folder that holds the slices of the CT")
-    if paths[0].is_dir() != paths[1].is_dir():
-        raise InputError(
-            f"{paths[0]} and {paths[1]} are a folder and a file; give two DICOM folders or two NIfTI files"
-        )
+            raise InputError(f"{path} is not there; give a folder with a DICOM CT series, or a volume file")
+    kinds = [is_ct(path) for path in paths]
+    if kinds[0] != kinds[1]:
+        ct, labels = paths if kinds[0] else paths[::-1]
+        raise InputError(f"{ct} is a CT and {labels} holds labels; give two CTs or two NIfTI label volumes")
+    return kinds[0]
 
 
 def scan_sha256(path: Path) -> str:
-    """Hash of a file, or of all files of a folder."""
-    if path.is_file():
+    """Hash of a file, or of all files that make one scan."""
+    files = files_of_scan(path)
+    if files == [path]:
         return file_sha256(path)
-    return hashlib.sha256("".join(file_sha256(file) for file in list_files(path)).encode()).hexdigest()
+    return hashlib.sha256("".join(file_sha256(file) for file in files).encode()).hexdigest()
 
 
 def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Sequence[Path] = ()) -> str:
@@ -66,16 +65,18 @@ def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Seq
 
     Raises InputError for files that do not exist.
     """
-    given = [path for path in (*options.labels, options.landmarks) if path is not None]
+    given = [path for path in (*options.labels, options.landmarks, options.registration) if path is not None]
     missing = [path for path in given if not path.is_file()]
     if missing:
-        raise InputError(f"{missing[0]} is not there; correct the path of the labels or landmarks")
+        raise InputError(f"{missing[0]} is not there; correct the path of the labels, landmarks or registration")
     content = {
         "sources": dict(sources),
         "files": [[content_of(path) for path in (*options.labels, options.landmarks)]],
         **{f"beside {path.name}": file_sha256(file) for path in scans for file in described_by(path)},
         "options": [options.series, {k: list(v) for k, v in options.roi.items()}, options.align, options.same_patient],
     }
+    if options.registration is not None:
+        content["registration"] = file_sha256(options.registration)
     if any(options.rois):
         content["rois"] = [{k: list(v) for k, v in roi.items()} for roi in options.rois]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -16,7 +16,7 @@ from palpate.case.step_records import ImportRecord
 from palpate.case.steps.declarations import IMPORT
 from palpate.case.steps.import_scans.options import (
     ImportOptions,
-    check_kinds,
+    are_cts,
     inputs_sha256,
     scan_sha256,
 )
@@ -31,12 +31,17 @@ from palpate.case.steps.import_scans.write import (
 from palpate.case.swapped_contours import swapped_note
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
+from palpate.imaging.contours.label_reader import UserLabels
 from palpate.imaging.contours.user_labels import lying_in, read_label_volume, read_user_labels
 from palpate.imaging.dicom.pair_check import check_pair
-from palpate.imaging.dicom.series import SeriesFacts, read_series
+from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.labels import BONE, ORGAN_LABELS
-from palpate.imaging.registration.align_on_bone import Alignment, align_ct, align_labels
+from palpate.imaging.registration.align_on_bone import Alignment, align_ct, align_labels, given_alignment
+from palpate.imaging.registration.dicom_registration import read_registration, unused_registrations
+from palpate.imaging.scans.scan import read_scan
 from palpate.imaging.volume import Volume
+
+Scan = tuple[Volume, SeriesFacts]
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,7 @@ def run_import(
     options: ImportOptions | None = None,
     progress: Progress = silent,
 ) -> ImportRecord:
-    """Make the case folder of a pair: two folders with a DICOM CT each, or two NIfTI label volumes.
+    """Make the case folder of a pair: two CTs (DICOM folders or volume files), or two NIfTI label volumes.
 
     Returns the content of import.json: case, sources_sha256, residual_mm, notes. All inputs are read and checked before
     anything is written. A rerun with the same inputs does nothing. Raises InputError (file, what, remedy).
@@ -64,34 +69,34 @@ def run_import(
     options = options or ImportOptions()
     paths, folder = (Path(rest), Path(deformed)), Path(case_path)
     check_new_case(folder, paths)
-    check_kinds(paths)
+    scanned = are_cts(paths)
     sources = {state: scan_sha256(path) for state, path in zip(STATES, paths, strict=True)}
+    if options.registration is not None and not (scanned and options.align):
+        raise InputError(
+            f"{options.registration} aligns two CTs; leave it out for label volumes and for scans in one frame already"
+        )
     job = _Job(paths, folder, options, progress, sources, inputs_sha256(sources, options, paths))
     earlier = _earlier(job)
     if earlier is not None:
         progress(1.0, "already imported")
         return earlier
-    return _import_scans(job) if paths[0].is_dir() else _import_labels(job)
+    return _import_scans(job) if scanned else _import_labels(job)
 
 
 def _import_scans(job: _Job) -> ImportRecord:
     options, scans = job.options, []
     for index, state in enumerate(STATES):
         job.progress(0.2 * index, f"reading the {state} scan")
-        scans.append(read_series(job.paths[index], options.series[index]))
-    notes = [f"{state}: {note}" for state, scan in zip(STATES, scans, strict=True) for note in scan[1].notes]
+        scans.append(read_scan(job.paths[index], options.series[index]))
+    facts = scans[0][1], scans[1][1]
+    notes = [f"{state}: {note}" for state, one in zip(STATES, facts, strict=True) for note in one.notes]
     notes += check_pair(scans[0], scans[1], options.same_patient)
-    contours = {
-        state: read_user_labels(path, *scan, options.roi_of(state), placed=state == "rest" or not options.align)
-        for state, path, scan in zip(STATES, options.labels, scans, strict=True)
-        if path is not None
-    }
     points = read_landmarks(options.landmarks) if options.landmarks else None
-    job.progress(0.4, "aligning on bone")
-    alignment = _aligned(job, align_ct, scans[0][0], scans[1][0], [f for _, f in scans]) if options.align else None
-    if alignment is not None and "deformed" in contours:
-        own = in_own_frame(contours["deformed"], scans[1][0], alignment.deformed_to_rest)
-        contours["deformed"] = lying_in(own, scans[1][0], Path(options.labels[1] or ""))
+    job.progress(0.4, "aligning")
+    alignment = _alignment(job, scans)
+    if options.registration is None:
+        notes += unused_registrations(*facts, job.paths)
+    contours = _drawn(job, scans, alignment)
     notes += [f"{state}: {note}" for state, labels in contours.items() for note in labels.notes]
     notes += [
         f"{state}: the drawn labels hold no prostate; it will be looked for in the CT"
@@ -99,10 +104,10 @@ def _import_scans(job: _Job) -> ImportRecord:
         if not np.isin(labels.volume.array, ORGAN_LABELS).any()
     ]
     job.progress(0.8, "writing the case")
-    case = _begun(job, [gravity_of(facts.patient_position) for _, facts in scans])
+    case = _begun(job, [gravity_of(one.patient_position) for one in facts])
     outputs = ["case.json", "alignment.json"]
-    for state, (_, facts) in zip(STATES, scans, strict=True):
-        outputs += write_scan(case, state, facts.files)
+    for state, scan in zip(STATES, scans, strict=True):
+        outputs += write_scan(case, state, *scan)
     matrix = write_alignment(case, alignment)
     swapped = swapped_note(
         {state: scan[0] for state, scan in zip(STATES, scans, strict=True)},
@@ -112,6 +117,31 @@ def _import_scans(job: _Job) -> ImportRecord:
     notes += [swapped] if swapped else []
     outputs += write_user_labels(case, contours, matrix) + write_landmarks(case, points, matrix)
     return _finish(job, case, alignment, notes, outputs)
+
+
+def _alignment(job: _Job, scans: Sequence[Scan]) -> Alignment | None:
+    """The alignment of two CTs, by the registration that was given, else on bone; None where none is wanted."""
+    options, (rest, deformed) = job.options, scans
+    if not options.align:
+        return None
+    if options.registration is None:
+        return _aligned(job, align_ct, rest[0], deformed[0], [rest[1], deformed[1]])
+    matrix = read_registration(options.registration, rest[1], deformed[1])
+    return given_alignment(rest[0], deformed[0], matrix, options.registration)
+
+
+def _drawn(job: _Job, scans: Sequence[Scan], alignment: Alignment | None) -> dict[str, UserLabels]:
+    """The contours of each scan that has any, in its own frame."""
+    options = job.options
+    contours = {
+        state: read_user_labels(path, *scan, options.roi_of(state), placed=state == "rest" or alignment is None)
+        for state, path, scan in zip(STATES, options.labels, scans, strict=True)
+        if path is not None
+    }
+    if alignment is not None and "deformed" in contours:
+        own = in_own_frame(contours["deformed"], scans[1][0], alignment.deformed_to_rest)
+        contours["deformed"] = lying_in(own, scans[1][0], Path(options.labels[1] or ""))
+    return contours
 
 
 def _import_labels(job: _Job) -> ImportRecord:
@@ -175,6 +205,8 @@ def _finish(
         "residual_mm": None if alignment is None else round(alignment.residual_mm, 3),
         "notes": notes + list(alignment.notes if alignment else ()),
     }
+    if job.options.registration is not None:
+        summary["aligned_by"] = "registration"
     case.write_json("import.json", summary)
     case.mark_done(IMPORT.name, job.inputs, [*outputs, "import.json"])
     job.progress(1.0, "imported")

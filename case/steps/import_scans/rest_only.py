@@ -16,13 +16,13 @@ from palpate.case.steps.import_scans.write import gravity_of, open_or_create, wr
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
-from palpate.imaging.dicom.series import read_series
+from palpate.imaging.scans.scan import is_ct, read_scan
 
 
 def import_alone(
     rest: Path | str, case_path: Path | str, options: ImportOptions | None = None, progress: Progress = silent
 ) -> ImportRecord:
-    """Make the case folder of one scan: a folder with a DICOM CT, or a NIfTI label volume.
+    """Make the case folder of one scan: a CT (DICOM folder or volume file), or a NIfTI label volume.
 
     Returns the content of import.json: case, sources_sha256, residual_mm (None), notes. A later import of the pair into
     the same folder goes on from it. All inputs are read before anything is written. Raises InputError (file, what,
@@ -31,7 +31,9 @@ def import_alone(
     options, rest, folder = options or ImportOptions(), Path(rest), Path(case_path)
     check_new_case(folder, [rest])
     if not rest.exists():
-        raise InputError(f"{rest} is not there; give a folder with a DICOM CT series or a NIfTI label volume")
+        raise InputError(
+            f"{rest} is not there; give a folder with a DICOM CT series, a CT as a volume file, or a NIfTI label volume"
+        )
     sources = {"rest": scan_sha256(rest)}
     inputs = _inputs(sources, options, rest)
     earlier = _earlier(folder, sources, inputs)
@@ -39,7 +41,7 @@ def import_alone(
         progress(1.0, "already imported")
         return earlier
     progress(0.1, "reading the scan at rest")
-    case, notes, outputs = (_from_ct if rest.is_dir() else _from_labels)(rest, folder, options)
+    case, notes, outputs = (_from_ct if is_ct(rest) else _from_labels)(rest, folder, options)
     summary: ImportRecord = {"case": str(case.path), "sources_sha256": sources, "residual_mm": None, "notes": notes}
     case.write_json("import.json", summary)
     case.mark_done(IMPORT.name, inputs, [*outputs, "import.json"])
@@ -48,11 +50,11 @@ def import_alone(
 
 
 def _from_ct(path: Path, folder: Path, options: ImportOptions) -> tuple[CaseFolder, list[str], list[str]]:
-    volume, facts = read_series(path, options.series[0])
+    volume, facts = read_scan(path, options.series[0])
     file = options.labels[0]
     contours = {} if file is None else {"rest": read_user_labels(file, volume, facts, options.roi)}
     case = open_or_create(folder, options.name, [gravity_of(facts.patient_position), None])
-    outputs = ["case.json", *write_scan(case, "rest", facts.files), *write_user_labels(case, contours, np.eye(4))]
+    outputs = ["case.json", *write_scan(case, "rest", volume, facts), *write_user_labels(case, contours, np.eye(4))]
     notes = [*facts.notes, *(note for labels in contours.values() for note in labels.notes)]
     return case, [f"rest: {note}" for note in notes], outputs
 

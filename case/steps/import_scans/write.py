@@ -13,9 +13,13 @@ from palpate.case.case_facts import CaseFacts, Vector
 from palpate.case.case_folder import CaseFolder
 from palpate.case.landmarks import Landmarks, landmarks_csv
 from palpate.core.arrays import FloatArray
+from palpate.imaging.contours.label_reader import UserLabels
 from palpate.imaging.contours.nifti_labels import write_labels
-from palpate.imaging.contours.user_labels import UserLabels
+from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.registration.align_on_bone import Alignment
+from palpate.imaging.scans.scan import KEPT
+from palpate.imaging.scans.volume_file import write_volume_file
+from palpate.imaging.volume import Volume
 
 # Gravity, m/s2, LPS, by the last letters of DICOM's PatientPosition (after head or feet first).
 _DOWN: dict[str, Vector] = {
@@ -42,10 +46,13 @@ def open_or_create(folder: Path, name: str | None, gravity: Sequence[Vector | No
     return CaseFolder.create(folder, facts)
 
 
-def write_scan(case: CaseFolder, state: str, files: Sequence[Path]) -> list[str]:
-    """Copies a series' files as they are, under plain names in slice order."""
+def write_scan(case: CaseFolder, state: str, volume: Volume, facts: SeriesFacts) -> list[str]:
+    """Copies a series' files as they are, under plain names in slice order; a CT that was no DICOM becomes one NRRD file."""
     with case.atomic_folder(f"{state}_ct") as temporary:
-        for number, file in enumerate(files, start=1):
+        if not facts.is_dicom:
+            write_volume_file(temporary / KEPT, volume)
+            return [f"{state}_ct"]
+        for number, file in enumerate(facts.files, start=1):
             shutil.copyfile(file, temporary / f"{number:04d}.dcm")
     return [f"{state}_ct"]
 

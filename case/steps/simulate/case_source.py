@@ -8,8 +8,8 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.imaging.dicom.series import read_series
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.scans.scan import read_scan
 from palpate.simulate.source import VolumeSource
 
 
@@ -26,5 +26,5 @@ def case_source(path: Path) -> VolumeSource:
     for wanted, what in ((ORGAN_LABELS, "organ (1, 2)"), ((SURROUNDING_TISSUE,), "surrounding tissue (3)")):
         if not present & set(wanted):
             raise InputError(f"{file} holds no {what}; run `palpate segment` or draw it")
-    ct = read_series(case.file("rest_ct"))[0] if case.has("rest_ct") else None
+    ct = read_scan(case.file("rest_ct"))[0] if case.has("rest_ct") else None
     return VolumeSource(case.facts.name, labels, ct)

@@ -13,8 +13,8 @@ from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.steps.segment_report import SegmentedState
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.contours.user_labels import read_user_labels
-from palpate.imaging.dicom.series import read_series
 from palpate.imaging.grid import in_lps_order
+from palpate.imaging.scans.scan import read_scan
 from palpate.segmentation.pelvis import segment_pelvis
 from palpate.segmentation.prompts import Prompts
 from palpate.segmentation.prostate.halves import midline_normal, split_plane
@@ -39,7 +39,7 @@ def ct_source(source: CtSource, progress: Progress = silent) -> VolumeSource:
 
     Raises InputError, naming the file, when the CT or the contours cannot be read or hold no prostate.
     """
-    ct, facts = read_series(source.ct)
+    ct, facts = read_scan(source.ct)
     ct = in_lps_order(ct)
     contours = contours_of_file(read_user_labels(source.labels, ct, facts), source.labels)
     segmentation = segment_pelvis(ct, Prompts(), contours.organs, progress)

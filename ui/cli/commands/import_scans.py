@@ -53,6 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
         metavar="CSV",
         help="matched points in both scans: columns name,rest_x,rest_y,rest_z,deformed_x,deformed_y,deformed_z",
     )
+    group.add_argument("--registration", type=Path, metavar="FILE",
+                       help="rigid DICOM registration (REG) of the two scans, instead of the alignment on bone")  # fmt: skip
     group.add_argument("--name", help="the case's name, printed in the report (default: the folder's)")
     group.add_argument("--same-patient", action="store_true",
                        help="the scans are of one patient although their headers differ")  # fmt: skip
@@ -86,7 +88,7 @@ def _alone(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, obj
     from palpate.case.case_folder import CaseFolder
     from palpate.case.steps.import_scans.rest_only import import_alone
 
-    of_two = ("surfaces", "deformed_labels", "deformed_series", "landmarks", "more", "same_patient")
+    of_two = ("surfaces", "deformed_labels", "deformed_series", "landmarks", "registration", "more", "same_patient")
     for name in of_two:
         if getattr(args, name):
             raise UsageError(f"--{name.replace('_', '-')} needs DEFORMED, the scan in which the organ is deformed")
@@ -108,6 +110,7 @@ def options_of(args: argparse.Namespace) -> ImportOptions:
         landmarks=args.landmarks,
         same_patient=args.same_patient,
         align=not args.no_align,
+        registration=args.registration,
     )
 
 
@@ -120,5 +123,6 @@ def text_of(summary: ImportRecord) -> list[str]:
             f"next    `palpate segment {case}`, then `palpate plan {case}`; with a second scan, `palpate import` both"
         )
         return [f"case    {summary['case']}, the scan at rest", *(f"note    {n}" for n in summary["notes"]), next_step]
-    aligned = "not aligned on bone" if residual is None else f"aligned on bone to {residual:.2f} mm rms"
+    given = "aligned by the registration, bones agree" if "aligned_by" in summary else "aligned on bone"
+    aligned = "not aligned on bone" if residual is None else f"{given} to {residual:.2f} mm rms"
     return [f"case    {summary['case']}, {aligned}", *(f"note    {note}" for note in summary["notes"])]

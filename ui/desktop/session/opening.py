@@ -10,6 +10,7 @@ from pathlib import Path
 
 from palpate.case.case_folder import STATES
 from palpate.core.errors import InputError
+from palpate.imaging.scans.scan import is_ct
 from palpate.ui.desktop.session import read_scans, step_job, steps
 from palpate.ui.desktop.session.crosshair import first_place
 from palpate.ui.desktop.session.jobs import JobControl
@@ -73,7 +74,7 @@ class Opening:
         """Shows two scans as soon as they are read, then makes their case."""
         self.pair, self.offered = pair, None
         both = dict(zip(STATES, (pair.rest, pair.deformed), strict=True))
-        scans = pair.rest.is_dir() and pair.deformed.is_dir()
+        scans = _is_ct(pair.rest) and _is_ct(pair.deformed)
         drawn = dict(zip(STATES, pair.labels, strict=True)) if scans else both
         contours = {s: path for s, path in drawn.items() if path is not None and path.is_file() and s not in pair.rois}
         if scans or contours:
@@ -149,3 +150,11 @@ class Opening:
             place = first_place(labels, session.ct("rest"))
             session.display.crosshair = place or session.display.crosshair
         session.notify("case")
+
+
+def _is_ct(path: Path) -> bool:
+    """Whether a path is a CT; what cannot be read is told by the import."""
+    try:
+        return is_ct(path)
+    except InputError:
+        return False

@@ -18,9 +18,9 @@ from palpate.core.worker.executors import cores, make_executor
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 from palpate.imaging.contours.structure_list import is_clear, list_structures
-from palpate.imaging.dicom.series import read_series
 from palpate.imaging.dicom.series_list import list_series
 from palpate.imaging.grid import in_lps_order
+from palpate.imaging.scans import scan as any_scan
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.labels.journal import content_hash
 
@@ -119,7 +119,7 @@ class ReadScans(msgspec.Struct, frozen=True):
 
 
 def run(job: Job, reporter: Reporter) -> dict[str, object]:
-    """Options as `ReadScans`. Raises InputError as `read_series`.
+    """Options as `ReadScans`. Raises InputError as `any_scan.read_scan`.
 
     Everything is told when it is read, by a progress message with `found`: labels {state: ...} or scan {...}; the result is empty.
     """
@@ -154,7 +154,7 @@ def unclear_structures(contours: Mapping[str, str]) -> dict[str, list[OfferedStr
 
 
 def read_or_offer(folder: Path, state: str, source: str, series: str | None) -> ReadScan | list[OfferedSeries]:
-    """One scan; or the series of its folder where there are several and none is chosen. Raises InputError as `read_series`."""
+    """One scan; or the series of its folder where there are several and none is chosen. Raises InputError as `any_scan.read_scan`."""
     try:
         return read_scan(folder, state, source, series)
     except InputError:
@@ -169,7 +169,7 @@ def read_or_offer(folder: Path, state: str, source: str, series: str | None) -> 
 
 def read_scan(folder: Path, state: str, source: str, series: str | None = None) -> ReadScan:
     """One scan into STATE.npy of a folder, in Fortran order, so that axial slices lie together."""
-    volume, _ = read_series(source, series)
+    volume, _ = any_scan.read_scan(source, series)
     volume = in_lps_order(volume)
     path = folder / f"{state}.npy"
     with path.open("wb") as stream:

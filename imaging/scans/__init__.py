@@ -1,0 +1,1 @@
+"""Scans: DICOM series, and CTs in volume files."""
