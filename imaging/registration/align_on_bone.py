@@ -151,7 +151,11 @@ def _accepted(found: Alignment, hu_off: bool) -> Alignment:
         raise InputError(
             f"after alignment the bones lie {middle:.1f} mm rms apart (up to {MAX_RESIDUAL_MM:g} mm is one patient's) and "
             f"{100 * found.unmatched:.0f} % has no partner within {PARTNER_WITHIN_MM:.0f} mm; "
-            + ("the HU of a scan, by which bone is found, are off: calibrate it" if hu_off else "give two scans of one patient")
+            + (
+                "the HU of a scan, by which bone is found, are off: calibrate it"
+                if hu_off
+                else "give two scans of one patient"
+            )
         )
     if middle > DOUBTFUL_MM and not hu_off:
         return replace(

@@ -74,9 +74,10 @@ def identify(
 
     Raises InputError for input that cannot be posed, ConvergenceError when nothing can be solved.
     """
-    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa)
+    search = _options(method, options)
+    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa, search.law)
     problem = _problem(_tetrahedra(mesh), rest, deformed, fixed, driven, facts)
-    asked = asdict(_options(method, options))
+    asked = asdict(search)
     seed, workers = int(asked.pop("seed")), int(asked.pop("workers"))
     kind = "palpate.core.identify.job:run"
     return Stiffness(_answer(kind, "problem", problem.arrays(), asked, seed, workers, IdentificationRecord))
@@ -99,11 +100,11 @@ def diagnose(
     """Test of whether the model misses what the surfaces show beyond their noise, and of why. Arguments and errors are those
     of `identify`.
 
-    Of `options` only `seed` matters here: a diagnosis has one element and one way to fit, whatever a search for the
+    Of `options` only `seed` and `law` matter here: a diagnosis has one element and one way to fit, whatever a search for the
     stiffness uses. The others are checked, so that one call's arguments serve both.
     """
     asked = _options(method, options)
-    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa)
+    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa, asked.law)
     problem = _problem(_tetrahedra(mesh), rest, deformed, fixed, driven, facts)
     of_job = {"case": "arrays", "effects": None, "numbers": DiagnosisOptions().to_json()}
     kind, given = "palpate.core.diagnose.job:run", arrays(CaseData(problem))
@@ -116,12 +117,12 @@ def _options(method: str, further: Mapping[str, object]) -> IdentifyOptions:
     return typed_strictly(given, IdentifyOptions, "the options of palpate.identify", "")
 
 
-def _facts(tissue_G: float, noise_sd: float, correlation: float, bounds: tuple[float, float]) -> Facts:
+def _facts(tissue_G: float, noise_sd: float, correlation: float, bounds: tuple[float, float], law: str) -> Facts:
     G, sd, length = (
         positive(value, name)
         for value, name in ((tissue_G, "tissue_G"), (noise_sd, "noise_sd_mm"), (correlation, "noise_correlation_mm"))
     )
-    return Facts(G, bounds_kpa=rising_bounds(bounds), noise_sd_mm=sd, noise_correlation_mm=length)
+    return Facts(G, bounds_kpa=rising_bounds(bounds), noise_sd_mm=sd, noise_correlation_mm=length, organ_law=law)
 
 
 def _answer(

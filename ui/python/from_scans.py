@@ -48,7 +48,11 @@ def analyze(
     mesh.run(folder, progress=part(progress, 0.3, 0.35))
     identify.run(folder, search, part(progress, 0.35, 0.8))
     if diagnosis:
-        diagnose.run(folder, diagnose.DiagnoseOptions(seed=search.seed, image=search.image), part(progress, 0.8, 0.95))
+        diagnose.run(
+            folder,
+            diagnose.DiagnoseOptions(seed=search.seed, image=search.image, law=search.law),
+            part(progress, 0.8, 0.95),
+        )
     if report:
         report_step.run(folder, None, part(progress, 0.95, 1.0))
     return Case(folder)
