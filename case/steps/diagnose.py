@@ -59,7 +59,8 @@ class DiagnoseOptions:
     law: str | None = None
 
     def __post_init__(self) -> None:
-        IdentifyOptions(law=self.law or IdentifyOptions.law)
+        if self.law is not None:
+            IdentifyOptions(law=self.law)
 
 
 def run(

@@ -60,7 +60,7 @@ class IdentifyOptions:
         ):
             if not low <= number <= high:
                 raise InputError(f"{name} = {number} is out of range; give {low} to {high}")
-        if self.other_law:
+        if self.law != ORGAN_LAW:
             self._check_law()
 
     @property

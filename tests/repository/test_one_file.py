@@ -83,6 +83,14 @@ def test_an_exporter(dropped, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "my-form writes no labels that the tissue could be kept among" in capsys.readouterr().err
 
 
+def test_nothing_is_exported_into_a_scan_of_the_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = write_case(tmp_path / "case", ct=True)
+    before = sorted(path.name for path in case.file("rest_ct").iterdir())
+    assert main.main(["export", str(case.path), "--to", "dicom-seg", str(case.file("rest_ct"))]) == 3
+    assert "is the case's own scan, whose slices the files would join" in capsys.readouterr().err
+    assert sorted(path.name for path in case.file("rest_ct").iterdir()) == before
+
+
 def test_a_command(dropped, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
     assert list(main.find_commands()) == list(main.COMMANDS) and "identify" in main.COMMANDS
     dropped(commands, "my_word", COMMAND)

@@ -32,10 +32,15 @@ def exporter(name: str) -> ModuleType:
 def export(name: str, case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
     """Writes a case in the form of that name; returns the files. tissue : keep the surrounding tissue among the labels.
 
-    Raises InputError where the exporter does, and for `tissue` in a form without labels.
+    Raises InputError where the exporter does, for `tissue` in a form without labels, and for a folder within a scan of the case.
     """
     write = exporter(name).export
     files: list[Path]
+    from palpate.case.case_folder import STATES  # here, because it takes seconds to load
+
+    for state in STATES:
+        if folder.resolve().is_relative_to(case.file(f"{state}_ct").resolve()):
+            raise InputError(f"{folder} is the case's own scan, whose slices the files would join; give another folder")
     if tissue and "tissue" not in inspect.signature(write).parameters:
         raise InputError(f"{name} writes no labels that the tissue could be kept among; leave --tissue out")
     files = write(case, folder, tissue=True) if tissue else write(case, folder)
