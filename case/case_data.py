@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import state_labels
 from palpate.case.meshed import load_surfaces
 from palpate.case.problem import problem_of, state_problems
 from palpate.case.stated_files import further_states
-from palpate.core.problem import SurfacePair
+from palpate.core.problem import Facts, SurfacePair
 from palpate.core.residual.case_data import CaseData
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import BONE
 from palpate.meshing.label_surfaces import wall_surface
 
 
-def data_of(case: CaseFolder, image: bool = False) -> CaseData:
-    """Data of a meshed case. image : with the motion that the match step has found."""
+def data_of(case: CaseFolder, image: bool = False, law: str = Facts.organ_law) -> CaseData:
+    """Data of a meshed case. image : with the motion that the match step has found. law : of the organ, by name."""
     rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
     bones = SurfacePair(rest["bone"], deformed["bone"]) if "bone" in rest and "bone" in deformed else None
     first = problem_of(case, image)
+    first = replace(first, facts=replace(first.facts, organ_law=law))
     more = zip(state_problems(case, first), _further_bones(case, rest.get("bone")), strict=True)
     return CaseData(first, bones, (case.facts.gravity_rest, case.facts.gravity_deformed), more=tuple(more))
 

@@ -24,17 +24,8 @@ Gravity = Annotated[
 ]
 # Keys of case.json beyond the facts: a body on a bench and further deformed states (`stated_files`), what a simulated
 # case says of itself, and remarks of a person, which nothing reads.
-OTHER_KEYS = (
-    "body",
-    "states",
-    "supports",
-    "density_kg_m3",
-    "model_gravity",
-    "cells",
-    "simulated",
-    "simulated_note",
-    "notes",
-)
+_OF_A_BODY = ("supports", "model_gravity", "cells")
+OTHER_KEYS = ("body", "states", *_OF_A_BODY, "density_kg_m3", "simulated", "simulated_note", "notes")
 _Name = Annotated[str, Meta(pattern=r"^[^\n]*\S[^\n]*$(?!\n)", description="a name of one line")]
 
 
@@ -71,6 +62,10 @@ class CaseFacts:
         for key in other:
             if key not in OTHER_KEYS:
                 raise InputError(f"{source}: {key} is unknown; {nearest(key, known)} (remarks go under 'notes')")
+            if key in _OF_A_BODY and "body" not in other:
+                raise InputError(
+                    f"{source}: {key} is of a body on a bench, whose surface 'body' names; add that, or take {key} out"
+                )
         facts = typed({key: data[key] for key in data if key in own} | {"other": other}, cls, source)
         low, high = facts.organ_shear_modulus_bounds_kpa
         refused = [] if low < high else ["organ_shear_modulus_bounds_kpa"]

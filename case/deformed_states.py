@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.case.case_folder import CaseFolder, file_sha256
+from palpate.case.case_folder import CaseFolder, check_new_case, file_sha256
 from palpate.case.landmarks import Landmarks, landmarks_csv, read_landmarks
 from palpate.case.rigid_offset import RigidOffset, rigid_offset_in
 from palpate.case.stated_files import FurtherState, checked_state, state_entries, stated_states
@@ -83,8 +83,9 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
 
     Precondition: the case has been imported. Adding the same files again changes nothing and returns the earlier state.
     Only the labels of a CT are kept. Raises InputError when labels are missing, when CTs show no bone to align on, when
-    a file cannot be read, or when the labels equal those of the first deformed state.
+    a file cannot be read, when the labels equal those of the first deformed state, or when the case lies inside the scan.
     """
+    check_new_case(case.path, [new.scan])
     drawn = new.labels or new.scan
     read = [*(files_of(drawn) if drawn.is_file() else ()), *([] if new.landmarks is None else [new.landmarks])]
     source, known = tuple(file_sha256(path) for path in read if path.is_file()), stated_states(case)

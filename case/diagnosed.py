@@ -7,6 +7,7 @@ from msgspec import UNSET
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import read_result
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
+from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.result_record import ResultRecord
 
 DIAGNOSIS = "diagnosis.json"
@@ -28,9 +29,15 @@ def stands_otherwise(case: CaseFolder) -> str:
 
 
 def otherwise_words(result: ResultRecord, diagnosis: DiagnosisRecord) -> str:
-    """Which of the two stands on the images and which does not; "" where both stand on the same, or one does not say."""
+    """Which of the two stands on the images and which does not, or on which law of the organ each; "" where both stand on the same, or
+    one does not say."""
     options = result.options
-    if options is UNSET or options.image is None or diagnosis.image in (UNSET, options.image):
+    if options is UNSET:
+        return ""
+    law = diagnosis.law or IdentifyOptions.law
+    if law != options.law and diagnosis.image is not UNSET:
+        return f"the stiffness stands on the law {options.law}, the diagnosis on {law}"
+    if options.image is None or diagnosis.image in (UNSET, options.image):
         return ""
     alone, both = ("diagnosis", "stiffness") if options.image else ("stiffness", "diagnosis")
     return f"the {alone} stands on the contours alone, the {both} on the images too"

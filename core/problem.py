@@ -48,7 +48,7 @@ class Facts:
     tissue_shear_modulus_kpa, tissue_poisson_ratio : of the surrounding tissue. bounds_kpa : of every region's G.
     noise_sd_mm : of one contour, along its normal, where its surface states none. noise_correlation_mm : of contours.
     outer_fixed : whether the outer surface is held. organ_poisson_ratio : fixes the organ's bulk modulus relative to its
-    G; not identified. voxel_mm : for reports.
+    G; not identified. organ_law : name of the organ's strain energy, in `core.laws.LAWS`.
     """
 
     tissue_shear_modulus_kpa: float = 20.0
@@ -58,6 +58,7 @@ class Facts:
     noise_correlation_mm: float = 7.0
     outer_fixed: bool = True
     organ_poisson_ratio: float = 0.495
+    organ_law: str = "mooney-rivlin"
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import ConvergenceError
 from palpate.core.files.json_types import typed
+from palpate.core.identify.options import IdentifyOptions
 from palpate.core.residual.case_data import arrays
 from palpate.core.residual.fit_file import FILE
 from palpate.core.residual.fit_options import INFERENCE
@@ -47,6 +48,7 @@ class DiagnoseOptions:
 
     numbers : noise model, wall motion and decision rules. image : use the motion that the two CTs' images tell, where
     the case has both; None: as `identify` did, and where it did not run, as it would (`case.matched.wants_image`).
+    law : of the organ; None: as `identify` took. Raises InputError where there is none of that name.
     """
 
     effects: Path | None = None
@@ -54,6 +56,11 @@ class DiagnoseOptions:
     meshes: int = 1
     numbers: DiagnosisOptions = field(default_factory=DiagnosisOptions)
     image: bool | None = None
+    law: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.law is not None:
+            IdentifyOptions(law=self.law)
 
 
 def run(
@@ -62,26 +69,22 @@ def run(
     """Write diagnosis.json and diagnose/ of a case; return what diagnosis.json says.
 
     The job starts from the plain fit that `identify` keeps in the case, or fits the same anew where there is none of
-    these inputs. Of result.json only whether it stands on the images is read; it is not written. A case with labels and no
-    mesh is meshed first. A body on a bench (`bench_body`) has a job of its own. The step passes over a case whose inputs
-    and options are those of the last run. do_job : runs the job; a caller in a worker process gives `run_inline`. Raises
-    InputError when labels are missing or result.json is damaged, ConvergenceError when nothing could be solved,
-    Cancelled.
+    these inputs. Of result.json only the organ's law and whether it stands on the images are read; it is not written.
+    A case with labels and no mesh is meshed first. A body on a bench (`bench_body`) has a job of its own. The step
+    passes over a case whose inputs and options are those of the last run. do_job : runs the job; a caller in a worker
+    process gives `run_inline`. Raises InputError when labels are missing or result.json is damaged, ConvergenceError
+    when nothing could be solved, Cancelled.
     """
     options = options or DiagnoseOptions()
     body = is_body(case)
     if not body and not case.has("mesh.json"):
         mesh.run(case, progress=part(progress, 0.0, 0.2))
-    own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
-    chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes, "inference": INFERENCE}
-    if options.numbers != DiagnosisOptions():
-        chosen["numbers"] = options.numbers.to_json()
-    image = not body and wants_image(case, _as_identified(case) if options.image is None else options.image)
+    identified = _as_identified(case)
+    law = IdentifyOptions.law if body else options.law or identified.law
+    image = not body and wants_image(case, identified.image if options.image is None else options.image)
     without = left_out(match.run(case, progress=part(progress, 0.2, 0.3))) if image else ""
     image = image and not without
-    if image:
-        chosen["image"] = True
-    made_from = DIAGNOSE.made_from(case, chosen)
+    made_from = DIAGNOSE.made_from(case, _chosen(options, image, law))
     if DIAGNOSE.is_done(case, made_from):
         return read_diagnosis(case)
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
@@ -89,7 +92,7 @@ def run(
         given = body_problem(case).arrays()
     else:
         others = remeshed(case, options.meshes - 1, part(progress, 0.3, 0.4))
-        given = arrays(replace(data_of(case, image), remeshed=others))
+        given = arrays(replace(data_of(case, image, law), remeshed=others))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
     notes = (
@@ -98,16 +101,29 @@ def run(
         else [*[without] * bool(without), *missing_structures(case, image), *rigid_offset_notes(case)]
     )
     record = _of_case(case, typed(answer, DiagnosisRecord, "the worker's answer", ""), notes)
-    record = structs.replace(record, image=UNSET if body else image)
+    record = structs.replace(record, image=UNSET if body else image, law=UNSET if law == IdentifyOptions.law else law)
     case.write_json(DIAGNOSIS, record)
     DIAGNOSE.mark_done(case, made_from, (DIAGNOSIS, record.where.map))
     return record
 
 
-def _as_identified(case: CaseFolder) -> bool | None:
-    """Whether the stiffness in result.json stands on the images too; None where nothing was identified."""
+def _chosen(options: DiagnoseOptions, image: bool, law: str) -> dict[str, object]:
+    """What was chosen, for the hash of what the step was made from; what is as usual is left out."""
+    own = {p.name: file_sha256(p) for p in sorted(options.effects.glob("*.py"))} if options.effects else {}
+    chosen: dict[str, object] = {"seed": options.seed, "effects": own, "meshes": options.meshes, "inference": INFERENCE}
+    if options.numbers != DiagnosisOptions():
+        chosen["numbers"] = options.numbers.to_json()
+    if image:
+        chosen["image"] = True
+    if law != IdentifyOptions.law:
+        chosen["law"] = law
+    return chosen
+
+
+def _as_identified(case: CaseFolder) -> IdentifyOptions:
+    """How the stiffness in result.json was found; the usual options where nothing was identified."""
     options = read_result(case).options if case.has("result.json") else UNSET
-    return None if options is UNSET else options.image
+    return IdentifyOptions() if options is UNSET else options
 
 
 def _of_case(case: CaseFolder, record: DiagnosisRecord, flags: list[str]) -> DiagnosisRecord:

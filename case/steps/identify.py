@@ -69,7 +69,7 @@ def run(
     if IDENTIFY.is_done(case, made_from):
         return read_result(case)
     folder = case.file("identify")
-    paths = _write_problems(case, folder, bool(options.image))
+    paths = _write_problems(case, folder, options)
     answer = do_job(_job(case, options, paths), lambda m: _tell(m, progress))
     result = _of_case(
         case, typed(answer, IdentificationRecord, "the worker's answer", ""), bool(options.image), without
@@ -107,12 +107,13 @@ def versions() -> dict[str, str]:
     return out
 
 
-def _write_problems(case: CaseFolder, folder: Path, image: bool) -> dict[str, str]:
+def _write_problems(case: CaseFolder, folder: Path, options: IdentifyOptions) -> dict[str, str]:
     """Write problem.npz, and problem_2.npz, ... for further states; return paths by role. Files of removed states are
     deleted.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    states = {"problem" if k == 1 else f"problem_{k}": state for k, state in enumerate(data_of(case, image).pairs, 1)}
+    pairs = data_of(case, bool(options.image), options.law).pairs
+    states = {"problem" if k == 1 else f"problem_{k}": state for k, state in enumerate(pairs, 1)}
     for old in folder.glob("problem_*.npz"):
         if old.stem not in states:
             case.remove(f"identify/{old.name}")

@@ -124,5 +124,5 @@ def _identifiability(
     return IdentifiabilityRecord(
         singular_values=found.posterior.singular_values.tolist(),
         mu1_mu2_separable=separable(parameters, found.posterior),
-        verdict=verdict(names, found.posterior.of(parameters.stiffness), shares),
+        verdict=verdict(names, found.posterior.of(parameters.stiffness), shares, options.other_law),
     )

@@ -189,7 +189,8 @@ class DiagnosisRecord(msgspec.Struct, frozen=True, kw_only=True):
     verdict : "none", "ambiguous", "unknown" or the id of an effect. candidates : effects that cannot be told apart.
     probability_unknown : of an effect that the library does not have. options : the numbers in force. states,
     remainder : of a body on a bench. simulated : present and true where the pair was computed. image : whether it stands on the
-    motion that the two images tell too; absent in records of earlier versions and of bodies on a bench. posterior : probability of
+    motion that the two images tell too; absent in records of earlier versions and of bodies on a bench. law : the organ's, absent
+    for Mooney-Rivlin. posterior : probability of
     every hypothesis: "none", an effect, two of them ("a+b"), "unknown"; they sum to 1. That of a ranking's row is given a gap.
     """
 
@@ -212,4 +213,5 @@ class DiagnosisRecord(msgspec.Struct, frozen=True, kw_only=True):
     remainder: RemainderRecord | UnsetType | None = UNSET
     simulated: bool | UnsetType = UNSET
     image: bool | UnsetType = UNSET
+    law: str | UnsetType = UNSET
     posterior: dict[str, _Probability] | UnsetType = UNSET

@@ -17,9 +17,11 @@ T = TypeVar("T")
 
 
 def read_json(path: Path) -> object:
-    """The content of a JSON file. Raises InputError naming the file, and the line when it is not JSON."""
+    """The content of a JSON file. Raises InputError naming the file, the line when it is not JSON, or a key that is given twice."""
     try:
-        parsed: object = json.loads(path.read_text(encoding="utf-8-sig"))
+        parsed: object = json.loads(
+            path.read_text(encoding="utf-8-sig"), object_pairs_hook=lambda pairs: _once(pairs, path)
+        )
     except FileNotFoundError as error:
         raise InputError(f"{path} is not there; run the step that writes it first") from error
     except json.JSONDecodeError as error:
@@ -27,6 +29,15 @@ def read_json(path: Path) -> object:
     except (ValueError, RecursionError) as error:  # no UTF-8, a number of thousands of digits, thousands of brackets
         raise InputError(f"{path} is not valid JSON; correct it") from error
     return parsed
+
+
+def _once(pairs: list[tuple[str, object]], path: Path) -> dict[str, object]:
+    """An object of a file. Raises InputError for a key that it holds twice, of which JSON takes the last."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        twice = next(key for key in found if [name for name, _ in pairs].count(key) > 1)
+        raise InputError(f"{path}: {twice} is given twice in one object; keep one of them")
+    return found
 
 
 def read_typed(path: Path, kind: type[T], remedy: str = "; correct it there") -> T:

@@ -99,7 +99,8 @@ class Effect:
 
     words : "the organ slides along its surroundings". parameters : of every variant. variants : where it could be; none
     when the case excludes it. settled_by : the measurement that shows this effect most clearly, in words. unlike : phi
-    by name of its parameter -> why what fits best is not what the name means, in words; "" where it is.
+    by name of its parameter -> why what fits best is not what the name means, in words; "" where it is. on_bench : False for
+    what acts through neighbours, walls or contours, which a body on a bench does not have.
     """
 
     id: str
@@ -108,6 +109,7 @@ class Effect:
     variants: Callable[[Surroundings], list[Variant]]
     settled_by: str
     unlike: Callable[[Mapping[str, float]], str] = _as_named
+    on_bench: bool = True
 
     @property
     def scales(self) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.materials import Material
 from palpate.core.fem.sensitivity import Direction
-from palpate.core.laws import LINEAR, MOONEY_RIVLIN, bulk_modulus, mooney_rivlin_parameters
+from palpate.core.laws import LAWS, LINEAR, Law, bulk_modulus, mooney_rivlin_parameters
 from palpate.core.problem import Facts
 
 # Number of the surrounding tissue in the label volumes.
@@ -20,8 +20,8 @@ SHARE_BOUNDS = (0.02, 0.98)
 
 @dataclass(frozen=True)
 class StiffnessParameters:
-    """theta = ln G of each organ region, G = 2 (mu1 + mu2) in kPa; or, with `split_mu`, (ln G, mu1 / (mu1 + mu2)) of
-    each region.
+    """theta = ln G of each organ region, its small-strain shear modulus in kPa whatever the organ's law; or, with `split_mu` and
+    Mooney-Rivlin, (ln G, mu1 / (mu1 + mu2)) of each region.
 
     With ln G alone mu1 = mu2, as Yang & Lin set them (section 3.3). Small strains depend on G only, so a share beside G
     can be identified, where both of (mu1, mu2) could not. The organ's bulk modulus follows G by a
@@ -54,18 +54,27 @@ class StiffnessParameters:
         """Positions in theta of the regions' mu1 / (mu1 + mu2); empty without `split_mu`."""
         return slice(1, None, 2) if self.split_mu else slice(0, 0)
 
+    @property
+    def law(self) -> Law:
+        """The organ's."""
+        return LAWS[self.facts.organ_law]
+
+    def of_modulus(self, G: float) -> FloatArray:
+        """The law's parameters (k,) kPa of shear modulus G, kPa; proportional to it."""
+        return self.law.of_moduli(G, bulk_modulus(G, self.facts.organ_poisson_ratio))
+
     def shear_moduli(self, theta: FloatArray) -> FloatArray:
         """Shear modulus G (regions,) kPa of each region."""
         return np.exp(np.asarray(theta, dtype=float)[self.stiffness])
 
     def mu(self, theta: FloatArray) -> FloatArray:
-        """mu1 and mu2 (regions, 2) kPa."""
+        """mu1 and mu2 (regions, 2) kPa; of another law those of the Mooney-Rivlin organ with that G."""
         share = np.asarray(theta, dtype=float)[self.shares] if self.split_mu else np.full(len(self.regions), 0.5)
         return 0.5 * self.shear_moduli(theta)[:, None] * np.stack([share, 1.0 - share], axis=1)
 
     def materials(self, theta: FloatArray) -> dict[int, Material]:
-        """Materials at theta: Mooney-Rivlin organ regions in linear tissue (Eqs 8 and 3 of Yang & Lin)."""
-        out = {r: Material(MOONEY_RIVLIN, p) for r, p in zip(self.regions, self._organ(theta), strict=True)}
+        """Materials at theta: organ regions of their law in linear tissue (Eqs 8 and 3 of Yang & Lin)."""
+        out = {r: Material(self.law, p) for r, p in zip(self.regions, self._organ(theta), strict=True)}
         G = self.facts.tissue_shear_modulus_kpa
         out[TISSUE] = Material(LINEAR, np.array([G, bulk_modulus(G, self.facts.tissue_poisson_ratio)]))
         return out
@@ -80,6 +89,8 @@ class StiffnessParameters:
         return out
 
     def _organ(self, theta: FloatArray) -> list[FloatArray]:
+        if not self.split_mu:
+            return [self.of_modulus(float(G)) for G in self.shear_moduli(theta)]
         rows = []
         for mu1, mu2 in self.mu(theta):
             G = 2.0 * (mu1 + mu2)

@@ -121,7 +121,7 @@ def _result(
         identifiability=IdentifiabilityRecord(
             singular_values=posterior.singular_values.tolist(),
             mu1_mu2_separable=separable(parameters, posterior),
-            verdict=verdict(names, identification.stiffness, shares),
+            verdict=verdict(names, identification.stiffness, shares, options.other_law),
         ),
         misfit=msgspec.structs.replace(
             states[0],

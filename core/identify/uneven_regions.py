@@ -21,7 +21,6 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.sensitivity import direct
 from palpate.core.forward.parameters import StiffnessParameters
 from palpate.core.identify.map.patches import Patches, cut
-from palpate.core.laws import bulk_modulus, mooney_rivlin_parameters
 from palpate.core.observe.contour_noise import matern_3_2
 
 # Number of patches of one region, and the correlation length of the field, mm.
@@ -49,7 +48,7 @@ def uneven_responses(
     columns = []
     for region, G in zip(parameters.regions, parameters.shear_moduli(theta), strict=True):
         patches = cut(assembler.space.mesh, (region,), PATCHES)
-        unit = mooney_rivlin_parameters(1.0, bulk_modulus(1.0, parameters.facts.organ_poisson_ratio), 0.5)
+        unit = parameters.of_modulus(1.0)
         directions = [{region: np.where(patches.patch == j, G, 0.0)[:, None] * unit} for j in range(patches.n)]
         displacements = direct(equilibrium.tangent, directions)
         sensitivities = np.stack([observe(field) for field in displacements], axis=1)

@@ -147,10 +147,10 @@ def as_before(sd: FloatArray, bounds: FloatArray) -> BoolArray:
     return np.asarray(sd > _BLIND / np.sqrt(prior_precision(bounds)))
 
 
-def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | None = None) -> str:
+def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | None = None, other_law: str = "") -> str:
     """In words: which regions' stiffness this pair of scans tells, and how well.
 
-    posterior : of ln G of each region. shares : of mu1 / (mu1 + mu2), where they were looked for.
+    posterior : of ln G of each region. shares : of mu1 / (mu1 + mu2), where they were looked for. other_law : than Mooney-Rivlin.
     """
     parts = []
     blind = unknown(posterior)
@@ -164,7 +164,9 @@ def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | No
             parts.append(f"{label}: known within {100 * np.expm1(half):.0f} % (95 %)")
         else:
             parts.append(f"{label}: known within a factor of {np.exp(half):.1f} (95 %)")
-    if shares is None:
+    if other_law:
+        parts.append(f"G is the initial shear modulus of the law {other_law}")
+    elif shares is None:
         parts.append("mu1 and mu2 cannot be told apart by one pair; only G = 2 (mu1 + mu2) is identified")
     else:
         parts += _on_shares(names, shares)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.core.arrays import FloatArray
+from palpate.core.errors import InputError
 
 # kernel(F (n, q, 3, 3), p (n, k), W (n, q), g (n, q), P (n, q, 3, 3), G (n, q, 3, 3), A (n, q, 9, 9), H (n, q, 9, 9), order):
 # fills W and g; with order >= 1 their first derivatives P and G; with order 2 their second derivatives A and H.
@@ -40,7 +42,7 @@ class Law:
     parameters : names of the columns of a parameter array (n, k), kPa.
     kernel : see `Kernel`; W must be linear in the parameters (tests/core/fem/test_laws.py checks every law), g free of them.
     kappa_of : (n, k) parameters -> (n,) kappa, kPa; a linear function.
-    shear_modulus_of : (n, k) -> (n,) small-strain shear modulus G, kPa.
+    shear_modulus_of : (n, k) -> (n,) small-strain shear modulus G, kPa; a linear function.
     needs_positive_jacobian : True when psi is not defined for J <= 0.
     """
 
@@ -79,6 +81,27 @@ class Law:
         G = v.G.reshape(*v.G.shape[:2], 9)
         kappa = self.kappa_of(p2)[:, None, None, None]
         return (v.A + kappa * (G[..., :, None] * G[..., None, :] + v.g[..., None, None] * v.H))[:, 0]
+
+    def of_moduli(self, G: float, K: float) -> FloatArray:
+        """The least parameters (k,), kPa, whose small-strain shear modulus is G and whose bulk modulus is K, both kPa.
+
+        Parameters that count alike in G share it alike (mu1 = mu2), those that count in neither are 0. Raises InputError where the
+        law has no such parameters.
+        """
+        rows = self._moduli
+        gram = rows @ rows.T
+        if not np.linalg.det(gram) > 1e-12 * np.trace(gram) ** 2:
+            raise InputError(
+                f"law '{self.name}' has no shear and bulk modulus of its own; choose another for the organ"
+            )
+        return np.asarray(rows.T @ np.linalg.solve(gram, [G, K]), dtype=np.float64)
+
+    @cached_property
+    def _moduli(self) -> FloatArray:
+        """(2, k) derivatives of G and of the bulk modulus kappa g'(1)^2 in the parameters."""
+        unit = np.eye(len(self.parameters))
+        slope = self.evaluate(np.eye(3).reshape(1, 1, 3, 3), unit[:1], 1).G[0, 0, 0, 0]
+        return np.stack([self.shear_modulus_of(unit), self.kappa_of(unit) * slope**2])
 
     def _as_cells(self, F: ArrayLike, p: ArrayLike) -> tuple[FloatArray, FloatArray]:
         F4 = np.ascontiguousarray(np.asarray(F, dtype=float).reshape(-1, 1, 3, 3))

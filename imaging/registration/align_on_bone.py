@@ -14,6 +14,7 @@ from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.errors import InputError
 from palpate.core.statistics import rms
 from palpate.core.surfaces.rigid_motion import transformed
+from palpate.imaging.dicom.hounsfield import soft_tissue_note
 from palpate.imaging.registration.bone_surface import (
     BoneField,
     OrientedPoints,
@@ -74,7 +75,14 @@ def align_ct(rest: Volume, deformed: Volume) -> Alignment:
 
     Raises InputError when one shows no bone, they do not overlap or their bones are not the same.
     """
-    return _align(bone_of_ct(rest, "the scan at rest"), bone_of_ct(deformed, "the deformed scan"))
+    return _align(
+        bone_of_ct(rest, "the scan at rest"), bone_of_ct(deformed, "the deformed scan"), _hu_off(rest, deformed)
+    )
+
+
+def _hu_off(rest: Volume, deformed: Volume) -> bool:
+    """Whether soft tissue, and bone with it, lies at other HU in one of two CTs than it should."""
+    return bool(soft_tissue_note(rest) or soft_tissue_note(deformed))
 
 
 def align_labels(rest: Volume, deformed: Volume) -> Alignment:
@@ -93,28 +101,29 @@ def given_alignment(rest: Volume, deformed: Volume, deformed_to_rest: FloatArray
     surfaces = bone_surface(bones[0]), bone_surface(bones[1])
     found, _ = _measured(np.asarray(np.linalg.inv(deformed_to_rest)), surfaces, *bones)
     try:
-        found = _accepted(found)
+        found = _accepted(found, _hu_off(rest, deformed))
     except InputError as error:
         why = str(error).rpartition(";")[0]
         raise InputError(f"{source}: {why}; leave it out to align on bone") from error
     return replace(found, notes=(*found.notes, "aligned by the registration that was given, not on bone"))
 
 
-def _align(rest: BoneField, deformed: BoneField) -> Alignment:
+def _align(rest: BoneField, deformed: BoneField, hu_off: bool = False) -> Alignment:
+    """hu_off : whether bone lies at other values in the two, so that its surfaces differ where the scans do not."""
     surfaces = bone_surface(rest), bone_surface(deformed)
     start = coarse_shift(rest, deformed)
     mask = reach(rest.mask, 6.0)
     everything = register(rest, deformed, mask, start)
     first, _ = _measured(matrix_of(everything), surfaces, rest, deformed)
     if first.residual_mm < SUSPECT_MM:
-        return _accepted(first)
+        return _accepted(first, hu_off)
     # A part that moved by itself pulls the whole after it and hides: judge by an alignment on the middle alone, the
     # pelvic ring, and leave out what did not come along.
     inner = register(rest, deformed, _without(mask, SIDES, surfaces[0]), everything)
     _, off = _measured(matrix_of(inner), surfaces, rest, deformed)
     moved = [part for part in SIDES if off[part] > max(MOVED_MM, MOVED_TIMES * off["centre"])]
     if not moved:
-        return _accepted(first)
+        return _accepted(first, hu_off)
     transform = register(rest, deformed, _without(mask, moved, surfaces[0]), everything)
     found, off = _measured(matrix_of(transform), surfaces, rest, deformed)
     notes = tuple(
@@ -122,7 +131,7 @@ def _align(rest: BoneField, deformed: BoneField) -> Alignment:
         f"{off['centre']:.1f} mm) and were left out of the alignment: a leg lay differently"
         for part in moved
     )
-    return _accepted(replace(found, notes=notes))
+    return _accepted(replace(found, notes=notes), hu_off)
 
 
 def _measured(
@@ -149,8 +158,11 @@ def _measured(
     return Alignment(matrix, _rms(along[partner]), residuals, float(1.0 - partner.mean()), overlap), off
 
 
-def _accepted(found: Alignment) -> Alignment:
-    """The alignment, with a note where it is doubtful. Raises InputError when it cannot be two scans of one pelvis."""
+def _accepted(found: Alignment, hu_off: bool) -> Alignment:
+    """The alignment, with a note where it is doubtful. Raises InputError when it cannot be two scans of one pelvis.
+
+    hu_off : bones that lie apart say nothing of the alignment; what they are told of is the HU (`soft_tissue_note`).
+    """
     if found.overlap < MIN_OVERLAP:
         raise InputError(
             f"the two scans have {100 * found.overlap:.0f} % of the bone in common, {100 * MIN_OVERLAP:.0f} % is needed; "
@@ -160,9 +172,14 @@ def _accepted(found: Alignment) -> Alignment:
     if found.unmatched > MAX_UNMATCHED or middle > MAX_RESIDUAL_MM:
         raise InputError(
             f"after alignment the bones lie {middle:.1f} mm rms apart (up to {MAX_RESIDUAL_MM:g} mm is one patient's) and "
-            f"{100 * found.unmatched:.0f} % has no partner within {PARTNER_WITHIN_MM:.0f} mm; give two scans of one patient"
+            f"{100 * found.unmatched:.0f} % has no partner within {PARTNER_WITHIN_MM:.0f} mm; "
+            + (
+                "the HU of a scan, by which bone is found, are off: calibrate it"
+                if hu_off
+                else "give two scans of one patient"
+            )
         )
-    if middle > DOUBTFUL_MM:
+    if middle > DOUBTFUL_MM and not hu_off:
         return replace(
             found, notes=(*found.notes, f"the bones agree to {middle:.1f} mm rms only: look at the alignment")
         )

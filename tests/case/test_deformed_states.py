@@ -12,21 +12,25 @@ import numpy as np
 import pytest
 import synthetic_case
 from block_case import voxels, write_block_case
+from diagnoses import diagnosis
 from schemas import check_form
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import NewState, add_state
 from palpate.case.problem import problem_of, state_problems
 from palpate.case.stated_files import further_states
-from palpate.case.steps import identify
+from palpate.case.steps import diagnose, identify
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.case_data import load
+from palpate.core.worker.job import Job
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.volume import Volume
+from palpate.ui.cli import further_states as options
 from palpate.ui.cli.arguments import Parser, UsageError
-from palpate.ui.cli.commands import further_states as options
+from palpate.ui.cli.main import main
 
 TRUTH = {"prostate_left": 30.0, "prostate_right": 70.0}
 QUICK = IdentifyOptions(method="gauss-newton", starts=1, stiffness_map=False)
@@ -70,6 +74,31 @@ def test_a_second_state_makes_the_stiffness_surer_and_is_noticed(case: CaseFolde
     for name, found in both["parameters"].items():
         assert found["ci95_kpa"][0] < TRUTH[name] < found["ci95_kpa"][1]
     assert len(both["states"]) == 2 and "deformed_2.nii.gz" in both["inputs_sha256"]
+
+
+def test_another_law_of_the_organ_is_kept_and_the_diagnosis_takes_it(
+    case: CaseFolder, capfd: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["identify", str(case.path), "--method", "gauss-newton", "--no-map", "--quiet", "--law"]
+    assert main([*asked, "none"]) == 3
+    assert "law 'none' is unknown; choose one of linear, " in capfd.readouterr().err
+    assert main([*asked, "neo-hookean", "--split-mu"]) == 3
+    assert "mu1 and mu2 are constants of mooney-rivlin, not of neo-hookean" in capfd.readouterr().err
+    assert main([*asked, "neo-hookean"]) == 0
+    found = case.read_json("result.json")
+    check_form(found, "result")
+    assert found["options"]["law"] == "neo-hookean"
+    assert "G is the initial shear modulus of the law neo-hookean" in found["identifiability"]["verdict"]
+    for name, region in found["parameters"].items():
+        assert region["ci95_kpa"][0] < TRUTH[name] < region["ci95_kpa"][1]
+
+    def answer(job: Job, on_message: object) -> dict[str, object]:
+        assert load(Path(job.paths["data"])).problem.facts.organ_law == "neo-hookean"
+        return diagnosis("none")
+
+    assert diagnose.run(case, do_job=answer).law == "neo-hookean"  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="law 'none' is unknown"):
+        diagnose.DiagnoseOptions(law="none")
 
 
 def test_landmarks_come_along_in_the_rest_frame(case: CaseFolder, second: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from phantoms import result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
+from palpate.case.diagnosed import stands_otherwise
 from palpate.case.steps.declarations import DIAGNOSE, IDENTIFY, IMPORT, MESH, STEPS
 from palpate.case.steps.step import Step
 from palpate.ui.report.declaration import REPORT
@@ -90,6 +91,15 @@ def test_a_diagnosis_is_that_of_the_stiffness_beside_it(
     assert DIAGNOSE.out_of_date(case) == wanted
     case.write_text("mesh.npz", "new")
     assert DIAGNOSE.out_of_date(case) == "mesh.npz has been changed since"
+
+
+def test_a_diagnosis_of_another_law_is_out_of_date(case: CaseFolder) -> None:
+    case.write_json("result.json", result(options={"image": False, "law": "neo-hookean"}))
+    case.write_json("diagnosis.json", diagnosis("none", image=False))
+    DIAGNOSE.mark_done(case, DIAGNOSE.made_from(case, {}), ("diagnosis.json",))
+    assert DIAGNOSE.out_of_date(case) == "the stiffness stands on the law neo-hookean, the diagnosis on mooney-rivlin"
+    case.write_json("diagnosis.json", diagnosis("none", image=False, law="neo-hookean"))
+    assert stands_otherwise(case) == ""
 
 
 def test_an_import_reads_nothing_of_the_case_and_is_never_called_out_of_date(case: CaseFolder) -> None:

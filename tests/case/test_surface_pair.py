@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import identify
+from palpate.case.steps.import_scans.options import ImportOptions, inputs_sha256
 from palpate.case.steps.import_scans.surfaces import SurfaceImportOptions, run_surface_import
 from palpate.core.errors import InputError
 from palpate.core.files.json_types import plain
@@ -128,6 +129,15 @@ def test_frames_are_brought_together(turn: list[float]) -> None:
     pair = SurfacePair(*(Surface(x, faces, np.ones(len(faces), dtype=np.int64)) for x in (mesh.points, moved)))
     matrix = aligned(pair)
     assert np.abs(matrix[:3, :3] @ rotation.as_matrix() - np.eye(3)).max() < 0.02
+
+
+def test_a_folder_that_is_given_as_a_file_is_called_one(tmp_path: Path) -> None:
+    (folder := tmp_path / "b.stl").mkdir()
+    rest = saved(pear(), tmp_path / "a.ply")
+    with pytest.raises(InputError, match=r"b\.stl is a folder; give the file$"):
+        run_surface_import(rest, folder, tmp_path / "case")
+    with pytest.raises(InputError, match=r"b\.stl is a folder; give the file of the labels or landmarks"):
+        inputs_sha256({}, ImportOptions(labels=(folder, None)))
 
 
 def test_volumes_that_differ_too_much_are_refused_and_nothing_is_written(tmp_path: Path) -> None:

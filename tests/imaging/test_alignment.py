@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from bone_scans import bone_labels, largest_error, moving, scan
 
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.series import read_series
-from palpate.imaging.registration.align_on_bone import align_ct, align_labels
+from palpate.imaging.registration.align_on_bone import Alignment, _accepted, align_ct, align_labels
 from palpate.imaging.volume import Volume
 
 
@@ -69,6 +70,34 @@ def test_scans_without_common_bone_are_refused() -> None:
     other = other.with_array(np.where(smooth > np.percentile(smooth, 80), 700, 40).astype(np.int16))
     with pytest.raises(InputError, match=r"give two scans of (one patient|the same region)"):
         align_ct(scan(), other)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("radius_mm", "gain", "shift"), [(90.0, 1.0, -250.0), (120.0, 0.8, 0.0)])
+def test_bones_that_lie_apart_because_the_hu_are_off_are_not_told_as_a_bad_alignment(
+    radius_mm: float, gain: float, shift: float
+) -> None:
+    """As a cone-beam scanner shows the sample pair's deformed scan; a scan that is not aligned well is told of still."""
+    sample = Path(__file__).parents[2] / "sample_dicom"
+    rest, deformed = (read_series(sample / state)[0] for state in ("rest", "deformed"))
+    values = np.where(deformed.array > -900, (deformed.array + 1000.0) * gain - 1000.0 + shift, deformed.array)
+    across = deformed.to_lps(np.argwhere(np.ones(deformed.array.shape[:2])) @ np.eye(2, 3))
+    outside = np.linalg.norm((across - across.mean(axis=0))[:, :2], axis=1) > radius_mm
+    values[outside.reshape(values.shape[:2])] = -1000.0
+    found = align_ct(rest, deformed.with_array(np.rint(values).astype(np.int16)))
+    assert found.part_residual_mm["centre"] > 1.5 and found.notes == ()
+    told = _accepted(found, hu_off=False).notes
+    assert any("the bones agree to" in note for note in told)
+    assert largest_error(found.deformed_to_rest, align_ct(rest, deformed).deformed_to_rest) < 0.6
+
+
+def test_bones_far_apart_are_refused_with_the_hu_as_the_reason_where_they_are_off() -> None:
+    apart = Alignment(np.eye(4), 3.0, {"centre": 3.0}, 0.0, 1.0)
+    with pytest.raises(InputError, match="give two scans of one patient"):
+        _accepted(apart, hu_off=False)
+    with pytest.raises(InputError, match="the HU of a scan, by which bone is found, are off: calibrate it"):
+        _accepted(apart, hu_off=True)
+    assert _accepted(replace(apart, part_residual_mm={"centre": 2.0}), hu_off=True).notes == ()
 
 
 def test_a_real_pelvis_moved_by_a_known_motion(pelvis_small: Path) -> None:

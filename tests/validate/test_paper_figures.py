@@ -83,7 +83,7 @@ def test_a_table_of_cases_gives_the_known_statistics(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("stage,G\n1,2\n", "has no column mu_kpa"),
+        ("stage,G\n1,2\n", "lacks the column mu_kpa"),
         ("stage,mu_kpa\n1,20\n2,x\n", r"line 3: stage '2' and mu_kpa 'x' are not like T2 and 41.5"),
         ("stage,mu_kpa\n1,20\n9,20\n", "line 3: stage 9 or mu_kpa 20 is out of range"),
         ("stage,mu_kpa\n1,20\n2,30\n", "has 2 cases; 3 or more"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import pkgutil
 import sys
 import traceback
 from collections.abc import Sequence
@@ -16,18 +17,29 @@ from types import ModuleType
 
 from palpate import __version__
 from palpate.core.errors import PalpateError
+from palpate.ui.cli import commands
 from palpate.ui.cli.arguments import Parser, UsageError, common
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_left
 
-# Each is a module beside this one with NAME, HELP, add_arguments(parser) and run(args, console) -> (data, text).
-COMMANDS = {
+# In the order of a case's way, with the two whose name no module can have; a command that is not among them comes after.
+_FIRST = {
     "demo": "demo", "analyze": "analyze", "batch": "batch", "import": "import_scans", "segment": "segment",
     "mesh": "mesh", "identify": "identify",
     "diagnose": "diagnose", "report": "report", "simulate": "simulate", "export": "export", "plan": "plan", "bench": "bench",
     "validate": "validate", "drop": "drop", "sketch": "sketch",
     "open": "open_window", "touch": "touch", "doctor": "doctor",
 }  # fmt: skip
+
+
+def find_commands() -> dict[str, str]:
+    """Modules of `commands` by the name of their command: each has NAME, HELP, add_arguments(parser) and
+    run(args, console) -> (data, text)."""
+    there = {m.name for m in pkgutil.iter_modules(commands.__path__)} - set(_FIRST.values())
+    return _FIRST | {name.replace("_", "-"): name for name in sorted(there)}
+
+
+COMMANDS = find_commands()
 _DESCRIPTION = (
     "Feels an organ through two CT scans: one at rest, one in which the organ is deformed. Research use only. "
     "Ends with 0 done, 2 wrong usage, 3 bad input, 4 no convergence, 5 error of the program, 130 cancelled."
@@ -84,10 +96,10 @@ def parser(given: Sequence[str] = ()) -> Parser:
     named = word if word in COMMANDS else None
     top = Parser(prog="palpate", description=_DESCRIPTION)
     top.add_argument("--version", action="version", version=f"palpate {__version__}")
-    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    listed = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = common()
     for module in map(_module, COMMANDS if named is None else [named]):
-        sub = commands.add_parser(
+        sub = listed.add_parser(
             module.NAME, help=module.HELP, description=module.__doc__, parents=[shared],
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip

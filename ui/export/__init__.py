@@ -1,14 +1,22 @@
 """Results for other programs: one exporter a file, found by its name.
 
-Each module has ``WRITES`` (what it makes, in a few words) and ``export(case, folder, tissue=False) -> list of the files
-written``. tissue : keep the surrounding tissue among labels; forms without labels have nothing to keep.
+Each module has ``WRITES`` (what it makes, in a few words) and ``export(case, folder) -> list of the files written``; one that
+writes labels takes ``tissue=False`` too: whether the surrounding tissue is kept among them.
 """
 
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
+from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
+
+from palpate.core.errors import InputError
+
+if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
 
 
 def names() -> tuple[str, ...]:
@@ -19,3 +27,21 @@ def names() -> tuple[str, ...]:
 def exporter(name: str) -> ModuleType:
     """The exporter of a name that ``names`` lists."""
     return importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
+
+
+def export(name: str, case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+    """Writes a case in the form of that name; returns the files. tissue : keep the surrounding tissue among the labels.
+
+    Raises InputError where the exporter does, for `tissue` in a form without labels, and for a folder within a scan of the case.
+    """
+    write = exporter(name).export
+    files: list[Path]
+    from palpate.case.case_folder import STATES  # here, because it takes seconds to load
+
+    for state in STATES:
+        if folder.resolve().is_relative_to(case.file(f"{state}_ct").resolve()):
+            raise InputError(f"{folder} is the case's own scan, whose slices the files would join; give another folder")
+    if tissue and "tissue" not in inspect.signature(write).parameters:
+        raise InputError(f"{name} writes no labels that the tissue could be kept among; leave --tissue out")
+    files = write(case, folder, tissue=True) if tissue else write(case, folder)
+    return files

@@ -19,7 +19,7 @@ WRITES = "DICOM encapsulated PDF: the report"
 _REPORT = "report/report.pdf"
 
 
-def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes report_pdf.dcm. Raises InputError when the case has no PDF report or no CT at rest, or it cannot write."""
     path = case.file(_REPORT)
     if not path.is_file():

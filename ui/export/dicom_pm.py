@@ -31,7 +31,7 @@ _ENDS = (
 )
 
 
-def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes stiffness_pm.dcm, and stiffness_low_pm.dcm and stiffness_high_pm.dcm where the interval is known.
 
     Raises InputError when the case has no result or no CT at rest, or it cannot write.

@@ -21,7 +21,7 @@ WRITES = "DICOM Spatial Registration: the rigid alignment on bone that brings th
 _ALIGNMENT = "alignment.json"
 
 
-def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes registration.dcm: of both frames of reference the matrix that brings its points into that of the scan at rest.
 
     Raises InputError when the case has no alignment or lacks one of the CTs, when both scans state one frame of

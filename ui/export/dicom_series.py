@@ -29,7 +29,7 @@ _ALONG = 0.01
 _WARNING = "Shear modulus G in kPa from two CT scans of one organ; no Hounsfield units, not for planning"
 
 
-def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes stiffness_series/G_001.dcm ... Raises InputError when the case has no result or no CT at rest, or it cannot write.
 
     Secondary Capture in a frame of reference of its own: a planning system takes neither for a CT, and kPa never for

@@ -15,6 +15,7 @@ from pydicom.uid import UID, generate_uid
 from palpate.case.case_folder import CaseFolder
 from palpate.case.measured.measurements import FILE as MEASUREMENTS
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import known
 from palpate.imaging.labels import PROSTATE_LEFT
 from palpate.ui.dicom import codes as own
 from palpate.ui.dicom.label_segments import label_segmentation
@@ -132,9 +133,10 @@ def _drawn_group(
 
 
 def _remark(record: CaseRecord, made: Making) -> sr.TextContentItem:
-    tissue = record.facts.tissue_shear_modulus_kpa
+    tissue, options = record.facts.tissue_shear_modulus_kpa, known(record.result.options)
+    what = "G" if options is not None and options.other_law else "G = 2 (mu1 + mu2)"
     text = (
-        f"{made.note} G = 2 (mu1 + mu2) is relative to an assumed shear modulus of {tissue:g} kPa of the surrounding "
+        f"{made.note} {what} is relative to an assumed shear modulus of {tissue:g} kPa of the surrounding "
         f"tissue. What this pair can tell: {record.result.identifiability.verdict}."
     )
     return sr.TextContentItem(codes.DCM.Comment, text, sr.RelationshipTypeValues.CONTAINS)

@@ -21,7 +21,7 @@ WRITES = (
 _TRANSFORM, _FIELD, _TISSUE = "rest_to_deformed.tfm", "displacement_mm.nrrd", "tissue_rest_to_deformed.h5"
 
 
-def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes what the case has; LPS, mm, as ITK resamples: points at rest go to points of the other scan.
 
     rest_to_deformed.tfm : rigid, from the bones: resamples the deformed scan onto the scan at rest. displacement_mm.nrrd : of each

@@ -26,7 +26,7 @@ _MAP = "identify/stiffness_map.npz"
 _CHUNK = 50_000
 
 
-def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes on the grid of the scan at rest (of its labels without CT), 0 outside the organ:
 
     stiffness_low_kpa, stiffness_high_kpa : ends of each half's 95 % interval. map_kpa : the smooth map. map_factor : within

@@ -16,7 +16,7 @@ from palpate.ui.export.stiffness import stiffness_of
 WRITES = "VTK unstructured grid: region, G in kPa, displacement in mm"
 
 
-def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
+def export(case: CaseFolder, folder: Path) -> list[Path]:
     """Writes mesh.vtu, LPS mm. Raises InputError when the case has no mesh, or where it cannot write."""
     mesh = load_meshed(case).mesh
     grid = pv.UnstructuredGrid({pv.CellType.TETRA: mesh.cells}, mesh.points)

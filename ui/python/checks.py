@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
@@ -9,6 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.errors import InputError
+from palpate.core.files.json_types import typed_strictly
+from palpate.core.identify.options import IdentifyOptions
 from palpate.core.mesh import TetMesh
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.surfaces.self_intersections import crossings
@@ -43,8 +48,9 @@ def numbers(given: ArrayLike, shape: tuple[int | None, ...], what: str) -> Float
 def whole_numbers(given: ArrayLike, shape: tuple[int | None, ...], what: str) -> IntArray:
     """As `numbers`; 2.0 is whole, 1.5 is refused."""
     array = numbers(given, shape, what)
-    if (array != np.rint(array)).any():
-        raise InputError(f"{what}: {array[array != np.rint(array)].flat[0]:g} is no whole number")
+    wrong = (array != np.rint(array)) | (np.abs(array) > 2.0**53)
+    if wrong.any():
+        raise InputError(f"{what}: {array[wrong].flat[0]:g} is no whole number")
     return array.astype(np.int64)
 
 
@@ -64,6 +70,26 @@ def whole(value: int, name: str, least: int) -> int:
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name} is {value!r}; it must be a whole number of at least {least}")
     return int(value)
+
+
+def truth(value: bool, name: str) -> bool:
+    """True or false. Raises InputError."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} is {value!r}; it must be True or False")
+    return bool(value)
+
+
+def path_of(given: str | Path, name: str) -> Path:
+    """A path. Raises InputError for what is none, or holds the character 0."""
+    if not isinstance(given, str | Path) or not str(given) or "\0" in str(given):
+        raise InputError(f"{name} is {given!r}; give a path")
+    return Path(given)
+
+
+def search_options(given: Mapping[str, object], whose: str) -> IdentifyOptions:
+    """Options by their names; numbers of NumPy too. Raises InputError for one that is unknown or of another type."""
+    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in given.items()}
+    return typed_strictly(plain, IdentifyOptions, f"the options of {whose}", "")
 
 
 def rising_bounds(given: tuple[float, float]) -> tuple[float, float]:
@@ -123,17 +149,23 @@ def check_closed(surface: Surface, what: str) -> None:
         raise InputError(f"{what} encloses {surface.enclosed_volume:.3g} mm3: its faces look inwards; turn them")
 
 
-def check_one_body(rest: Surface, deformed: Surface) -> None:
-    """Raises InputError where two surfaces are so unlike, or so far apart, that they are hardly one organ."""
-    ends = [surface.points[np.unique(surface.faces)] for surface in (rest, deformed)]
+def check_one_body(rest: Surface, deformed: Surface, states: tuple[str, str] = ("at rest", "deformed")) -> None:
+    """Raises InputError where two surfaces are so unlike, or so far apart, that they are hardly one organ. states : of each."""
+    ends = [_corners(surface) for surface in (rest, deformed)]
     sizes = [float(np.ptp(points, axis=0).max()) for points in ends]
     if max(sizes) > _FAR * min(sizes):
         raise InputError(
-            f"the organ is {sizes[0]:.3g} mm across at rest and {sizes[1]:.3g} mm deformed: are both in mm?"
+            f"the organ is {sizes[0]:.3g} mm across {states[0]} and {sizes[1]:.3g} mm {states[1]}: are both in mm?"
         )
+    check_near(rest, deformed, f"the organ {states[1]}", states[0])
+
+
+def check_near(before: Surface, after: Surface, what: str, where: str = "at rest") -> None:
+    """Raises InputError where a surface lies so far from what it was that both are hardly in one frame."""
+    ends = [_corners(surface) for surface in (before, after)]
     away = float(np.linalg.norm(ends[1].mean(axis=0) - ends[0].mean(axis=0)))
-    if away > _FAR * sizes[0]:
-        raise InputError(f"the deformed organ lies {away:.3g} mm from where it was at rest: are both in one frame?")
+    if away > _FAR * float(np.ptp(ends[0], axis=0).max()):
+        raise InputError(f"{what} lies {away:.3g} mm from where it is {where}: are both in one frame?")
 
 
 def check_not_held(outer: IntArray, held: BoolArray, moved: BoolArray, name: str) -> None:
@@ -141,6 +173,10 @@ def check_not_held(outer: IntArray, held: BoolArray, moved: BoolArray, name: str
     both = int((held[outer].all(axis=1) & moved[outer].all(axis=1)).sum())
     if both:
         raise InputError(f"fixed and driven {name} share {both} faces: they cannot be held and moved at once")
+
+
+def _corners(surface: Surface) -> FloatArray:
+    return surface.points[np.unique(surface.faces)]
 
 
 def _check_extent(points: FloatArray, what: str) -> None:

@@ -16,7 +16,7 @@ from palpate.core.arrays import BoolArray, IntArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import InputError
-from palpate.core.files.json_types import typed, typed_strictly
+from palpate.core.files.json_types import typed
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.identify.result_record import IdentificationRecord
 from palpate.core.mesh import TetMesh
@@ -29,12 +29,14 @@ from palpate.ui.python.checks import (
     any_array,
     check_closed,
     check_mesh,
+    check_near,
     check_not_held,
     check_one_body,
     check_surface,
     numbers,
     positive,
     rising_bounds,
+    search_options,
     whole_numbers,
 )
 from palpate.ui.python.findings import Gap, Stiffness
@@ -74,9 +76,10 @@ def identify(
 
     Raises InputError for input that cannot be posed, ConvergenceError when nothing can be solved.
     """
-    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa)
+    search = _options(method, options)
+    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa, search.law)
     problem = _problem(_tetrahedra(mesh), rest, deformed, fixed, driven, facts)
-    asked = asdict(_options(method, options))
+    asked = asdict(search)
     seed, workers = int(asked.pop("seed")), int(asked.pop("workers"))
     kind = "palpate.core.identify.job:run"
     return Stiffness(_answer(kind, "problem", problem.arrays(), asked, seed, workers, IdentificationRecord))
@@ -99,11 +102,11 @@ def diagnose(
     """Test of whether the model misses what the surfaces show beyond their noise, and of why. Arguments and errors are those
     of `identify`.
 
-    Of `options` only `seed` matters here: a diagnosis has one element and one way to fit, whatever a search for the
+    Of `options` only `seed` and `law` matter here: a diagnosis has one element and one way to fit, whatever a search for the
     stiffness uses. The others are checked, so that one call's arguments serve both.
     """
     asked = _options(method, options)
-    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa)
+    facts = _facts(tissue_G, noise_sd_mm, noise_correlation_mm, bounds_kpa, asked.law)
     problem = _problem(_tetrahedra(mesh), rest, deformed, fixed, driven, facts)
     of_job = {"case": "arrays", "effects": None, "numbers": DiagnosisOptions().to_json()}
     kind, given = "palpate.core.diagnose.job:run", arrays(CaseData(problem))
@@ -111,17 +114,15 @@ def diagnose(
 
 
 def _options(method: str, further: Mapping[str, object]) -> IdentifyOptions:
-    given = {"method": method, "stiffness_map": False, **further}
-    given = {name: value.item() if isinstance(value, np.generic) else value for name, value in given.items()}
-    return typed_strictly(given, IdentifyOptions, "the options of palpate.identify", "")
+    return search_options({"method": method, "stiffness_map": False, **further}, "palpate.identify")
 
 
-def _facts(tissue_G: float, noise_sd: float, correlation: float, bounds: tuple[float, float]) -> Facts:
+def _facts(tissue_G: float, noise_sd: float, correlation: float, bounds: tuple[float, float], law: str) -> Facts:
     G, sd, length = (
         positive(value, name)
         for value, name in ((tissue_G, "tissue_G"), (noise_sd, "noise_sd_mm"), (correlation, "noise_correlation_mm"))
     )
-    return Facts(G, bounds_kpa=rising_bounds(bounds), noise_sd_mm=sd, noise_correlation_mm=length)
+    return Facts(G, bounds_kpa=rising_bounds(bounds), noise_sd_mm=sd, noise_correlation_mm=length, organ_law=law)
 
 
 def _answer(
@@ -145,7 +146,9 @@ def _problem(
         raise InputError(f"the mesh has no region but {TISSUE}, the tissue; mark the organ's cells with another number")
     check_mesh(mesh)
     faces, owner = mesh.region_boundary(organ)
-    at_rest = Surface(mesh.points, faces, mesh.regions[owner]) if rest is None else _closed(rest, organ[0], "rest")
+    in_mesh = Surface(mesh.points, faces, mesh.regions[owner])
+    at_rest = in_mesh if rest is None else _closed(rest, organ[0], "rest")
+    check_one_body(in_mesh, at_rest, ("in the mesh", "by its surface at rest"))
     after = _closed(deformed, organ[0], "deformed")
     check_one_body(at_rest, after)
     outer = mesh.boundary[0]
@@ -159,6 +162,7 @@ def _problem(
         # The wall's normals go into the tissue, those of the mesh's boundary out of it.
         wall = Surface(mesh.points, boundary[name][:, ::-1], np.full(len(boundary[name]), TISSUE))
         walls[name] = SurfacePair(wall, _surface(pushed, TISSUE, f"driven {name}"))
+        check_near(wall, walls[name].deformed, f"driven {name}")
     names = {region: f"region_{region}" for region in organ}
     return IdentificationProblem(mesh, boundary, walls, SurfacePair(at_rest, after), facts, names)
 
@@ -167,6 +171,8 @@ def _driven(
     given: Mapping[str, tuple[ArrayLike, Triangles]] | tuple[ArrayLike, Triangles],
 ) -> Mapping[str, tuple[ArrayLike, Triangles]]:
     walls = given if isinstance(given, Mapping) else {_WALL: given}
+    if not walls:
+        raise InputError("driven names no wall: nothing would move; give (nodes, surface)")
     for name, pair in walls.items():
         if name not in WALLS or not isinstance(pair, tuple | list) or len(pair) != 2:
             raise InputError(f"driven {name!r}: give (nodes, surface), several by the names {' and '.join(WALLS)}")
@@ -175,7 +181,7 @@ def _driven(
 
 def _tetrahedra(mesh: Mesh) -> TetMesh:
     if isinstance(mesh, TetMesh):
-        return mesh
+        mesh = (mesh.points, mesh.cells, mesh.regions)
     if isinstance(mesh, pv.UnstructuredGrid):
         cells = {int(kind): corners for kind, corners in mesh.cells_dict.items()}.get(int(pv.CellType.TETRA))
         if cells is None or len(cells) != mesh.n_cells or "region" not in mesh.cell_data:

@@ -8,8 +8,8 @@ from pathlib import Path
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.identified import read_result
-from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
+from palpate.ui.python.checks import path_of
 from palpate.ui.python.findings import Gap, Stiffness
 
 
@@ -49,6 +49,4 @@ class Case:
 
 def load(case: str | Path) -> Case:
     """A case folder. Raises InputError where it is none."""
-    if not isinstance(case, str | Path):
-        raise InputError(f"case is {case!r}; give the path of a case folder")
-    return Case(CaseFolder(Path(case)))
+    return Case(CaseFolder(path_of(case, "case")))

@@ -9,8 +9,9 @@ from palpate.case.steps import diagnose, identify, mesh
 from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.case.steps.import_scans.pair import run_import
 from palpate.case.steps.segment import run_segment
-from palpate.core.identify.options import IdentifyOptions
+from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, part, silent
+from palpate.ui.python.checks import path_of, search_options, truth
 from palpate.ui.python.from_case import Case
 from palpate.ui.report import report_step
 
@@ -39,16 +40,27 @@ def analyze(
     The search runs in a process of its own: call it from a script under ``if __name__ == "__main__":``. Raises InputError
     (file, what, remedy) and ConvergenceError when nothing can be solved.
     """
-    search = IdentifyOptions(**options)  # type: ignore[arg-type]
-    drawn = tuple(None if path is None else Path(path) for path in labels)
-    given = ImportOptions(labels=(drawn[0], drawn[1]), landmarks=None if landmarks is None else Path(landmarks))
-    run_import(rest, deformed, case, given, part(progress, 0.0, 0.1))
-    folder = CaseFolder(case)
+    search = search_options(options, "palpate.analyze")
+    if not isinstance(labels, tuple | list) or len(labels) != 2:
+        raise InputError(f"labels is {labels!r}; give two paths, of the scan at rest and of the deformed one, or None")
+    drawn = tuple(None if given is None else path_of(given, "labels") for given in labels)
+    marks = None if landmarks is None else path_of(landmarks, "landmarks")
+    scans, made = (path_of(rest, "rest"), path_of(deformed, "deformed")), path_of(case, "case")
+    for name, value in (("diagnosis", diagnosis), ("report", report)):
+        truth(value, name)
+    if not callable(progress):
+        raise InputError(f"progress is {progress!r}; give a function of a fraction and a message")
+    run_import(*scans, made, ImportOptions(labels=(drawn[0], drawn[1]), landmarks=marks), part(progress, 0.0, 0.1))
+    folder = CaseFolder(made)
     run_segment(folder, None, part(progress, 0.1, 0.3), search.workers)
     mesh.run(folder, progress=part(progress, 0.3, 0.35))
     identify.run(folder, search, part(progress, 0.35, 0.8))
     if diagnosis:
-        diagnose.run(folder, diagnose.DiagnoseOptions(seed=search.seed, image=search.image), part(progress, 0.8, 0.95))
+        diagnose.run(
+            folder,
+            diagnose.DiagnoseOptions(seed=search.seed, image=search.image, law=search.law),
+            part(progress, 0.8, 0.95),
+        )
     if report:
         report_step.run(folder, None, part(progress, 0.95, 1.0))
     return Case(folder)

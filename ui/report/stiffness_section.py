@@ -18,9 +18,19 @@ MU_NOTE = (
     "tissue. The kPa of the MaterialCloning paper are \u03bc: its value compares with the mean of \u03bc1 and \u03bc2 here, a quarter "
     "of G. One pair cannot separate \u03bc1 from \u03bc2; they are set equal unless said otherwise."
 )
-_SAID = ("\u03bc1 and \u03bc2 cannot be told apart by one pair", "only G = ", "all stiffness is relative")
+_OTHER_LAW = (
+    "The organ's law is {}: G is its initial shear modulus, of small strain; Young's modulus, which elastography often gives, is E = 3 G "
+    "in such tissue."
+)
+_SAID = (
+    "\u03bc1 and \u03bc2 cannot be told apart by one pair",
+    "only G = ",
+    "all stiffness is relative",
+    "G is the initial shear modulus",
+)
 _DASH = "\N{EN DASH}"
 _HEADER = ("region", "G, kPa", "sd, kPa", "95 % interval, kPa", "\u03bc1, kPa", "\u03bc2, kPa", "mean \u03bc, kPa")
+_MU = 4
 
 
 def limits(record: CaseRecord) -> str:
@@ -39,9 +49,11 @@ def limits(record: CaseRecord) -> str:
 
 def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
     """Values, intervals, what the pair tells, and their pictures."""
+    options = known(record.result.options)
+    law = "" if options is None else options.other_law
     blocks: list[Block] = [
-        _values(record.regions),
-        Paragraph(MU_NOTE, "small"),
+        _values(record.regions, not law),
+        Paragraph(_OTHER_LAW.format(law) if law else MU_NOTE, "small"),
         Paragraph("What this pair can tell:"),
         Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
         *_places(record),
@@ -70,18 +82,20 @@ def told(verdict: str, names: Mapping[str, object]) -> list[str]:
     return [part for part in parts if not part.startswith(_SAID)] or parts
 
 
-def _values(regions: Sequence[RegionStiffness]) -> Table:
-    rows = [_row(region) for region in regions]
+def _values(regions: Sequence[RegionStiffness], with_mu: bool) -> Table:
+    """with_mu : with the constants of Mooney-Rivlin."""
+    rows = [_row(region, with_mu) for region in regions]
+    header = _HEADER if with_mu else _HEADER[:_MU]
     if any(row[-1] for row in rows):
-        return Table((*_HEADER, ""), rows)
-    return Table(_HEADER, [row[:-1] for row in rows])
+        return Table((*header, ""), rows)
+    return Table(header, [row[:-1] for row in rows])
 
 
-def _row(region: RegionStiffness) -> tuple[str, ...]:
+def _row(region: RegionStiffness, with_mu: bool) -> tuple[str, ...]:
     ci = _DASH if region.ci is None else f"{three_figures(region.ci[0])} to {three_figures(region.ci[1])}"
     note = "at bound" if region.at_bound else "" if region.told else "not told"
     sd = _DASH if region.sd is None else three_figures(region.sd)
-    mu = [three_figures(value) for value in (region.mu1, region.mu2, region.mu_mean)]
+    mu = [three_figures(value) for value in (region.mu1, region.mu2, region.mu_mean)] if with_mu else []
     return region.words, three_figures(region.G), sd, ci, *mu, note
 
 

@@ -5,7 +5,6 @@ On a virtual cohort, whose stage sets the size and the stiffness of a tumour, on
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ from scipy import stats
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.files.csv_table import read_csv_table
 from palpate.core.worker.cluster import study_executor
 from palpate.core.worker.executors import one_thread
 from palpate.core.worker.progress import Progress, silent
@@ -158,19 +158,9 @@ def cohort(options: CohortOptions | None = None, progress: Progress = silent) ->
 def cohort_of_table(path: Path) -> CohortTable:
     """The statistics of real cases: a CSV with columns `stage` (T1 to T4, or a number) and `mu_kpa`, one row a case.
 
-    Raises InputError when the file or a row of it cannot be read, or there are fewer than 3 cases or one stage only.
+    Raises InputError when the file or a row of it cannot be read or holds more, or there are fewer than 3 cases or one stage only.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
-            if missing:
-                raise InputError(f"{path} has no column {missing[0]}; its first line is to name stage and mu_kpa")
-            rows = [_read(row, path, reader.line_num) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            f"{path} is not a readable CSV ({error}); give a table with columns stage and mu_kpa"
-        ) from error
+    rows = [_read(row.cells, path, row.line) for row in read_csv_table(path, _COLUMNS)]
     if len(rows) < 3 or len({row["stage"] for row in rows}) < 2:
         raise InputError(f"{path} has {len(rows)} cases; 3 or more of at least two stages are needed")
     stages, values = [row["stage"] for row in rows], [row["mu_kpa"] for row in rows]
@@ -216,10 +206,10 @@ def _row(stage: int, data: TumourData, clean: Found, noisy: Found) -> VirtualPat
     }
 
 
-def _read(row: Mapping[str, str | None], path: Path, line: int) -> RealPatient:
-    text = str(row["stage"] or "").strip().upper().removeprefix("T")
+def _read(row: Mapping[str, str], path: Path, line: int) -> RealPatient:
+    text = row["stage"].upper().removeprefix("T")
     try:
-        stage, mu = float(text), float(row["mu_kpa"] or "")
+        stage, mu = float(text), float(row["mu_kpa"])
     except ValueError as error:
         raise InputError(
             f"{path}, line {line}: stage {row['stage']!r} and mu_kpa {row['mu_kpa']!r} are not like T2 and 41.5; correct them"

@@ -17,7 +17,7 @@ from palpate.core.forward.composition_scene import plain_scene
 from palpate.core.identify.map.local_field import LocalField, Regional
 from palpate.core.identify.map.stiffness_map import StiffnessMap, stiffness_map
 from palpate.core.observe.wall_motion_options import WallMotionOptions
-from palpate.core.problem import IdentificationProblem
+from palpate.core.problem import Facts, IdentificationProblem
 from palpate.core.residual.fit_file import FILE, fit_of
 from palpate.core.residual.likely_slip import slid
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -38,7 +38,7 @@ class CaseMap:
     def of(cls, case: CaseFolder, progress: Progress = silent) -> CaseMap:
         """Of an identified case. Raises InputError where it is not one, or has several deformed states."""
         options = known(read_result(case).options)
-        data = data_of(case, bool(options and options.image))
+        data = data_of(case, bool(options and options.image), options.law if options else Facts.organ_law)
         if data.more:
             raise InputError(
                 f"{case.path}: the study takes cases with one deformed state; this one has {len(data.pairs)}"

@@ -60,15 +60,20 @@ def scan_sha256(path: Path) -> str:
     return hashlib.sha256("".join(file_sha256(file) for file in files).encode()).hexdigest()
 
 
+def check_file(path: Path | None, whose: str = "") -> None:
+    """Raises InputError where a path that is given is no file."""
+    if path is not None and not path.is_file():
+        wrong = "is a folder; give the file" if path.is_dir() else "is not there; correct the path"
+        raise InputError(f"{path} {wrong}{whose}")
+
+
 def inputs_sha256(sources: Mapping[str, str], options: ImportOptions, scans: Sequence[Path] = ()) -> str:
     """Hash of all inputs of an import. sources : `scan_sha256` by state. scans : paths of the scans or label volumes.
 
     Raises InputError for files that do not exist.
     """
-    given = [path for path in (*options.labels, options.landmarks, options.registration) if path is not None]
-    missing = [path for path in given if not path.is_file()]
-    if missing:
-        raise InputError(f"{missing[0]} is not there; correct the path of the labels, landmarks or registration")
+    for path in (*options.labels, options.landmarks, options.registration):
+        check_file(path, " of the labels, landmarks or registration")
     content = {
         "sources": dict(sources),
         "files": [[content_of(path) for path in (*options.labels, options.landmarks)]],

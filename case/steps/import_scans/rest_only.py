@@ -11,7 +11,7 @@ import numpy as np
 from palpate.case.case_folder import CaseFolder, check_new_case, file_sha256
 from palpate.case.step_records import ImportRecord
 from palpate.case.steps.declarations import IMPORT
-from palpate.case.steps.import_scans.options import ImportOptions, content_of, described_by, scan_sha256
+from palpate.case.steps.import_scans.options import ImportOptions, check_file, content_of, described_by, scan_sha256
 from palpate.case.steps.import_scans.write import gravity_of, open_or_create, write_scan, write_user_labels
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
@@ -68,8 +68,7 @@ def _from_labels(path: Path, folder: Path, options: ImportOptions) -> tuple[Case
 
 def _inputs(sources: dict[str, str], options: ImportOptions, rest: Path) -> str:
     file = options.labels[0]
-    if file is not None and not file.is_file():
-        raise InputError(f"{file} is not there; correct the path of the labels")
+    check_file(file, " of the labels")
     beside = [file_sha256(each) for each in described_by(rest)]
     content = [sources, content_of(file), *beside, options.series[0], {k: list(v) for k, v in options.roi.items()}]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

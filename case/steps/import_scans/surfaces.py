@@ -17,6 +17,7 @@ from palpate.case.problem import problem_of
 from palpate.case.step_records import SurfacesRecord
 from palpate.case.steps import mesh
 from palpate.case.steps.declarations import IMPORT
+from palpate.case.steps.import_scans.options import check_file
 from palpate.case.steps.import_scans.write import open_or_create, write_landmarks
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -168,8 +169,7 @@ def _inputs(rest: Path, deformed: Path, options: SurfaceImportOptions) -> dict[s
     if options.landmarks is not None:
         files["landmarks"] = options.landmarks
     for path in files.values():
-        if not path.is_file():
-            raise InputError(f"{path} is not there; correct the path")
+        check_file(path)
     return {**{name: file_sha256(path) for name, path in files.items()}, "align": str(options.align)}
 
 

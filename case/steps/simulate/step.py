@@ -51,7 +51,7 @@ def run_simulate(
     """
     parsed = parse_spec(spec, base)
     case_path, answers_path = Path(case_path), Path(answers_path)
-    _check_folders(case_path, answers_path)
+    _check_folders(case_path, answers_path, parsed.source)
     progress(0.0, "reading the source")
     pair = _deformed_pair(_source(parsed), parsed, progress, mesh_cache)
     case = CaseFolder.create(case_path, _facts(pair, case_path.name))
@@ -137,12 +137,12 @@ def _write_truth(pair: SimulatedPair, name: str, folder: Path, progress: Progres
     return truth
 
 
-def _check_folders(case_path: Path, answers_path: Path) -> None:
+def _check_folders(case_path: Path, answers_path: Path, source: object) -> None:
     case, answers = case_path.absolute(), answers_path.absolute()
     if answers == case or answers.is_relative_to(case) or case.is_relative_to(answers):
         raise InputError(
             f"{answers_path} and {case_path} lie in one another; a case never holds its answers: give another --answers"
         )
-    check_new_case(case_path)
+    check_new_case(case_path, [source.ct] if isinstance(source, CtSource) else [])
     if answers_path.is_file():
         raise InputError(f"{answers_path} is a file; give a folder with --answers")

@@ -10,8 +10,6 @@ from palpate.core.diagnose.bench_bodies.problem import BodyProblem
 from palpate.core.diagnose.effects import Effect, Surroundings, Variant
 from palpate.core.forward.composition import Composition
 
-# Effects that act through what a bench body does not have: neighbours, walls, contours.
-NOT_ON_A_BENCH = ("contour_bias", "interface_sliding", "prestress", "tissue_stiffening", "tissue_heterogeneity")
 # Resolution: places where an effect could be are this far apart, over the cube root of the body's volume.
 _SPACING = 0.6
 
@@ -28,7 +26,7 @@ class BodySurroundings(Surroundings):
 def on_bench(effects: Mapping[str, Effect], problem: BodyProblem) -> dict[str, Effect]:
     """The effects that a body can have. Each has one size in all states, and in each state the variant that its gravity
     gives."""
-    return {name: _on_bench(e, problem) for name, e in effects.items() if name not in NOT_ON_A_BENCH}
+    return {name: _on_bench(e, problem) for name, e in effects.items() if e.on_bench}
 
 
 def _on_bench(effect: Effect, problem: BodyProblem) -> Effect:

@@ -33,7 +33,9 @@ def _soften(composition: Composition, phi: FloatArray) -> Composition:
             values, law = per_cell(mesh, materials, region)
             G, K = law.shear_modulus_of(values), law.kappa_of(values)
             values = values.copy()
-            values[:, law.parameters.index("v1")] *= 1.0 / (1.0 + given_way(float(phi[0])) * K / G)
+            unit = np.eye(len(law.parameters))
+            of_volume = (law.kappa_of(unit) != 0.0) & (law.shear_modulus_of(unit) == 0.0)
+            values[:, of_volume] *= (1.0 / (1.0 + given_way(float(phi[0])) * K / G))[:, None]
             out[region] = Material(law, values)
         return out
 

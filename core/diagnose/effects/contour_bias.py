@@ -21,4 +21,5 @@ EFFECT = Effect(
     (Parameter("offset", "mm", 0.8, -5.0, 5.0, own=True),),
     _variants,
     "the organ drawn again in both scans by one person with one window setting",
+    on_bench=False,
 )

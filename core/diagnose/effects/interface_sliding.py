@@ -31,4 +31,5 @@ EFFECT = Effect(
     (Parameter("tangential_compliance", "mm/kPa", 2.0, 0.0, 6.0, compliance),),
     _variants,
     "points inside the organ and in the tissue beside it (seeds, calcifications): they show slip, surfaces do not",
+    on_bench=False,
 )

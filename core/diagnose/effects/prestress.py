@@ -27,4 +27,5 @@ EFFECT = Effect(
     (Parameter("bladder_filling", "mm", 3.0, -9.0, 9.0), Parameter("rectum_filling", "mm", 3.0, -9.0, 9.0)),
     _variants,
     "a scan with bladder and rectum as empty as they can be, taken as the state at rest",
+    on_bench=False,
 )

@@ -49,4 +49,5 @@ EFFECT = Effect(
     ),
     _variants,
     "the motion of vessels or fat planes in the tissue on that side, or an elastography that reaches them",
+    on_bench=False,
 )

@@ -45,4 +45,5 @@ EFFECT = Effect(
     (Parameter("exponent", "1", 1.5, 0.0, 3.4, exponent),),
     _variants,
     "a second deformed scan with about half the bladder or rectum filling: only then does stiffening show as a curve",
+    on_bench=False,
 )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from law_derivatives import derivative_errors
 from scipy.optimize import brentq
 
-from palpate.core.laws import LAWS, Law
+from palpate.core.errors import InputError
+from palpate.core.laws import LAWS, Law, mooney_rivlin_parameters
 from palpate.validate.forward.random_scenes import random_deformation_gradients
 
 NOT_OBJECTIVE = {"linear", "linear-stiffening"}
@@ -45,6 +48,22 @@ def test_mixed_parts_add_up_to_the_whole_law(name: str) -> None:
     assert A[0, 0] - A[0, 4] == pytest.approx(2.0 * G, rel=1e-12)
     bulk = kappa * g_slope[0, 0] ** 2
     assert (A[0, 0] + 2.0 * A[0, 4]) / 3.0 == pytest.approx(bulk, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_an_organ_of_any_law_has_the_moduli_that_are_asked_for(name: str) -> None:
+    law = LAWS[name]
+    p = law.of_moduli(30.0, 800.0)
+    A = law.tangent(np.eye(3)[None], p)[0]
+    assert A[1, 1] == pytest.approx(30.0, rel=1e-12) and (A[0, 0] + 2.0 * A[0, 4]) / 3.0 == pytest.approx(800.0)
+    np.testing.assert_allclose(law.of_moduli(60.0, 1600.0), 2.0 * p, rtol=1e-12)
+    if name == "mooney-rivlin":
+        assert p.tolist() == mooney_rivlin_parameters(30.0, 800.0).tolist()
+
+
+def test_a_law_without_a_shear_modulus_is_no_organs() -> None:
+    with pytest.raises(InputError, match="law 'fluid' has no shear and bulk modulus of its own"):
+        replace(LAWS["neo-hookean"], name="fluid", shear_modulus_of=lambda p: 0.0 * p[:, 0]).of_moduli(1.0, 1.0)
 
 
 @pytest.mark.parametrize("name", [n for n in ALL if n not in NOT_OBJECTIVE])

@@ -14,10 +14,12 @@ from palpate.case.missing import AUTOMATIC_CONTOURS
 from palpate.imaging.labels import BLADDER, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slices import stiffness_planes, stiffness_series
+from palpate.ui.report.document import Paragraph, Table
+from palpate.ui.report.figures import Figures
 from palpate.ui.report.quality import without_paths
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
-from palpate.ui.report.stiffness_section import limits, told
+from palpate.ui.report.stiffness_section import limits, stiffness_section, told
 from palpate.ui.report.summary import NOTHING_TOLD, WAY_OUT, summary
 from palpate.ui.words.number_words import measured, three_figures
 
@@ -25,6 +27,14 @@ from palpate.ui.words.number_words import measured, three_figures
 def record(found: dict, covariance: np.ndarray | None = None) -> CaseRecord:
     facts = CaseFacts("c", boundary_noise_sd_mm=0.4)
     return CaseRecord(facts, recorded(found), {}, {}, {}, {}, ln_covariance=covariance)
+
+
+def test_constants_of_mooney_rivlin_are_told_of_it_alone() -> None:
+    for law, constants in (("mooney-rivlin", True), ("neo-hookean", False)):
+        table, note = stiffness_section(record(result(options={"law": law})), Figures()).blocks[:2]
+        assert isinstance(table, Table) and isinstance(note, Paragraph)
+        assert ("\u03bc1, kPa" in table.header) == constants and ("\u03bc1" in note.text) == constants
+        assert {len(row) for row in table.rows} == {len(table.header)} and (constants or "neo-hookean" in note.text)
 
 
 def test_summary_names_the_stiffer_half_only_when_the_errors_allow() -> None:

@@ -10,8 +10,9 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from palpate.ui.cli import further_states
 from palpate.ui.cli.arguments import random_seed, workers
-from palpate.ui.cli.commands import diagnose, further_states, identify, import_scans, mesh, report, segment
+from palpate.ui.cli.commands import diagnose, identify, import_scans, mesh, report, segment
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import record
 
@@ -79,7 +80,7 @@ def _look(args: argparse.Namespace) -> DiagnoseOptions | None:
     """Options of the diagnosis; None where none is asked for."""
     from palpate.case.steps.diagnose import DiagnoseOptions
 
-    return None if args.no_diagnosis else DiagnoseOptions(seed=random_seed(args), image=args.image)
+    return None if args.no_diagnosis else DiagnoseOptions(seed=random_seed(args), image=args.image, law=args.law)
 
 
 def _told(case: CaseFolder, found: Diagnosed | None) -> tuple[dict[str, object], list[str]]:

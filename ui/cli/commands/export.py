@@ -9,7 +9,7 @@ from pathlib import Path
 from palpate.core.errors import InputError
 from palpate.ui.cli.arguments import add_case, has_case, no_points
 from palpate.ui.cli.console import Console
-from palpate.ui.export import exporter, names
+from palpate.ui.export import export, exporter, names
 
 NAME, HELP = "export", "results for other programs"
 
@@ -32,6 +32,6 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         raise InputError(f"{args.folder} is a file; give a folder to write into")
     with console.progress(NAME) as progress:
         progress(0.0, exporter(args.to).WRITES)
-        files = exporter(args.to).export(CaseFolder(args.case), args.folder, args.tissue)
+        files = export(args.to, CaseFolder(args.case), args.folder, args.tissue)
         progress(1.0, "written")
     return {"files": [str(path) for path in files]}, "\n".join(f"written {path}" for path in files)

@@ -55,6 +55,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        "keeps it out of the other regions' values and widens the intervals")  # fmt: skip
     group.add_argument("--image", action=argparse.BooleanOptionalAction, default=default.image,
                        help=IMAGE_HELP)  # fmt: skip
+    group.add_argument("--law", default=default.law, metavar="NAME",
+                       help="the organ's strain energy: neo-hookean, or a file of your own in core/laws (default %(default)s)")  # fmt: skip
     group.add_argument("--split-mu", action="store_true",
                        help="look for mu1 and mu2 of every region apart, and say whether this pair tells them")  # fmt: skip
 
@@ -75,6 +77,7 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
         split_mu=args.split_mu,
         uneven=args.uneven,
         image=args.image,
+        law=args.law,
     )
 
 

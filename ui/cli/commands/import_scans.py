@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.ui.cli import further_states, import_surfaces
 from palpate.ui.cli.arguments import UsageError, add_roi, no_points, roi_of
-from palpate.ui.cli.commands import further_states, import_surfaces
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 

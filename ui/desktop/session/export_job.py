@@ -9,7 +9,7 @@ import msgspec
 from palpate.case.case_folder import CaseFolder
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
-from palpate.ui.export import exporter
+from palpate.ui.export import export
 
 KIND = "palpate.ui.desktop.session.export_job:run"
 
@@ -33,5 +33,5 @@ def run(job: Job, reporter: Reporter) -> dict[str, object]:
     reporter.progress(0.1, f"writing {asked.form}")
     folder = Path(asked.folder)
     folder.mkdir(parents=True, exist_ok=True)
-    files = exporter(asked.form).export(CaseFolder(Path(asked.case)), folder)
+    files = export(asked.form, CaseFolder(Path(asked.case)), folder)
     return {"files": [str(path) for path in files]}
