@@ -66,6 +66,15 @@ def shown(pytestconfig: pytest.Config) -> list[str]:
     return pytestconfig.stash.setdefault(TABLE, [])
 
 
+def pytest_configure() -> None:
+    """Ends at once where `palpate` is another checkout's: its tests would pass or fail for what is not in this tree."""
+    import palpate.core
+
+    tree, found = Path(__file__).resolve().parents[1], Path(palpate.core.__file__ or "").resolve()
+    if not found.is_relative_to(tree):
+        pytest.exit(f"palpate.core is {found}, not of {tree}: run `./run setup` here, and its .venv's python", 4)
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--nightly` : the tests marked `nightly` too."""
     parser.addoption("--nightly", action="store_true", help="also what takes minutes and changes seldom")
