@@ -80,8 +80,9 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     blocks += [Paragraph(which)] if which else []
     if found.next_measurement:
         blocks.append(Notice(f"To settle it, measure next: {found.next_measurement}."))
-    if found.flags:
-        blocks.append(Bullets(found.flags))
+    said = known(record.result.missing) or []  # the first pages say it already
+    flags = [flag for flag in found.flags if flag not in said]
+    blocks += [Bullets(flags)] if flags else []
     return Section(GAP_TITLE, blocks)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.case.case_facts import CaseFacts
-from palpate.core.identify.result_record import RegionRecord
+from palpate.core.identify.result_record import RegionRecord, ResultRecord
 from palpate.imaging.labels import LABEL_VALUES
 
 
@@ -51,6 +51,12 @@ def region_of(name: str, p: RegionRecord, facts: CaseFacts, alone: bool) -> Regi
     spans = ci is not None and ci[0] < 1.3 * low and ci[1] > high / 1.3
     words, told = region_words(name, alone), not (p.at_bound or spans)
     return RegionStiffness(name, words, p.G_kpa, p.sd_kpa, ci, p.mu1_kpa, p.mu2_kpa, p.mu_mean_kpa, p.at_bound, told)
+
+
+def regions_of(result: ResultRecord, facts: CaseFacts) -> tuple[RegionStiffness, ...]:
+    """The regions of result.json, in the order of their labels."""
+    found = [region_of(name, p, facts, len(result.parameters) == 1) for name, p in result.parameters.items()]
+    return tuple(sorted(found, key=lambda region: region.label))
 
 
 def in_words(text: str, names: Iterable[str]) -> str:

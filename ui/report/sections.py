@@ -15,9 +15,12 @@ from palpate.ui.report.motion_section import motion_section
 from palpate.ui.report.quality import Volumes, quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
-from palpate.ui.report.summary import first_sentences, summary
+from palpate.ui.report.summary import first_sentences, headline, summary
 from palpate.ui.report.trust import trust_box
 from palpate.ui.words.number_words import three_figures
+
+# Of a checksum, enough to tell two files apart; result.json has all of them.
+_DIGITS = 12
 
 
 def document(
@@ -41,9 +44,8 @@ def document(
 
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
-    """The first page: what was found, how sure it is and why, and one picture with its scale."""
-    lead = [Paragraph(text, "lead") for text in first_sentences(record)]
-    return [*lead, trust_box(record), *_shown(pictures, "stiffness_planes")]
+    """The first page: what was found in a sentence, how sure it is and why, and one picture with its scale."""
+    return [Paragraph(headline(record), "lead"), trust_box(record), *_shown(pictures, "stiffness_planes")]
 
 
 def _particulars(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
@@ -95,7 +97,8 @@ def _appendix(record: CaseRecord, pictures: Mapping[str, Picture], date: str, ve
         ("report", f"{date}, Palpate {version}"),
     ]  # fmt: skip
     rows += [("command", _command(entry)) for entry in record.history]
-    rows += [(f"sha256 of {name}", str(value)) for name, value in result.inputs_sha256.items()]
+    sums = ", ".join(f"{name} {str(value)[:_DIGITS]}" for name, value in result.inputs_sha256.items())
+    rows += [("sha256, first digits", sums)] if sums else []
     table = Table(("", ""), rows, numbers=False)
     return Section("Appendix: method, search, provenance", [table, *_shown(pictures, "convergence")])
 
