@@ -74,6 +74,6 @@ class StiffnessScale:
         return float(r), float(g), float(b)
 
 
-# The scale of every picture and every patient: where G is searched for unless a case says otherwise, kPa. Logarithmic, since errors of
-# stiffness are factors; a stiffness beyond an end has the colour of that end.
-STIFFNESS_SCALE = StiffnessScale(5.0, 500.0, log=True)
+# The scale of every picture and every patient, kPa: published shear moduli of prostates (4 to 37, ui/report/first_page.py) and five times
+# the hardest. Logarithmic, since errors of stiffness are factors; a stiffness beyond an end has the colour of that end.
+STIFFNESS_SCALE = StiffnessScale(5.0, 200.0, log=True)

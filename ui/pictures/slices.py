@@ -91,9 +91,15 @@ def deformation_planes(images: CaseImages) -> Figure:
 
 def stiffness_bar(figure: Figure, axes: list[Axes], shrink: float) -> Colorbar:
     """The colour bar of stiffness beside some axes, its ticks in plain kPa."""
-    scale, ticks = STIFFNESS_SCALE, FixedLocator((5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0))
+    scale, ticks = STIFFNESS_SCALE, FixedLocator((5.0, 10.0, 20.0, 50.0, 100.0, 200.0))
     bar = figure.colorbar(
-        ScalarMappable(scale.norm, scale.colormap), ax=axes, shrink=shrink, pad=0.02, aspect=24, ticks=ticks
+        ScalarMappable(scale.norm, scale.colormap),
+        ax=axes,
+        shrink=shrink,
+        pad=0.02,
+        aspect=24,
+        ticks=ticks,
+        extend="both",
     )
     bar.set_label(STIFFNESS_LABEL, fontsize=TEXT)
     bar.ax.tick_params(which="both", labelsize=TEXT)

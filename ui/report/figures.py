@@ -11,11 +11,9 @@ from matplotlib.figure import Figure
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import map_arrays
 from palpate.case.meshed import load_surfaces
-from palpate.core.files.json_types import known
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures import slices, solids
-from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.map_planes import Arrays, map_planes
 from palpate.ui.pictures.offscreen import OffscreenError
@@ -83,7 +81,6 @@ def draw(
         _map(figures, mapped, record, images, folder)
     figures.pictures.update(gap_pictures(case, images, folder))
     figures.pictures.update(motion_pictures(case, images, folder))
-    _search(figures, record, folder)
     if anatomy is not None:
         progress(0.6, "three dimensions")
         says = "Two three-dimensional views of the organ among its neighbours."
@@ -146,21 +143,6 @@ def _map(figures: Figures, mapped: Arrays, record: CaseRecord, images: CaseImage
     caption = map_caption(facts, record.result.parameters)
     says = "Slices in three planes with a map of the shear modulus within the organ, and how well it is known."
     figures.add("stiffness_map", folder, figure, caption, says)
-
-
-def _search(figures: Figures, record: CaseRecord, folder: Path) -> None:
-    best = [value for value in record.result.convergence if value is not None]
-    noise = known(record.result.misfit.weighted_from_noise)
-    if len(best) < 2:
-        return
-    caption = (
-        "Search for the stiffness: the least weighted sum of squared distances after each iteration. It has no unit and is no number of "
-        "standard deviations."
-    )
-    if noise is not None:
-        caption += f" Dotted: {noise:.0f}, what noise alone would leave on average."
-    says = "A falling curve of the objective against the iteration."
-    figures.add("convergence", folder, convergence(best, noise), caption, says, 0.6)
 
 
 def _anatomy(case: CaseFolder, images: CaseImages) -> solids.Drawn:

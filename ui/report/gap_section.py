@@ -34,14 +34,12 @@ _SHOWN = 6
 
 
 def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str, Picture]:
-    """The maps of a diagnosed case as PNG files in ``folder``; none for a case that has no diagnosis."""
-    if not case.has(DIAGNOSIS):
-        return {}
-    found = read_diagnosis(case)
-    if not case.has(found.where.map):
+    """The maps of a diagnosed case as PNG files in ``folder``; none where it saw no gap: the misfit in mm is shown already."""
+    found = read_diagnosis(case) if case.has(DIAGNOSIS) else None
+    if found is None or not gap_is_seen(found) or not case.has(found.where.map):
         return {}
     maps = case.read_npz(found.where.map)
-    out = {
+    return {
         "gap_residual": Picture(
             save(residual_views(maps), folder / "gap_residual.png"),
             "Not a distance: how many standard deviations (contours, walls and mesh together) the plain model's organ lies outside "
@@ -50,16 +48,14 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
             "Blank where the two halves meet: no distance is read there.",
             "The organ from four sides, coloured by the residual in standard deviations.",
             0.85,
-        )
-    }
-    if found.verdict != "none":
-        out["gap_force"] = Picture(
+        ),
+        "gap_force": Picture(
             save(force_planes(images, maps), folder / "gap_force.png"),
             "The smallest smooth field of forces that would close the gap, within 7 mm of each slice. It shows where the "
             f"model is wrong, not why; a force at one point would appear spread over about {known(found.where.blur_mm) or 0.0:.0f} mm.",
             "Slices in three planes with arrows where forces are missing.",
-        )
-    return out
+        ),
+    }
 
 
 def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:

@@ -37,7 +37,7 @@ def document(
         *([motion_section(record.matched, pictures, record.used_image)] if record.matched else []),
         *([gap_section(record, pictures)] if record.diagnosis else []),
         quality(record, figures.missing, exported_cc),
-        _appendix(record, pictures, date, version),
+        _appendix(record, date, version),
     )
     subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"
     return Document("Stiffness from two CT scans", subtitle, sections, notices)
@@ -81,8 +81,8 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     return Section("Fit", blocks)
 
 
-def _appendix(record: CaseRecord, pictures: Mapping[str, Picture], date: str, version: str) -> Section:
-    """How it was computed: method, singular values, search, and hashes of what went in."""
+def _appendix(record: CaseRecord, date: str, version: str) -> Section:
+    """How it was computed: method, singular values, and hashes of what went in."""
     result, facts = record.result, record.facts
     solver = result.solver
     low, high = facts.organ_shear_modulus_bounds_kpa
@@ -100,7 +100,7 @@ def _appendix(record: CaseRecord, pictures: Mapping[str, Picture], date: str, ve
     sums = ", ".join(f"{name} {str(value)[:_DIGITS]}" for name, value in result.inputs_sha256.items())
     rows += [("sha256, first digits", sums)] if sums else []
     table = Table(("", ""), rows, numbers=False)
-    return Section("Appendix: method, search, provenance", [table, *_shown(pictures, "convergence")])
+    return Section("Appendix: method, provenance", [table])
 
 
 def _command(entry: Entry) -> str:

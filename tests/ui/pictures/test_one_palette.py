@@ -62,7 +62,7 @@ def test_a_stiffness_has_one_colour_for_every_patient_in_window_report_and_slice
         figure = stiffness_planes(CaseImages(case.labels("rest"), stiffness_kpa=dict(enumerate(kpa, 1))))
         scales = {(image.norm.vmin, image.norm.vmax, image.cmap.name) for image in figure.axes[3].images[1:]}
         painted |= scales | {(*np.round(figure.axes[6].get_ylim(), 9), STIFFNESS_SCALE.colours)}
-    assert tables == {colour_table(STIFFNESS_SCALE)} and painted == {(5.0, 500.0, "viridis")}
+    assert tables == {colour_table(STIFFNESS_SCALE)} and painted == {(5.0, 200.0, "viridis")}
     assert SCALES[Display().scale] == STIFFNESS_SCALE
     assert Display.from_dict({"scale": "this case"}).scale == Display().scale, "of an earlier version"
 

@@ -15,8 +15,9 @@ from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffnessRecord
 from palpate.core.files.json_types import typed
 from palpate.ui.pictures.gap_pictures import VIEWS
+from palpate.ui.pictures.images import CaseImages
 from palpate.ui.report.document import Notice, Paragraph, Table
-from palpate.ui.report.gap_section import gap_section, ranking_table, stiffness_interval
+from palpate.ui.report.gap_section import gap_pictures, gap_section, ranking_table, stiffness_interval
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.report_step import ReportOptions, run
 from palpate.ui.report.summary import summary
@@ -52,6 +53,15 @@ def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> 
         assert text in page, text
     assert case.has("report/gap_residual.png")
     assert case.has("report/gap_force.png")
+
+
+def test_a_diagnosis_without_a_gap_has_no_second_map_of_the_misfit(case: CaseFolder, tmp_path: Path) -> None:
+    images = CaseImages(case.labels("rest"))
+    case.write_json("diagnosis.json", diagnosis("none"))
+    try:
+        assert gap_pictures(case, images, tmp_path) == {}
+    finally:
+        case.write_json("diagnosis.json", diagnosis("contour_bias"))
 
 
 def test_a_stiffness_that_may_be_quoted_is_not_called_one_not_to_quote(case: CaseFolder) -> None:

@@ -81,7 +81,7 @@ def test_pictures_are_listed_and_a_second_run_does_nothing(case: CaseFolder) -> 
     before = case.file("report/report.html").stat().st_mtime_ns
     written = report_step.run(case)
     assert {Path(p).stem for p in written["pictures"]} == {
-        "published", "stiffness_planes", "stiffness_series", "deformation_planes", "convergence",
+        "published", "stiffness_planes", "stiffness_series", "deformation_planes",
     }  # fmt: skip
     assert case.file("report/report.html").stat().st_mtime_ns == before
 

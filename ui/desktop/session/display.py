@@ -18,7 +18,8 @@ OVER_LABELS = ("stiffness", "map", "misfit")
 PAINTS = ("brush", "eraser", "lasso", "polygon")
 # The same for every patient, so that two windows compare; kPa of G. The first is the report's.
 SCALES = {
-    "5 to 500 kPa, log": STIFFNESS_SCALE,
+    "5 to 200 kPa, log": STIFFNESS_SCALE,
+    "5 to 500 kPa, log": StiffnessScale(5.0, 500.0, log=True),
     "0 to 50 kPa": StiffnessScale(0.0, 50.0),
     "0 to 100 kPa": StiffnessScale(0.0, 100.0),
     "0 to 200 kPa": StiffnessScale(0.0, 200.0),
