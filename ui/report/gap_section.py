@@ -102,7 +102,7 @@ def _figures(found: DiagnosisRecord) -> Table:
         ]  # fmt: skip
     rows.append(("chance of such a gap without any effect", chance(gap.p_value)))
     if found.image is not UNSET:
-        rows.append(("it stands on", "contours and images" if found.image else "contours alone"))
+        rows.append(("data", "contours and images" if found.image else "contours alone"))
     states = known(gap.states) or []
     if len(states) > 1:
         left = ", ".join(f"{state.rms_mm:.2f} (noise {state.noise_floor_mm:.2f})" for state in states)

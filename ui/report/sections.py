@@ -52,7 +52,7 @@ def _particulars(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section
     """What was scanned, what the values stand on, what is missing, and published values."""
     rest = [Paragraph(text) for text in summary(record)[len(first_sentences(record)) :]]
     blocks = [*minute(record), *rest, Paragraph(limits(record)), *_shown(pictures, "published")]
-    return Section("What it stands on", blocks)
+    return Section("Basis of the result", blocks)
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:

@@ -96,7 +96,7 @@ def test_the_page_says_what_a_diagnosis_stands_on_and_when_the_stiffness_does_no
             diagnosis=msgspec.structs.replace(record.diagnosis, image=image),
         )
         (table,) = (block for block in gap_section(said, {}).blocks if isinstance(block, Table))
-        assert ("it stands on", "contours and images" if image else "contours alone") in table.rows
+        assert ("data", "contours and images" if image else "contours alone") in table.rows
         assert not [block for block in gap_section(said, {}).blocks if isinstance(block, Notice)]
         beside = replace(said, result=recorded(result(options={"image": other})))
         (notice,) = (block for block in gap_section(beside, {}).blocks if isinstance(block, Notice))
