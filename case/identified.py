@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
 from palpate.core.identify.result_record import ResultRecord
 from palpate.imaging.labels import LABELS
 
+MAP_FILE = "identify/stiffness_map.npz"
 _AGAIN = "; run `palpate identify` again"
 
 
@@ -34,6 +37,11 @@ def read_result(case: CaseFolder) -> ResultRecord:
     if not result.parameters:
         raise InputError(f"{case.file('result.json')} has no parameters{_AGAIN}")
     return result
+
+
+def map_arrays(case: CaseFolder, result: ResultRecord) -> Mapping[str, NDArray[np.generic]] | None:
+    """Arrays of the stiffness map within the organ; None where there is none."""
+    return case.read_npz(MAP_FILE) if result.stiffness_map and case.has(MAP_FILE) else None
 
 
 def identified_regions(case: CaseFolder) -> dict[str, KnownStiffness]:

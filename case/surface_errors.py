@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.measured_noise import measured_noise
 from palpate.case.stated_files import ERRORS_FILE
+from palpate.case.step_records import SegmentationRecord
 from palpate.core.arrays import FloatArray, NumberArray
 from palpate.core.errors import InputError
 from palpate.core.problem import SurfacePair
@@ -25,6 +26,9 @@ from palpate.segmentation.error_estimate import ErrorNumbers
 if TYPE_CHECKING:
     from palpate.segmentation.surface_error import SurfaceErrors
 
+SEGMENTATION = "segmentation.json"
+# Method of an organ that the segmentation found and a person then corrected.
+CORRECTED = "corrected"
 # Least and most that a file may say, mm.
 _LEAST_MM, _MOST_MM = 1e-3, 50.0
 # A surface is called by what it is in the mesh.
@@ -109,6 +113,12 @@ class StatedErrors:
         carried over from the other, nor where nobody drew the deformed one."""
         return not (self.one_drawing(name) or self.found_automatically("deformed", name))
 
+    def corrected(self, state: str, organ: str) -> bool:
+        """Whether the segmentation found an organ ("prostate", "bladder", "rectum") in a state, and somebody corrected it there since.
+        Raises InputError when a label volume cannot be read."""
+        name = _SURFACES.get(organ, "")
+        return not self._unchanged((state,), f"{state}/{name}/voxels", name)
+
     def _unchanged(self, states: Sequence[str], digest: str, name: str) -> bool:
         """Whether a surface's voxels are those that were written; True for a file that does not say what they were."""
         written = self._written.get(digest)
@@ -151,6 +161,21 @@ class StatedErrors:
                 if sd is not None and len(sd):
                     out.setdefault(state, {})[name] = float(np.sqrt((sd**2).mean()))
         return out
+
+
+def segmentation_now(case: CaseFolder) -> SegmentationRecord:
+    """segmentation.json, empty where absent, with the method `CORRECTED` for organs that somebody corrected since.
+
+    Raises InputError naming the file when it holds no JSON object.
+    """
+    found: SegmentationRecord = case.read_json(SEGMENTATION) if case.has(SEGMENTATION) else {}
+    if not isinstance(found, dict):
+        raise InputError(f"{case.file(SEGMENTATION)} holds no JSON object; run `palpate segment` again")
+    errors = StatedErrors(case)
+    for state, segmented in found.get("states", {}).items():
+        organs = segmented.get("organs", {})
+        organs.update({organ: {"method": CORRECTED} for organ in organs if errors.corrected(state, organ)})
+    return found
 
 
 def _digest(labels: Mapping[str, Volume], name: str) -> NumberArray:

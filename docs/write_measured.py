@@ -12,30 +12,28 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 DEFAULT_PAGE = "measured.md"
 BEGIN, END = "<!-- figures: written by docs/write_measured.py -->", "<!-- end of figures -->"
-HEAD = "| what | found | command | written down |\n| --- | --- | --- | --- |"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure:
-    """One measured figure. commit : state of the program that was measured, as an abbreviated hash."""
+class Run:
+    """Figures of one command. commit : abbreviated hash of the program that was measured. rows : a name, then one figure a cell."""
 
-    what: str
-    found: str
     command: str
     date: date
     commit: str
+    rows: list[list[str]]
+    header: Sequence[str] = ("what", "found")
 
-    def rows(self) -> list[str]:
-        """Rows of the table: one for each thing measured, where `what` and `found` list as many, separated by semicolons."""
-        things, values = self.what.split("; "), self.found.split("; ")
-        if len(things) != len(values) or len(things) == 1:
-            return [self._row(self.what, self.found, self.command)]
-        commands = [self.command, *["same"] * (len(things) - 1)]
-        return [self._row(*each) for each in zip(things, values, commands, strict=True)]
+    def table(self) -> str:
+        """The command over its table. Raises ValueError for a row of another width than the header."""
+        if any(len(row) != len(self.header) for row in self.rows):
+            raise ValueError(f"a row of `{self.command}` is not as wide as its header")
+        return f"`{self.command}` ({self.date.isoformat()}, `{self.commit}`)\n\n{_table([self.header, *self.rows])}"
 
-    def _row(self, what: str, found: str, given: str) -> str:
-        command = given if given.startswith("same") else f"`{given}`"
-        return f"| {what} | {found} | {command} | {self.date.isoformat()}, `{self.commit}` |"
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    head, *others = rows
+    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *others))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,13 +52,12 @@ def side_by_side(studies: Sequence[Study]) -> str:
     measured = list(studies[0].found)
     if any(list(study.found) != measured for study in studies):
         raise ValueError(f"studies measured other things than {studies[0].title}: {', '.join(measured)}")
-    rows = [["what", *(study.title for study in studies), "together"], ["---"] * (len(studies) + 2)]
+    rows = [["what", *(study.title for study in studies), "together"]]
     for what in measured:
         found = [study.found[what] for study in studies]
         rows.append([what, *found, together(found)])
-    rows.append(["command", *(f"`{study.command}`" for study in studies), ""])
-    rows.append(["written down", *(f"{study.date.isoformat()}, `{study.commit}`" for study in studies), ""])
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    runs = [f"- {s.title}: `{s.command}` ({s.date.isoformat()}, `{s.commit}`)" for s in studies]
+    return "\n".join([_table(rows), "", *runs])
 
 
 def together(found: Sequence[str]) -> str:
@@ -74,7 +71,7 @@ def together(found: Sequence[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Figures under the same conditions. page : page of docs/ that holds their table, empty for none. note : the conditions.
+    """Figures under the same conditions. page : page of docs/ that holds their tables. note : the conditions.
 
     studies : runs of one study, whose figures stand side by side above the others.
     """
@@ -82,14 +79,13 @@ class Section:
     id: str
     title: str
     note: str
-    figures: tuple[Figure, ...]
+    runs: tuple[Run, ...]
     page: str = DEFAULT_PAGE
     studies: tuple[Study, ...] = ()
 
-    def table(self) -> str:
-        """Conditions and table, without the heading."""
-        rows = "\n".join([HEAD, *(row for figure in self.figures for row in figure.rows())]) if self.figures else ""
-        parts = [self.note, side_by_side(self.studies) if self.studies else "", rows]
+    def tables(self) -> str:
+        """Conditions and tables, without the heading."""
+        parts = [self.note, side_by_side(self.studies) if self.studies else "", *(run.table() for run in self.runs)]
         return "\n\n".join(part for part in parts if part)
 
 
@@ -98,7 +94,7 @@ def sections(path: Path = DOCS / "measured.toml") -> list[Section]:
     stated = tomllib.loads(path.read_text(encoding="utf-8"))["section"]
     return [
         Section(
-            figures=tuple(Figure(**f) for f in one.pop("figure", [])),
+            runs=tuple(Run(**f) for f in one.pop("run", [])),
             studies=tuple(Study(**f) for f in one.pop("study", [])),
             **one,
         )
@@ -110,10 +106,8 @@ def written() -> dict[str, str]:
     """Text by page, each with its tables between the two marks."""
     parts: dict[str, list[str]] = {}
     for one in sections():
-        if not one.page:
-            continue
         own_page = one.page != DEFAULT_PAGE
-        parts.setdefault(one.page, []).append(one.table() if own_page else f"## {one.title}\n\n{one.table()}")
+        parts.setdefault(one.page, []).append(one.tables() if own_page else f"## {one.title}\n\n{one.tables()}")
         if own_page:
             parts.setdefault(DEFAULT_PAGE, []).append(f"## {one.title}\n\nSee [the page on it]({one.page}#figures).")
     return {page: between_marks((DOCS / page).read_text(encoding="utf-8"), "\n\n".join(p)) for page, p in parts.items()}

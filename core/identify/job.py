@@ -136,7 +136,7 @@ def _result(
         options=options,
         convergence=_convergence(identification),
         agreement=agreement(identification, names),
-        notes=notes(identification, names, states[0].rms_mm, noise_mm),
+        notes=notes(identification, names),
         stiffness_map=map_record,
     )
 

@@ -64,24 +64,16 @@ def different(swarm: Mapping[str, float], gauss_newton: Mapping[str, float], apa
     return f"swarm and Gauss-Newton end at different stiffnesses ({values}): {verdict}"
 
 
-def too_large(scale: float, rms_mm: float, expected_mm: float) -> str:
-    """Note on a misfit that exceeds the noise.
+def too_large(scale: float) -> str:
+    """Note on a weighted residual that exceeds the noise. It names no distance: the misfit is the one figure of that.
 
-    scale : ratio of misfit to noise in the weights of the fit (`Posterior.scale`). rms_mm : rms distance of the
-    surfaces. expected_mm : rms distance due to noise alone.
+    scale : ratio of its square to that of the noise (`Posterior.scale`).
     """
-    return (
-        f"the misfit is {scale:.2f} times what the stated noise explains, in the weights of the fit, and intervals are widened by that "
-        f"factor; in plain distance it is {rms_mm / expected_mm:.1f} times ({rms_mm:.2f} mm rms against {expected_mm:.2f} mm), which the "
-        "fit does not use because it trusts neither fine detail of contours nor what errors of the walls can cause"
-    )
+    return f"the weighted residual is {scale:.2f} times what the stated noise explains: intervals are widened by that factor"
 
 
-def notes(result: Identification, names: tuple[str, ...], rms_mm: float, expected_mm: float) -> list[str]:
-    """Notes, one line each.
-
-    rms_mm : rms distance of the first state. expected_mm : rms distance due to noise alone.
-    """
+def notes(result: Identification, names: tuple[str, ...]) -> list[str]:
+    """Notes, one line each."""
     out = []
     if len(result.solutions) > 1:
         out.append(
@@ -93,7 +85,7 @@ def notes(result: Identification, names: tuple[str, ...], rms_mm: float, expecte
     if not result.starts_agree:
         out.append(f"Gauss-Newton ends at different stiffnesses from different starts: {_ends(result, names)}")
     if result.posterior.scale > 1.0:
-        out.append(too_large(result.posterior.scale, rms_mm, expected_mm))
+        out.append(too_large(result.posterior.scale))
     for name, values in parameter_facts(names, result.scene.parameters, result.posterior).items():
         if values.at_bound:
             out.append(

@@ -29,7 +29,7 @@ from palpate.case.case_folder import CaseFolder  # noqa: E402
 from palpate.case.labels_on_scan import labels_on_scan  # noqa: E402
 from palpate.imaging.labels import LABELS  # noqa: E402
 from palpate.imaging.volume import Volume  # noqa: E402
-from palpate.ui.report.case_scale import case_scale  # noqa: E402
+from palpate.ui.pictures.colours import STIFFNESS_SCALE  # noqa: E402
 
 HALF_VOXEL = 0.75
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -109,7 +109,7 @@ def test_nodes_lie_where_the_case_has_them(case: CaseFolder) -> None:
 
 def test_a_colour_in_slicer_is_the_stiffness_that_it_is_in_the_report(case: CaseFolder) -> None:
     scene = slicer.vtkMRMLScene()
-    nodes, scale = exported(case, StiffnessLogic(scene)), case_scale(case)
+    nodes, scale = exported(case, StiffnessLogic(scene)), STIFFNESS_SCALE
     display, table = nodes.stiffness.GetDisplayNode(), nodes.colours.GetLookupTable()
     assert (display.GetWindowLevelMin(), display.GetWindowLevelMax()) == (scale.low, scale.high)
     count = nodes.colours.GetNumberOfColors()

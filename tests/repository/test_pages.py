@@ -42,16 +42,22 @@ def test_pages_of_figures_are_what_their_script_writes() -> None:
         assert (DOCS / page).read_text(encoding="utf-8") == text, "run .venv/bin/python docs/write_measured.py"
 
 
-def test_a_figure_is_stated_on_one_page_only() -> None:
-    """Those long enough to be told from other numbers."""
+def test_a_figure_stands_on_one_page_only() -> None:
+    """Its name and value, which no other page repeats."""
     for section in script("write_measured").sections():
-        for figure in section.figures:
-            stated = [p for p in PAGES if len(figure.found) > 12 and figure.found in p.read_text(encoding="utf-8")]
-            assert stated in ([], [DOCS / section.page]), figure.what
+        for row in (row for run in section.runs for row in run.rows):
+            found = [p for p in PAGES if f"| {' | '.join(row)} |" in p.read_text(encoding="utf-8")]
+            assert found == [DOCS / section.page], row
+
+
+def test_a_cell_of_the_measured_tables_holds_one_figure() -> None:
+    for section in script("write_measured").sections():
+        for cell in (cell for run in section.runs for row in run.rows for cell in row[1:]):
+            assert not re.search(r"[;,]| and | to ", cell), cell
 
 
 def test_a_figure_without_its_command_is_refused(tmp_path: Path) -> None:
-    written = '[[section]]\nid = "a"\ntitle = "A"\nnote = ""\n[[section.figure]]\nwhat = "x"\nfound = "1"\ndate = 2026-01-01\n'
+    written = '[[section]]\nid = "a"\ntitle = "A"\nnote = ""\n[[section.run]]\nrows = [["x", "1"]]\ndate = 2026-01-01\n'
     (tmp_path / "measured.toml").write_text(written)
     with pytest.raises(TypeError, match="command"):
         script("write_measured").sections(tmp_path / "measured.toml")
@@ -65,20 +71,9 @@ def test_studies_stand_side_by_side_and_their_counts_are_added() -> None:
     rows = write.side_by_side([first, second]).splitlines()
     assert rows[0] == "| what | first | second | together |"
     assert rows[2:4] == ["| hits | 3 of 4 | 5 of 6: one lost | 8 of 10 |", "| p | 0.1 | 0.2 |  |"]
-    assert rows[-1] == "| written down | 2026-01-02, `abc` | 2026-01-02, `abc` |  |"
+    assert rows[-1] == "- second: `palpate doctor` (2026-01-02, `abc`)"
     with pytest.raises(ValueError, match="other things"):
         write.side_by_side([first, write.Study(title="third", found={"p": "0.3"}, **study)])
-
-
-def test_figures_that_list_several_things_have_a_row_for_each() -> None:
-    write = script("write_measured")
-    more = {"command": "palpate doctor", "date": date(2026, 1, 2), "commit": "abc"}
-    rows = write.Figure(what="misfit; p-value of a gap", found="0.47 mm; 0.07", **more).rows()
-    assert rows == [
-        "| misfit | 0.47 mm | `palpate doctor` | 2026-01-02, `abc` |",
-        "| p-value of a gap | 0.07 | same | 2026-01-02, `abc` |",
-    ]
-    assert len(write.Figure(what="misfit and gap", found="0.47 mm; 0.07", **more).rows()) == 1
 
 
 def test_the_readme_is_short() -> None:

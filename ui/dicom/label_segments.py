@@ -11,6 +11,7 @@ from pydicom.uid import generate_uid
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.labels_on_scan import labels_in_own_frame
+from palpate.case.surface_errors import segmentation_now
 from palpate.core.errors import InputError
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
@@ -93,8 +94,7 @@ def _described(value: int, number: int, made: Making, methods: Mapping[str, str]
 
 def algorithm_types(case: CaseFolder, state: str) -> dict[str, str]:
     """How each label came about, in DICOM's words; what this program did not find was drawn."""
-    facts = case.read_json("segmentation.json") if case.has("segmentation.json") else {}
-    known = facts.get("states", {}).get(state, {})
+    known = segmentation_now(case).get("states", {}).get(state, {})
     organs = {name: str(entry.get("method", "")) for name, entry in known.get("organs", {}).items()}
     words = {name: _algorithm_type(method) for name, method in organs.items()}
     found = {f"prostate_{side}": words["prostate"] for side in ("left", "right") if "prostate" in words}

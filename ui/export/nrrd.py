@@ -13,8 +13,8 @@ from palpate.imaging.contours.seg_nrrd import write_seg_nrrd
 from palpate.imaging.labels import BONE_PART_COLOURS, BONE_PARTS
 from palpate.imaging.volume import Volume
 from palpate.ui.export.stiffness import stiffness_volume
+from palpate.ui.pictures.colours import STIFFNESS_SCALE
 from palpate.ui.pictures.slicer_colours import colour_table
-from palpate.ui.report.case_scale import case_scale
 
 WRITES = "NRRD: scans, labels and bones as .seg.nrrd, stiffness in kPa with its colour table"
 
@@ -40,7 +40,7 @@ def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
         written.append(_write(folder / "stiffness_kpa.nrrd", stiffness_volume(case)))
         written.append(folder / "stiffness_kpa.ctbl")
         with atomic_path(written[-1]) as path:
-            path.write_text(colour_table(case_scale(case)), encoding="utf-8")
+            path.write_text(colour_table(STIFFNESS_SCALE), encoding="utf-8")
     return written
 
 

@@ -5,13 +5,11 @@ The palette itself stands in `palpate.imaging.labels`, which writes it into file
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Colormap, LogNorm, Normalize
-from numpy.typing import NDArray
 
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, LABEL_VALUES, ORGAN_LABELS, RECTUM
 
@@ -20,8 +18,6 @@ STIFFNESS_LABEL = "shear modulus G (kPa)"
 # The first is perceptually uniform and rises in lightness, so that it reads the same in grey and by the colour-blind: report and
 # exports have it. The window offers the others; turbo is the rainbow of elastography with steps that the eye sees alike.
 COLOUR_MAPS = ("viridis", "cividis", "inferno", "turbo", "gray")
-# Beyond this ratio a linear scale would show the softer regions all alike.
-_LOG_ABOVE = 8.0
 # Signed distances, blue inside and red outside: of the misfit, and of nothing else.
 DISTANCE_MAP = "RdBu_r"
 # What stands around the organ in 3D is seen through; shares.
@@ -62,16 +58,6 @@ class StiffnessScale:
     log: bool = False
     colours: str = COLOUR_MAPS[0]
 
-    @classmethod
-    def of(cls, values: Iterable[float]) -> StiffnessScale:
-        """A scale that holds all values and ends at a round figure."""
-        known = [v for v in values if np.isfinite(v) and v > 0]
-        if not known:
-            return cls(0.0, 100.0)
-        if max(known) / min(known) > _LOG_ABOVE:
-            return cls(0.8 * min(known), 1.25 * max(known), True)
-        return cls(0.0, _round_up(1.05 * max(known)))
-
     @property
     def colormap(self) -> Colormap:
         """The map."""
@@ -88,12 +74,6 @@ class StiffnessScale:
         return float(r), float(g), float(b)
 
 
-def map_scale(regional: Iterable[float], arrays: Mapping[str, NDArray[np.generic]]) -> StiffnessScale:
-    """One scale for regional values, kPa, and for what a map tells. arrays : of `palpate.core.identify.map.stiffness_map.StiffnessMap`."""
-    told = np.asarray(arrays["told"], dtype=bool)
-    return StiffnessScale.of([*regional, *np.exp(np.asarray(arrays["ln_G"], dtype=float))[told].tolist()])
-
-
-def _round_up(value: float) -> float:
-    step = 10.0 ** np.floor(np.log10(value)) / 2.0
-    return float(np.ceil(value / step) * step)
+# The scale of every picture and every patient, kPa: published shear moduli of prostates (4 to 37, ui/report/first_page.py) and five times
+# the hardest. Logarithmic, since errors of stiffness are factors; a stiffness beyond an end has the colour of that end.
+STIFFNESS_SCALE = StiffnessScale(5.0, 200.0, log=True)

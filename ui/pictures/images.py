@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
-from palpate.ui.pictures.colours import StiffnessScale, label_rgb
+from palpate.ui.pictures.colours import label_rgb
 from palpate.ui.pictures.planes import SAGITTAL, Plane, Slice, Window, centre_of, reach_of, reslice, share_of_label
 
 CT_CENTRE_HU, CT_WIDTH_HU = 40.0, 400.0
@@ -20,8 +20,7 @@ AIR_HU = -1024.0
 class CaseImages:
     """rest, deformed : label volumes in the rest frame. ct : the CT at rest, HU; None where the case has labels only.
 
-    stiffness_kpa : organ label -> G in kPa. untold : organ labels whose stiffness the pair does not tell. shared : colours that
-    hold more than these values, for pictures that stand beside a map; None where there is none.
+    stiffness_kpa : organ label -> G in kPa. untold : organ labels whose stiffness the pair does not determine.
     """
 
     rest: Volume
@@ -29,12 +28,6 @@ class CaseImages:
     ct: Volume | None = None
     stiffness_kpa: Mapping[int, float] = field(default_factory=dict)
     untold: frozenset[int] = frozenset()
-    shared: StiffnessScale | None = None
-
-    @property
-    def scale(self) -> StiffnessScale:
-        """The colours of all stiffness pictures of this case."""
-        return self.shared or StiffnessScale.of(self.told.values())
 
     @property
     def told(self) -> Mapping[int, float]:

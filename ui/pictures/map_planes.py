@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.identify.map.stiffness_map import called_at, nearest_patch, painted
-from palpate.ui.pictures.colours import map_scale
+from palpate.ui.pictures.colours import STIFFNESS_SCALE
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import PLANES, Plane, Slice, Window, share_of_label
@@ -35,7 +35,6 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
     """
     figure = Figure(figsize=(PAGE_INCHES, 5.3), layout="constrained")
     grid = figure.subplots(2, 3)
-    scale = images.shared or map_scale(images.stiffness_kpa.values(), arrays)
     for column, plane in enumerate(PLANES):
         window = images.window(plane)
         labels, extent = _inside(images, plane, window)
@@ -47,14 +46,14 @@ def map_planes(images: CaseImages, arrays: Arrays) -> Figure:
         above, below = grid[:, column]
         for axes in (above, below):
             draw_background(axes, images, plane, window)
-        _paint(above, Slice(G, extent), scale.colormap, scale.norm)
+        _paint(above, Slice(G, extent), STIFFNESS_SCALE.colormap, STIFFNESS_SCALE.norm)
         _hatch(above, Slice((inside & ~told).astype(float), extent))
         _outline(above, Slice(place.astype(np.float64), extent))
         _paint(below, Slice(factor, extent), "magma_r", _FACTORS)
         for axes in (above, below):
             draw_outlines(axes, images, plane, window, (ORGAN,))
         grid[1, column].set_title("")
-    stiffness_bar(figure, list(grid[0]), scale, 0.95)
+    stiffness_bar(figure, list(grid[0]), 0.95)
     bar = figure.colorbar(ScalarMappable(_FACTORS, "magma_r"), ax=list(grid[1]), shrink=0.95, pad=0.02, aspect=24)
     bar.set_label("known to a factor of (1 sd)", fontsize=TEXT)
     bar.ax.tick_params(labelsize=TEXT)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
-from palpate.ui.pictures.colours import OUTLINES
+from palpate.ui.pictures.colours import OUTLINES, STIFFNESS_SCALE
 from palpate.ui.pictures.images import CaseImages, grey, stiffness_slice
 from palpate.ui.pictures.lettering import TEXT
 from palpate.ui.pictures.planes import Plane, Slice, Window, reached, share_of_label
@@ -57,7 +57,7 @@ def draw_background(axes: Axes, images: CaseImages, plane: Plane, window: Window
 def draw_stiffness(axes: Axes, images: CaseImages, plane: Plane, window: Window, opacity: float = 0.75) -> None:
     """Stiffness colours over the organ; hatched where the pair does not tell it."""
     value, untold = stiffness_slice(images, plane, window)
-    scale = images.scale
+    scale = STIFFNESS_SCALE
     axes.imshow(
         np.ma.masked_invalid(value.values), extent=value.extent, cmap=scale.colormap, norm=scale.norm, alpha=opacity,
         interpolation="nearest", aspect="equal",

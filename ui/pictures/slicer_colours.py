@@ -6,8 +6,8 @@ import numpy as np
 
 from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
 
-# Colours of the table: so many that a step is not seen, also where the scale is logarithmic.
-COUNT = 512
+# Colours of the table: so many that a step is not seen at the soft end of the logarithmic scale.
+COUNT = 2048
 
 
 def colour_table(scale: StiffnessScale) -> str:

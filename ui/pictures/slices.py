@@ -13,10 +13,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import StrMethodFormatter
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from palpate.imaging.labels import BLADDER, RECTUM
-from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
+from palpate.ui.pictures.colours import STIFFNESS_LABEL, STIFFNESS_SCALE
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.planes import AXIAL, PLANES, Plane, Window, reach_of
@@ -89,14 +89,22 @@ def deformation_planes(images: CaseImages) -> Figure:
     return figure
 
 
-def stiffness_bar(figure: Figure, axes: list[Axes], scale: StiffnessScale, shrink: float) -> Colorbar:
+def stiffness_bar(figure: Figure, axes: list[Axes], shrink: float) -> Colorbar:
     """The colour bar of stiffness beside some axes, its ticks in plain kPa."""
-    bar = figure.colorbar(ScalarMappable(scale.norm, scale.colormap), ax=axes, shrink=shrink, pad=0.02, aspect=24)
+    scale, ticks = STIFFNESS_SCALE, FixedLocator((5.0, 10.0, 20.0, 50.0, 100.0, 200.0))
+    bar = figure.colorbar(
+        ScalarMappable(scale.norm, scale.colormap),
+        ax=axes,
+        shrink=shrink,
+        pad=0.02,
+        aspect=24,
+        ticks=ticks,
+        extend="both",
+    )
     bar.set_label(STIFFNESS_LABEL, fontsize=TEXT)
     bar.ax.tick_params(which="both", labelsize=TEXT)
-    if scale.log:
-        bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        bar.ax.yaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
+    bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    bar.ax.yaxis.set_minor_locator(NullLocator())
     return bar
 
 
@@ -128,7 +136,7 @@ def _outlines(images: CaseImages) -> tuple[Outline, ...]:
 def _colour_bar(figure: Figure, images: CaseImages, axes: list[Axes]) -> None:
     if not images.told:
         return  # nothing is coloured
-    bar = stiffness_bar(figure, axes, images.scale, 0.95)
+    bar = stiffness_bar(figure, axes, 0.95)
     for G in images.told.values():
         bar.ax.axhline(G, color="white", linewidth=2.4)
         bar.ax.axhline(G, color="black", linewidth=1.2)

@@ -17,7 +17,7 @@ from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.pictures.colours import AROUND_OPACITY, DISTANCE_MAP, UNTOLD, StiffnessScale, label_rgb
+from palpate.ui.pictures.colours import AROUND_OPACITY, DISTANCE_MAP, STIFFNESS_SCALE, UNTOLD, label_rgb
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.offscreen import begin
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
@@ -47,15 +47,13 @@ class MisfitMap:
     greatest_mm: float = 0.0
 
 
-def anatomy(
-    surfaces: Mapping[str, Surface], stiffness: Mapping[int, float], scale: StiffnessScale, region: Volume
-) -> Drawn:
+def anatomy(surfaces: Mapping[str, Surface], stiffness: Mapping[int, float], region: Volume) -> Drawn:
     """The organ coloured by stiffness (grey where it is not told), bones, bladder and rectum translucent, from two sides.
 
     region : what the surfaces were made from: they are carried on beyond it, to have no cap there, but nothing is known of that.
     """
     organ = surfaces["organ"]
-    colour = {label: scale.rgb(G) for label, G in stiffness.items()}
+    colour = {label: STIFFNESS_SCALE.rgb(G) for label, G in stiffness.items()}
     rgb = np.array([colour.get(int(region), UNTOLD) for region in organ.region])
     bodies = {"organ": Body(organ.points, organ.faces, rgb)}
     for name, (r, g, b, opacity) in AROUND.items():
@@ -73,7 +71,7 @@ def anatomy(
         for ax, picture, view in zip(axes, pictures.result(), views, strict=True):
             _show(ax, picture, view, scene.height_mm, 40)
         if stiffness:
-            stiffness_bar(figure, list(axes), scale, 0.85)
+            stiffness_bar(figure, list(axes), 0.85)
         return figure
 
     return finish

@@ -26,7 +26,7 @@ def conclusions(case: CaseFolder) -> Conclusions:
     Raises InputError as `read_record` does.
     """
     record = read_record(case, {})
-    lines = [*what_lacks(record), *missing(record)]
+    lines = dict.fromkeys([*what_lacks(record), *missing(record)])
     return {
         "how_sure": {region.name: how_sure(region, record) for region in record.regions},
         "contours": contour_origins(record),

@@ -9,7 +9,7 @@ from pathlib import Path
 from palpate import __version__
 
 _UI = Path(__file__).resolve().parents[1]
-_DRAWING = ("words/*.py", "pictures/**/*.py", "report/*.py", "report/*.html")
+_DRAWING = ("words/*.py", "pictures/**/*.py", "report/**/*.py", "report/*.html")
 
 
 @cache

@@ -9,17 +9,15 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from palpate.case.case_folder import CaseFolder
+from palpate.case.identified import map_arrays
 from palpate.case.meshed import load_surfaces
-from palpate.core.files.json_types import known
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures import slices, solids
-from palpate.ui.pictures.convergence import convergence
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.map_planes import Arrays, map_planes
 from palpate.ui.pictures.offscreen import OffscreenError
 from palpate.ui.pictures.published_scale import published_scale
-from palpate.ui.report.case_scale import map_arrays, scale_of
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.first_page import scale_caption, scale_rows
 from palpate.ui.report.gap_section import gap_pictures
@@ -71,7 +69,7 @@ def draw(
 ) -> Figures:
     """All pictures of a case, as PNG files in ``folder``. What this machine cannot draw is listed, not an error."""
     mapped = map_arrays(case, record.result)
-    images = _images(case, record, labels, mapped)
+    images = _images(case, record, labels)
     figures = Figures()
     progress(0.0, "scenes in three dimensions")
     anatomy = _anatomy(case, images) if case.has("surfaces.npz") else None
@@ -83,7 +81,6 @@ def draw(
         _map(figures, mapped, record, images, folder)
     figures.pictures.update(gap_pictures(case, images, folder))
     figures.pictures.update(motion_pictures(case, images, folder))
-    _search(figures, record, folder)
     if anatomy is not None:
         progress(0.6, "three dimensions")
         says = "Two three-dimensional views of the organ among its neighbours."
@@ -104,13 +101,11 @@ def _published(figures: Figures, record: CaseRecord, folder: Path) -> None:
     figures.add("published", folder, published_scale(rows), scale_caption(rows), says)
 
 
-def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume], mapped: Arrays | None) -> CaseImages:
-    """mapped : the stiffness map, whose colours are then those of all pictures: a reader compares them."""
+def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume]) -> CaseImages:
     ct = case.ct("rest") if case.has("rest_ct") else None
     stiffness = {region.label: region.G for region in record.regions}
     untold = frozenset(region.label for region in record.regions if not region.told)
-    scale = scale_of(record.regions, mapped)
-    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold, scale)
+    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold)
 
 
 def _slices(figures: Figures, images: CaseImages, folder: Path, same: bool) -> None:
@@ -150,23 +145,8 @@ def _map(figures: Figures, mapped: Arrays, record: CaseRecord, images: CaseImage
     figures.add("stiffness_map", folder, figure, caption, says)
 
 
-def _search(figures: Figures, record: CaseRecord, folder: Path) -> None:
-    best = [value for value in record.result.convergence if value is not None]
-    noise = known(record.result.misfit.weighted_from_noise)
-    if len(best) < 2:
-        return
-    caption = (
-        "Search for the stiffness: the least weighted sum of squared distances after each iteration. It has no unit and is no number of "
-        "standard deviations."
-    )
-    if noise is not None:
-        caption += f" Dotted: {noise:.0f}, what noise alone would leave on average."
-    says = "A falling curve of the objective against the iteration."
-    figures.add("convergence", folder, convergence(best, noise), caption, says, 0.6)
-
-
 def _anatomy(case: CaseFolder, images: CaseImages) -> solids.Drawn:
-    return solids.anatomy(load_surfaces(case, "rest"), images.told, images.scale, images.rest)
+    return solids.anatomy(load_surfaces(case, "rest"), images.told, images.rest)
 
 
 def _misfit(case: CaseFolder, record: CaseRecord) -> solids.Drawn:

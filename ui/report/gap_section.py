@@ -34,11 +34,9 @@ _SHOWN = 6
 
 
 def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str, Picture]:
-    """The maps of a diagnosed case as PNG files in ``folder``; none for a case that has no diagnosis."""
-    if not case.has(DIAGNOSIS):
-        return {}
-    found = read_diagnosis(case)
-    if not case.has(found.where.map):
+    """The maps of a diagnosed case as PNG files in ``folder``; none where it saw no gap: the misfit in mm is shown already."""
+    found = read_diagnosis(case) if case.has(DIAGNOSIS) else None
+    if found is None or not gap_is_seen(found) or not case.has(found.where.map):
         return {}
     maps = case.read_npz(found.where.map)
     out = {
@@ -50,22 +48,20 @@ def gap_pictures(case: CaseFolder, images: CaseImages, folder: Path) -> dict[str
             "Blank where the two halves meet: no distance is read there.",
             "The organ from four sides, coloured by the residual in standard deviations.",
             0.85,
-        )
+        ),
+        "gap_force": Picture(
+            save(force_planes(images, maps), folder / "gap_force.png"),
+            "The smallest smooth field of forces that would close the gap, within 7 mm of each slice. It shows where the "
+            f"model is wrong, not why; a force at one point would appear spread over about {known(found.where.blur_mm) or 0.0:.0f} mm.",
+            "Slices in three planes with arrows where forces are missing.",
+        ),
     }
     if len(maps.get("motion/places", ())):
         out["gap_motion"] = Picture(
             save(motion_planes(images, maps), folder / "gap_motion.png"),
             "Where the plain model's motion and the one that the two images show differ, in and around the organ, within 7 mm of each "
-            f"slice: arrows {LONGER:g} times as long as the difference, coloured by its size in standard deviations. Model and images "
-            "agree where no arrow is warmer than 2.",
+            f"slice: arrows {LONGER:g} times as long as the difference, coloured by its size in standard deviations.",
             "Slices in three planes with arrows where the predicted motion differs from the one that the images show.",
-        )
-    if found.verdict != "none":
-        out["gap_force"] = Picture(
-            save(force_planes(images, maps), folder / "gap_force.png"),
-            "The smallest smooth field of forces that would close the gap, within 7 mm of each slice. It shows where the "
-            f"model is wrong, not why; a force at one point would appear spread over about {known(found.where.blur_mm) or 0.0:.0f} mm.",
-            "Slices in three planes with arrows where forces are missing.",
         )
     return out
 
@@ -88,8 +84,9 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     blocks += [Paragraph(which)] if which else []
     if found.next_measurement:
         blocks.append(Notice(f"To settle it, measure next: {found.next_measurement}."))
-    if found.flags:
-        blocks.append(Bullets(found.flags))
+    said = known(record.result.missing) or []  # the first pages say it already
+    flags = [flag for flag in found.flags if flag not in said]
+    blocks += [Bullets(flags)] if flags else []
     return Section(GAP_TITLE, blocks)
 
 
@@ -113,7 +110,7 @@ def _figures(found: DiagnosisRecord) -> Table:
         ]  # fmt: skip
     rows.append(("chance of such a gap without any effect", chance(gap.p_value)))
     if found.image is not UNSET:
-        rows.append(("it stands on", "contours and images" if found.image else "contours alone"))
+        rows.append(("data", "contours and images" if found.image else "contours alone"))
     states = known(gap.states) or []
     if len(states) > 1:
         left = ", ".join(f"{state.rms_mm:.2f} (noise {state.noise_floor_mm:.2f})" for state in states)

@@ -68,8 +68,10 @@ def _story(document: doc.Document, placed: Placed) -> list[Flowable]:
     for section in document.sections:
         heading = Paragraph(escape(section.title), _style(13, bold=True, before=4, after=1.5))
         on_paper = [block for block in section.blocks if not isinstance(block, doc.Interactive)]
-        first, *others = [_flowables(block, placed) for block in on_paper]
-        story += [*_headed(heading, first), *_runs(chain.from_iterable(others))]
+        flowables = [_flowables(block, placed) for block in on_paper]
+        led = 1 + (len(on_paper) > 1 and isinstance(on_paper[0], doc.Paragraph) and isinstance(on_paper[1], doc.Table))
+        first = list(chain.from_iterable(flowables[:led]))
+        story += [*_headed(heading, first), *_runs(chain.from_iterable(flowables[led:]))]
     return story
 
 

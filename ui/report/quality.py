@@ -1,4 +1,4 @@
-"""The report's section on the quality of what the result rests on: labels, alignment, mesh, and what was noted."""
+"""The report's section on the quality of the input: labels, alignment, mesh, and what was noted."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def quality(record: CaseRecord, missing: Sequence[str], exported_cc: Volumes | N
             Bullets([without_paths(in_words(str(note), record.result.parameters)) for note in dict.fromkeys(notes)])
         )
     blocks += [Paragraph(f"Left out: {reason}.", "small") for reason in missing]
-    return Section("Quality of what it rests on", blocks)
+    return Section("Quality of the input", blocks)
 
 
 def _exported(volumes: Volumes) -> list[Block]:

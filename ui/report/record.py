@@ -15,10 +15,11 @@ from pydicom.errors import InvalidDicomError
 from palpate.case.case_folder import STATES, CaseFacts, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
 from palpate.case.history import Entry
-from palpate.case.identified import read_result
+from palpate.case.identified import map_arrays, read_result
 from palpate.case.matched import read_matched_motion
-from palpate.case.measured.measurements import read_measurements
+from palpate.case.measured.measurements import REGIONS, Measurement, read_measurements
 from palpate.case.step_records import AlignmentRecord, ImportRecord, SegmentationRecord
+from palpate.case.surface_errors import segmentation_now
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.errors import InputError
@@ -27,9 +28,8 @@ from palpate.core.identify.result_record import ResultRecord
 from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.report.case_scale import map_arrays, regions_of
 from palpate.ui.report.measured.regions import MeasuredRegion, measured_regions
-from palpate.ui.report.regions import RegionStiffness
+from palpate.ui.report.regions import RegionStiffness, regions_of
 
 T = TypeVar("T")
 
@@ -76,6 +76,7 @@ class CaseRecord:
     ln_covariance : (t, t) of ln G, regions in the order of their labels; None where unknown.
     diagnosis : diagnosis.json; matched : motion from the images; None where there is none. scans : what the CTs' headers say of
     how they were made, by state. measured : regions that a person drew on the stiffness map.
+    lines : distances and angles that a person measured.
     """
 
     facts: CaseFacts
@@ -92,6 +93,7 @@ class CaseRecord:
     matched: MatchedMotion | None = None
     scans: Mapping[str, ScanFacts] = field(default_factory=dict)
     measured: tuple[MeasuredRegion, ...] = ()
+    lines: tuple[Measurement, ...] = ()
 
     @cached_property
     def regions(self) -> tuple[RegionStiffness, ...]:
@@ -150,12 +152,12 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
             else "run `palpate identify` first"
         )
         raise InputError(f"{case.file('result.json')} is not there; {todo}")
-    result = read_result(case)
+    result, measurements = read_result(case), read_measurements(case)
     return CaseRecord(
         case.facts,
         result,
         _optional(case, "alignment.json", AlignmentRecord),
-        _optional(case, "segmentation.json", SegmentationRecord),
+        segmentation_now(case),
         _optional(case, "mesh.json", MeshFacts),
         _optional(case, "import.json", ImportRecord),
         tuple(_optional(case, "history.json", _History).get("commands", ())),
@@ -165,9 +167,8 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
         read_diagnosis(case) if case.has(DIAGNOSIS) else None,
         read_matched_motion(case),
         {state: scan for state in STATES if (scan := _scan(case, state)) is not None},
-        tuple(measured_regions(read_measurements(case), labels["rest"], map_arrays(case, result)))
-        if "rest" in labels
-        else (),
+        tuple(measured_regions(measurements, labels["rest"], map_arrays(case, result))) if "rest" in labels else (),
+        tuple(one for one in measurements if one.kind not in REGIONS),
     )
 
 

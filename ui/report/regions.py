@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.case.case_facts import CaseFacts
-from palpate.core.identify.result_record import RegionRecord
+from palpate.core.identify.result_record import RegionRecord, ResultRecord
 from palpate.core.inference.posterior import as_before
 from palpate.imaging.labels import LABEL_VALUES
 
@@ -54,6 +54,12 @@ def region_of(name: str, p: RegionRecord, facts: CaseFacts, alone: bool) -> Regi
     )  # fmt: skip
     nothing_new = found.ln_sd is not None and as_before(np.array([found.ln_sd]), np.log([[low, high]]))[0]
     return replace(found, told=False) if nothing_new else found
+
+
+def regions_of(result: ResultRecord, facts: CaseFacts) -> tuple[RegionStiffness, ...]:
+    """The regions of result.json, in the order of their labels."""
+    found = [region_of(name, p, facts, len(result.parameters) == 1) for name, p in result.parameters.items()]
+    return tuple(sorted(found, key=lambda region: region.label))
 
 
 def in_words(text: str, names: Iterable[str]) -> str:

@@ -15,9 +15,12 @@ from palpate.ui.report.motion_section import motion_section
 from palpate.ui.report.quality import Volumes, quality
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.stiffness_section import limits, stiffness_section
-from palpate.ui.report.summary import first_sentences, summary
+from palpate.ui.report.summary import first_sentences, headline, summary
 from palpate.ui.report.trust import trust_box
 from palpate.ui.words.number_words import three_figures
+
+# Of a checksum, enough to tell two files apart; result.json has all of them.
+_DIGITS = 12
 
 
 def document(
@@ -34,23 +37,22 @@ def document(
         *([motion_section(record.matched, pictures, record.used_image)] if record.matched else []),
         *([gap_section(record, pictures)] if record.diagnosis else []),
         quality(record, figures.missing, exported_cc),
-        _appendix(record, pictures, date, version),
+        _appendix(record, date, version),
     )
     subtitle = f"Case {record.facts.name} \N{MIDDLE DOT} {date} \N{MIDDLE DOT} Palpate {version}"
     return Document("Stiffness from two CT scans", subtitle, sections, notices)
 
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
-    """The first page: what was found, how sure it is and why, and one picture with its scale."""
-    lead = [Paragraph(text, "lead") for text in first_sentences(record)]
-    return [*lead, trust_box(record), *_shown(pictures, "stiffness_planes")]
+    """The first page: what was found in a sentence, how sure it is and why, and one picture with its scale."""
+    return [Paragraph(headline(record), "lead"), trust_box(record), *_shown(pictures, "stiffness_planes")]
 
 
 def _particulars(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     """What was scanned, what the values stand on, what is missing, and published values."""
     rest = [Paragraph(text) for text in summary(record)[len(first_sentences(record)) :]]
     blocks = [*minute(record), *rest, Paragraph(limits(record)), *_shown(pictures, "published")]
-    return Section("What it stands on", blocks)
+    return Section("Basis of the result", blocks)
 
 
 def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
@@ -79,8 +81,8 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     return Section("Fit", blocks)
 
 
-def _appendix(record: CaseRecord, pictures: Mapping[str, Picture], date: str, version: str) -> Section:
-    """How it was computed: method, singular values, search, and hashes of what went in."""
+def _appendix(record: CaseRecord, date: str, version: str) -> Section:
+    """How it was computed: method, singular values, and hashes of what went in."""
     result, facts = record.result, record.facts
     solver = result.solver
     low, high = facts.organ_shear_modulus_bounds_kpa
@@ -95,9 +97,10 @@ def _appendix(record: CaseRecord, pictures: Mapping[str, Picture], date: str, ve
         ("report", f"{date}, Palpate {version}"),
     ]  # fmt: skip
     rows += [("command", _command(entry)) for entry in record.history]
-    rows += [(f"sha256 of {name}", str(value)) for name, value in result.inputs_sha256.items()]
+    sums = ", ".join(f"{name} {str(value)[:_DIGITS]}" for name, value in result.inputs_sha256.items())
+    rows += [("sha256, first digits", sums)] if sums else []
     table = Table(("", ""), rows, numbers=False)
-    return Section("Appendix: method, search, provenance", [table, *_shown(pictures, "convergence")])
+    return Section("Appendix: method, provenance", [table])
 
 
 def _command(entry: Entry) -> str:

@@ -8,7 +8,7 @@ from palpate.core.files.json_types import known
 from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
 from palpate.ui.report.map_words import told_places
-from palpate.ui.report.measured.table import measured_table
+from palpate.ui.report.measured.table import lines_table, measured_table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness, in_words
 from palpate.ui.words.number_words import three_figures
@@ -59,6 +59,7 @@ def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
         *_places(record),
         *_shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
         *measured_table(record.measured),
+        *lines_table(record.lines),
         *figures.interactive,
     ]
     return Section("Stiffness", blocks)

@@ -55,11 +55,16 @@ def summary(record: CaseRecord) -> list[str]:
 
 def first_sentences(record: CaseRecord) -> list[str]:
     """What must be read first: that the pair tells nothing, what is missing; then what was found."""
-    regions = [region for region in record.regions if region.told]
-    sentences = [] if regions else [NOTHING_TOLD]
-    sentences += [f"{MISSING}{line}." for line in what_lacks(record)]
+    nothing = not any(region.told for region in record.regions)
+    sentences = [NOTHING_TOLD] * nothing + [f"{MISSING}{line}." for line in what_lacks(record)]
     sentences += [WAY_OUT] if too_rough(record) else []
-    return sentences + ([_found(regions, record)] if regions else [])
+    return sentences if nothing else [*sentences, headline(record)]
+
+
+def headline(record: CaseRecord) -> str:
+    """What was found, in one sentence."""
+    regions = [region for region in record.regions if region.told]
+    return _found(regions, record) if regions else NOTHING_TOLD
 
 
 def too_rough(record: CaseRecord) -> bool:

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.case.missing import AUTOMATIC_CONTOURS
 from palpate.case.step_records import OrganRecord
+from palpate.case.surface_errors import CORRECTED
 from palpate.core.problem import Facts
 from palpate.segmentation.error_estimate import ErrorNumbers
 from palpate.ui.report.diagnosis_words import gap_is_seen
 from palpate.ui.report.document import Notice
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness
-from palpate.ui.report.summary import MISFIT_TOLERANCE
+from palpate.ui.report.summary import MISFIT_TOLERANCE, MISSING, WAY_OUT, too_rough, what_lacks
 
 # Words for how sure a value is, by the factor that its 95 % interval reaches on both sides. A convention of this report.
 SURE = ((1.25, "high"), (1.5, "moderate"))
@@ -24,7 +26,7 @@ SURE_RULE = (
     "moderate where nobody has drawn or checked a contour of the prostate."
 )
 # Methods of segmentation.json by which a person drew a contour.
-_BY_HAND = ("user", "drawn")
+_BY_HAND = ("user", "drawn", CORRECTED)
 _OF_THE_ORGAN = " of the prostate"
 
 
@@ -69,7 +71,15 @@ def trust_box(record: CaseRecord) -> Notice:
     """The box of the first page: how sure each region is, and why."""
     each = [(region.words.removesuffix(_OF_THE_ORGAN), trust(region, record)) for region in record.regions]
     lines = [f"How sure, {words}: {one.word} ({one.interval})." for words, one in each]
-    return Notice("\n".join([*lines, *dict.fromkeys(text for _, one in each for text in one.lowered)]))
+    lines += dict.fromkeys(text for _, one in each for text in one.lowered)
+    lines += [f"{MISSING}{line}." for line in what_lacks(record) if line not in automatic(record)]
+    return Notice("\n".join([*lines, *[WAY_OUT] * too_rough(record)]))
+
+
+def automatic(record: CaseRecord) -> list[str]:
+    """The line of result.json that nobody drew the prostate, where nobody has corrected it since; else nothing."""
+    lines = [line for line in what_lacks(record) if line.startswith(AUTOMATIC_CONTOURS)]
+    return lines if unchecked(record) else []
 
 
 def misses(record: CaseRecord) -> bool:
@@ -91,7 +101,7 @@ def missing(record: CaseRecord) -> list[str]:
     if record.diagnosis is None:
         lines.append("whether the model leaves something out: Diagnose has not been run")
     if unchecked(record):
-        lines.append("contours that a person has drawn or checked: these were found automatically")
+        lines += automatic(record) or ["contours that a person has drawn or checked: these were found automatically"]
     return lines + _assumed(record)
 
 

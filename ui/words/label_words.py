@@ -9,7 +9,7 @@ PROPAGATED = "carried over from the other scan"
 # By the method that segmentation.json names.
 WORDS: Mapping[str, str] = {
     "auto": "found automatically", "propagated": PROPAGATED,
-    "carried": CARRIED, "user": "drawn by hand", "click": "from a click",
+    "carried": CARRIED, "user": "drawn by hand", "corrected": "found automatically, corrected by hand", "click": "from a click",
     "extremes": "from six points", "box": "from a box", "threshold": "dense in the CT",
     "threshold and user": "drawn by hand, and dense in the CT",
 }  # fmt: skip

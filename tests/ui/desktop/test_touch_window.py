@@ -28,12 +28,12 @@ from pathlib import Path
 from palpate.core.touch.body_file import load_body
 from palpate.ui.desktop.scripting.touch_application import Playing, Probed, show
 from palpate.ui.desktop.scripting.touch_script import parse
-from palpate.ui.pictures.colours import StiffnessScale
+from palpate.ui.pictures.colours import STIFFNESS_SCALE
 folder, headless = Path(sys.argv[1]), sys.argv[2] == "headless"
 script = folder / "script.txt"
 commands = parse(script.read_text(), str(script))
 body = load_body(folder / "organ.npz")
-probed = Probed(body, 7.0, StiffnessScale.of(body.shear_kpa.values()))
+probed = Probed(body, 7.0, STIFFNESS_SCALE)
 found = show(probed, folder / "kept", headless, Playing(commands, folder, str(script)))
 print(json.dumps(found["events"]))
 """

@@ -18,8 +18,10 @@ from palpate.case.measured.measurements import Measurement, write_measurements
 from palpate.ui.export import exporter
 from palpate.ui.report.declaration import REPORT
 from palpate.ui.report.document import Table
+from palpate.ui.report.figures import Figures
 from palpate.ui.report.measured.table import measured_table
 from palpate.ui.report.record import read_record
+from palpate.ui.report.stiffness_section import stiffness_section
 
 OUTLINE = tuple(
     (float(CENTRE[0] + x), float(CENTRE[1] + y), float(CENTRE[2])) for x, y in ((4, -5), (14, -5), (14, 5), (4, 5))
@@ -45,6 +47,22 @@ def test_the_report_has_one_small_table(case: CaseFolder) -> None:
     low, high = (float(word) for word in interval.split(" to "))
     assert low < float(G) < high and float(G) == pytest.approx(20.0, abs=0.05), "the soft half's patch alone"
     assert measured_table(()) == []
+
+
+def test_the_report_has_what_was_measured_with_ruler_and_angle(tmp_path: Path) -> None:
+    made = write_case(tmp_path / "case", result(), ct=True)
+    x, y, z = (float(c) for c in CENTRE)
+    lines = (
+        Measurement("A", "distance", "axial", ((x, y, z), (x + 3.0, y + 4.0, z))),
+        Measurement("B", "angle", "coronal", ((x, y, z), (x + 9.0, y, z), (x + 9.0, y, z + 9.0))),
+    )
+    write_measurements(made, lines)
+    record = read_record(made, {"rest": made.labels("rest")})
+    tables = [b for b in stiffness_section(record, Figures()).blocks if isinstance(b, Table)]
+    assert tables[-1].rows == [
+        ("A (distance)", f"axial, z = {z:.1f} mm".replace("-", "\N{MINUS SIGN}"), "5.0 mm"),
+        ("B (angle)", f"coronal, y = {y:.1f} mm".replace("-", "\N{MINUS SIGN}"), "90.0\N{DEGREE SIGN}"),
+    ]
 
 
 def test_the_report_is_out_of_date_when_a_region_is_drawn(case: CaseFolder) -> None:

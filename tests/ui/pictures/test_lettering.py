@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from phantoms import affine, labels, marked_ct
 from pypdf import PdfReader
 
-from palpate.ui.pictures import convergence, gap_pictures, map_planes, slices, solids
+from palpate.ui.pictures import gap_pictures, map_planes, slices, solids
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import LEAST_POINTS, PAGE_INCHES, SMALLEST
 from palpate.ui.pictures.published_scale import Row, published_scale
@@ -44,7 +44,7 @@ def residuals() -> Figure:
 DRAWN: dict[str, Callable[[], Figure]] = {
     "planes": lambda: slices.stiffness_planes(images()), "series": lambda: slices.stiffness_series(images()),
     "deformation": lambda: slices.deformation_planes(images()), "map": lambda: map_planes.map_planes(images(), map_arrays(True)),
-    "search": lambda: convergence.convergence([5.0, 3.0, 2.5], 2.0), "3D": anatomy, "gap": residuals,
+    "3D": anatomy, "gap": residuals,
     "published": lambda: published_scale([Row("here: left half", 20.0, (10.0, 40.0), found=True), Row("cancer [2]", 19.3)]),
 }  # fmt: skip
 
@@ -78,7 +78,7 @@ def test_the_page_is_as_wide_as_the_pictures_are_drawn() -> None:
 
 
 def test_figures_are_numbered_alike_in_page_and_pdf(tmp_path: Path) -> None:
-    slices.save(convergence.convergence([2.0, 1.0]), tmp_path / "a.png")
+    slices.save(published_scale([Row("cancer [2]", 19.3)]), tmp_path / "a.png")
     picture = doc.Picture(tmp_path / "a.png", "The search.", "A curve.", 0.6)
     turns = doc.Interactive("<p>turns</p>", "A view that turns.")
     document = doc.Document("T", "c", [doc.Section("One", [picture]), doc.Section("Two", [turns, picture])])

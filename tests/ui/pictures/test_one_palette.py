@@ -11,12 +11,13 @@ import pytest
 from phantoms import result, write_case
 
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, LABELS, ORGAN_LABELS, RECTUM
-from palpate.ui.desktop.session.open_case import OpenCase
+from palpate.ui.desktop.session.display import SCALES, Display
 from palpate.ui.export.nrrd import export
-from palpate.ui.pictures.colours import OUTLINES, StiffnessScale, label_hex, label_rgb, region_hex
+from palpate.ui.pictures.colours import OUTLINES, STIFFNESS_SCALE, StiffnessScale, label_hex, label_rgb, region_hex
+from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.slicer_colours import COUNT, colour_table
+from palpate.ui.pictures.slices import stiffness_planes
 from palpate.ui.pictures.solids import AROUND
-from palpate.ui.report.case_scale import case_scale
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -51,17 +52,19 @@ def test_no_other_module_makes_up_a_colour_of_a_label_or_a_kpa_map() -> None:
             assert not re.search(r"\"viridis\"|RdBu|0x31, 0x68|#31688e\", \"o|0\.267, 0\.005", path.read_text()), path
 
 
-def test_window_report_touch_and_slicer_have_the_same_scale(tmp_path: Path) -> None:
-    case = write_case(tmp_path / "case", result(), ct=True)
-    opened = OpenCase(case.path)
-    try:
-        assert opened.scale == case_scale(case)
-    finally:
-        opened.close()
-    export(case, tmp_path / "out")
-    table = (tmp_path / "out" / "stiffness_kpa.ctbl").read_text()
-    assert table == colour_table(case_scale(case))
-    assert f"# low_kpa {opened.scale.low}" in table and f"# high_kpa {opened.scale.high}" in table
+def test_a_stiffness_has_one_colour_for_every_patient_in_window_report_and_slicer(tmp_path: Path) -> None:
+    """A soft and a hard prostate: what is 40 kPa looks the same in both, wherever it is shown."""
+    tables, painted = set(), set()
+    for number, kpa in enumerate(((40.0, 12.0), (40.0, 300.0))):
+        case = write_case(tmp_path / f"case_{number}", result(*kpa), ct=True)
+        export(case, tmp_path / f"out_{number}")
+        tables.add((tmp_path / f"out_{number}" / "stiffness_kpa.ctbl").read_text())
+        figure = stiffness_planes(CaseImages(case.labels("rest"), stiffness_kpa=dict(enumerate(kpa, 1))))
+        scales = {(image.norm.vmin, image.norm.vmax, image.cmap.name) for image in figure.axes[3].images[1:]}
+        painted |= scales | {(*np.round(figure.axes[6].get_ylim(), 9), STIFFNESS_SCALE.colours)}
+    assert tables == {colour_table(STIFFNESS_SCALE)} and painted == {(5.0, 200.0, "viridis")}
+    assert SCALES[Display().scale] == STIFFNESS_SCALE
+    assert Display.from_dict({"scale": "this case"}).scale == Display().scale, "of an earlier version"
 
 
 @pytest.mark.parametrize("scale", [StiffnessScale(0.0, 65.0), StiffnessScale(4.0, 500.0, True)], ids=["linear", "log"])

@@ -15,8 +15,9 @@ from palpate.case.case_folder import CaseFacts, CaseFolder
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord, FittedStiffnessRecord
 from palpate.core.files.json_types import typed
 from palpate.ui.pictures.gap_pictures import VIEWS
+from palpate.ui.pictures.images import CaseImages
 from palpate.ui.report.document import Notice, Paragraph, Table
-from palpate.ui.report.gap_section import gap_section, ranking_table, stiffness_interval
+from palpate.ui.report.gap_section import gap_pictures, gap_section, ranking_table, stiffness_interval
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.report_step import ReportOptions, run
 from palpate.ui.report.summary import summary
@@ -57,6 +58,15 @@ def test_the_page_says_verdict_figures_and_what_to_measure(case: CaseFolder) -> 
     assert case.has("report/gap_motion.png") and "arrows 5 times as long as the difference" in page
 
 
+def test_a_diagnosis_without_a_gap_has_no_second_map_of_the_misfit(case: CaseFolder, tmp_path: Path) -> None:
+    images = CaseImages(case.labels("rest"))
+    case.write_json("diagnosis.json", diagnosis("none"))
+    try:
+        assert gap_pictures(case, images, tmp_path) == {}
+    finally:
+        case.write_json("diagnosis.json", diagnosis("contour_bias"))
+
+
 def test_a_stiffness_that_may_be_quoted_is_not_called_one_not_to_quote(case: CaseFolder) -> None:
     page = case.file("report/report.html").read_text()
     assert "quote that one if you believe the cause" in page and "not the one to quote" not in page
@@ -89,7 +99,7 @@ def test_the_page_says_what_a_diagnosis_stands_on_and_when_the_stiffness_does_no
             diagnosis=msgspec.structs.replace(record.diagnosis, image=image),
         )
         (table,) = (block for block in gap_section(said, {}).blocks if isinstance(block, Table))
-        assert ("it stands on", "contours and images" if image else "contours alone") in table.rows
+        assert ("data", "contours and images" if image else "contours alone") in table.rows
         assert not [block for block in gap_section(said, {}).blocks if isinstance(block, Notice)]
         beside = replace(said, result=recorded(result(options={"image": other})))
         (notice,) = (block for block in gap_section(beside, {}).blocks if isinstance(block, Notice))

@@ -6,15 +6,25 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "fixtures"))
 from dicom_cases import NAME, NUMBER, pair
 from phantoms import affine, result
 
+from palpate.case.case_folder import STATES
+from palpate.case.missing import AUTOMATIC_CONTOURS
+from palpate.case.surface_errors import write_surface_errors
+from palpate.segmentation.surface_error import SurfaceErrors
+from palpate.ui.dicom.label_segments import algorithm_types
 from palpate.ui.pictures.published_scale import published_scale
 from palpate.ui.report import first_page, trust
+from palpate.ui.report.conclusions import contour_origins
+from palpate.ui.report.document import Bullets, Notice, Paragraph, Picture
+from palpate.ui.report.figures import Figures
 from palpate.ui.report.record import CaseRecord, read_record
+from palpate.ui.report.sections import document
 
 
 @pytest.fixture
@@ -89,6 +99,44 @@ def test_what_is_missing_is_told(record: CaseRecord) -> None:
     lines = trust.missing(record)
     assert any("Diagnose has not been run" in line for line in lines) and any("assumed" in line for line in lines)
     assert any("go together: assumed, 7 mm" in line for line in lines) and any("G = 20 kPa" in line for line in lines)
+
+
+def test_the_first_page_is_a_sentence_a_box_and_a_picture(tmp_path: Path) -> None:
+    """What is missing stands in the box, once."""
+    lines = ["no rectum is known in either scan", f"{AUTOMATIC_CONTOURS}: those of both scans were found automatically"]
+    case = pair(tmp_path / "case", affine())
+    case.write_json("result.json", result(missing=lines))
+    found = {"organs": {"prostate": {"method": "auto"}}}
+    record = replace(read_record(case, {}), segmentation={"states": {"rest": found, "deformed": found}})
+    picture = Picture(tmp_path / "x.png", "", "")
+    first, second = document(record, Figures({"stiffness_planes": picture}), "today", "1").sections[:2]
+    sentence, box, shown = first.blocks
+    assert isinstance(sentence, Paragraph) and sentence.text.startswith("The left half of the prostate is 3.0 times")
+    assert isinstance(box, Notice) and box.text.endswith("Missing: no rectum is known in either scan.")
+    assert AUTOMATIC_CONTOURS not in box.text and shown == picture
+    assert [line for block in second.blocks if isinstance(block, Bullets) for line in block.items if line == lines[1]]
+
+
+def test_what_a_person_corrected_in_the_window_is_theirs_and_nothing_else(tmp_path: Path) -> None:
+    case = pair(tmp_path / "case", affine())
+    found = {"organs": {name: {"method": "auto", "confidence": 0.9} for name in ("prostate", "bladder")}}
+    case.write_json("segmentation.json", {"states": {"rest": found, "deformed": found}})
+    one = SurfaceErrors(np.zeros((1, 3)), np.ones(1), 1.0)
+    labels = {state: case.labels(state) for state in STATES}
+    write_surface_errors(case, {state: {"prostate": one, "bladder": one} for state in STATES}, (), labels)
+    before = read_record(case, {})
+    assert trust.unchecked(before) and contour_origins(before)["deformed"] == "found automatically"
+    array = labels["deformed"].array.copy()
+    array[tuple(np.argwhere(array == 1)[0])] = 3
+    case.write_labels("deformed", labels["deformed"].with_array(array))
+    after = read_record(case, {})
+    assert not trust.unchecked(after) and trust.how_sure(after.regions[0], after) == "high"
+    assert contour_origins(after) == {
+        "rest": "found automatically",
+        "deformed": "found automatically, corrected by hand",
+    }
+    assert after.segmentation["states"]["deformed"]["organs"]["bladder"]["method"] == "auto"
+    assert algorithm_types(case, "deformed")["prostate_left"] == "SEMIAUTOMATIC"
 
 
 @pytest.mark.parametrize(("method", "word"), [("auto", "moderate"), ("six points", "moderate"), ("user", "high")])

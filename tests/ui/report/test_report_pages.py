@@ -90,6 +90,15 @@ def test_a_long_table_goes_on_over_the_page_but_not_from_its_heading(tmp_path: P
     assert len(pages) == 2 and "Long" in pages[page] and "row 0." in pages[page] and "row 29." in pages[1]
 
 
+def test_a_heading_goes_over_the_page_with_its_table(tmp_path: Path) -> None:
+    """A sentence between them does not part them."""
+    table = doc.Table(("what", ""), [(f"row {i}.", "x") for i in range(6)])
+    motion = doc.Section("Motion", [doc.Paragraph("It comes from both."), table])
+    document = doc.Document("Title", "case", [doc.Section("First", [picture(tmp_path, 1190)]), motion])
+    pages = [page.extract_text() for page in PdfReader(pdf.write_pdf(document, tmp_path / "x.pdf")).pages]
+    assert len(pages) == 2 and "Motion" not in pages[0] and "Motion" in pages[1] and "row 0." in pages[1]
+
+
 def test_figures_are_aligned_right_and_words_left() -> None:
     rows = [("left half", "37.3", "found automatically", "\N{EN DASH}"), ("bone", "147.6", "0 times", "")]
     assert doc.Table(("a", "b", "c", "d"), rows).right == (False, True, False, True)

@@ -83,11 +83,11 @@ def _by_hand(args: argparse.Namespace, body: Body, commands: list[Command]) -> T
 
 def _in_window(args: argparse.Namespace, case: CaseFolder, body: Body, commands: list[Command]) -> Touched:
     from palpate.ui.desktop.scripting import touch_application as application
-    from palpate.ui.report.case_scale import case_scale
+    from palpate.ui.pictures.colours import STIFFNESS_SCALE
 
     folder = Path() if args.script is None else args.script.absolute().parent
     output = args.output or case.file("touch")
-    probed = application.Probed(body, args.radius, case_scale(case))
+    probed = application.Probed(body, args.radius, STIFFNESS_SCALE)
     return application.show(probed, output, args.headless, application.Playing(commands, folder, str(args.script)))
 
 

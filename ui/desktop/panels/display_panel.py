@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QHBoxLayout, QLabel, QV
 from palpate.ui.desktop.panels.label_rows import LabelRows
 from palpate.ui.desktop.panels.panel_parts import Choice, combo, group, slider
 from palpate.ui.desktop.session.controller import Controller
-from palpate.ui.desktop.session.display import FIXED_SCALES, OWN_SCALE
+from palpate.ui.desktop.session.display import SCALES
 from palpate.ui.desktop.session.window_level import PRESETS
 from palpate.ui.pictures.colours import COLOUR_MAPS
 
@@ -76,8 +76,8 @@ class DisplayPanel(QWidget):
         form.addRow(self.overlays)
         self.opacity = slider(0, 100, 45, lambda v: self._controller.show(opacity=v / 100.0), "Opacity of the overlay")
         form.addRow("Opacity", self.opacity)
-        self.scale = combo([OWN_SCALE, *FIXED_SCALES], lambda name: self._controller.show(scale=name),
-                           "Which stiffness has which colour: by this case, or the same for every patient")  # fmt: skip
+        self.scale = combo(SCALES, lambda name: self._controller.show(scale=name),
+                           "Which stiffness has which colour: the same for every patient; the first is the report's")  # fmt: skip
         form.addRow("Scale", self.scale)
         self.colours = combo(COLOUR_MAPS, lambda name: self._controller.show(colours=name), "Colours of the stiffness")
         form.addRow("Colours", self.colours)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QIcon, QPixmap
@@ -40,7 +40,7 @@ def slider(low: int, high: int, value: int, changed: Callable[[int], None], tip:
     return out
 
 
-def combo(entries: Sequence[str], chosen: Callable[[str], None], tip: str) -> QComboBox:
+def combo(entries: Iterable[str], chosen: Callable[[str], None], tip: str) -> QComboBox:
     """A list to choose from; only a person's choice is told."""
     out = QComboBox()
     out.addItems(list(entries))

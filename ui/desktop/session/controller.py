@@ -16,7 +16,7 @@ from palpate.case.case_folder import STATES
 from palpate.case.measured.measurements import REGIONS
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session import steps
-from palpate.ui.desktop.session.display import FIXED_SCALES, OVER_LABELS, PAINTS, Display
+from palpate.ui.desktop.session.display import OVER_LABELS, PAINTS, SCALES, Display
 from palpate.ui.desktop.session.drawing import Drawing
 from palpate.ui.desktop.session.editing import Editing
 from palpate.ui.desktop.session.jobs import JobControl
@@ -171,11 +171,8 @@ class Controller:
 
     @property
     def scale(self) -> StiffnessScale:
-        """Colours of stiffness: of the case, or one that is the same for every patient."""
-        scale = FIXED_SCALES.get(self.display.scale)
-        if scale is None:
-            scale = StiffnessScale(0.0, 100.0) if self.case is None else self.case.scale
-        return replace(scale, colours=self.display.colours)
+        """Colours of stiffness that were chosen; the same for every patient."""
+        return replace(SCALES[self.display.scale], colours=self.display.colours)
 
     def look_at(self, x: float, y: float, z: float) -> None:
         """Moves the crosshair to patient coordinates, mm LPS."""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 import msgspec
 
 from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel
-from palpate.ui.pictures.colours import COLOUR_MAPS, StiffnessScale
+from palpate.ui.pictures.colours import COLOUR_MAPS, STIFFNESS_SCALE, StiffnessScale
 
 MODES = ("rest", "deformed", "side by side", "blend")
 OVERLAYS = ("labels", "stiffness", "map", "misfit", "none")
@@ -16,14 +16,15 @@ OVERLAYS = ("labels", "stiffness", "map", "misfit", "none")
 OVER_LABELS = ("stiffness", "map", "misfit")
 # Tools that change labels.
 PAINTS = ("brush", "eraser", "lasso", "polygon")
-OWN_SCALE = "this case"
-# The same for every patient, so that two windows compare; kPa of G.
-FIXED_SCALES = {
+# The same for every patient, so that two windows compare; kPa of G. The first is the report's.
+SCALES = {
+    "5 to 200 kPa, log": STIFFNESS_SCALE,
+    "5 to 500 kPa, log": StiffnessScale(5.0, 500.0, log=True),
     "0 to 50 kPa": StiffnessScale(0.0, 50.0),
     "0 to 100 kPa": StiffnessScale(0.0, 100.0),
     "0 to 200 kPa": StiffnessScale(0.0, 200.0),
-    "5 to 500 kPa, log": StiffnessScale(5.0, 500.0, True),
 }
+_REPORTS = next(iter(SCALES))
 
 
 @dataclass
@@ -32,8 +33,8 @@ class Display:
 
     low_kpa, high_kpa : stiffness outside is not coloured; None is no limit. surest_factor : stiffness known to a larger
     factor than this is hatched instead of coloured; None hatches only what the pair does not tell at all. ball : the brush
-    paints in 3D. paint_low_hu, paint_high_hu : the brush changes only voxels whose CT lies between. scale : OWN_SCALE or one
-    of FIXED_SCALES. colours : one of `pictures.colours.COLOUR_MAPS`. label_opacity : by label, share of `opacity`; 0 hides the label
+    paints in 3D. paint_low_hu, paint_high_hu : the brush changes only voxels whose CT lies between. scale : one of
+    SCALES. colours : one of `pictures.colours.COLOUR_MAPS`. label_opacity : by label, share of `opacity`; 0 hides the label
     and its outline.
     """
 
@@ -55,7 +56,7 @@ class Display:
     ball: bool = False
     paint_low_hu: float | None = None
     paint_high_hu: float | None = None
-    scale: str = OWN_SCALE
+    scale: str = _REPORTS
     colours: str = COLOUR_MAPS[0]
     label_opacity: dict[int, float] = field(default_factory=dict)
 
@@ -82,6 +83,6 @@ class Display:
         out.tool = "look"
         if out.mode not in MODES or out.overlay not in OVERLAYS:
             out.mode, out.overlay = MODES[0], OVERLAYS[0]
-        if out.scale not in (OWN_SCALE, *FIXED_SCALES) or out.colours not in COLOUR_MAPS:
-            out.scale, out.colours = OWN_SCALE, COLOUR_MAPS[0]
+        if out.scale not in SCALES or out.colours not in COLOUR_MAPS:
+            out.scale, out.colours = _REPORTS, COLOUR_MAPS[0]
         return out

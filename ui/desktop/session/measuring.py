@@ -8,13 +8,12 @@ from palpate.case.measured.measurements import (
     REGIONS,
     Measurement,
     Point,
-    angle_degrees,
-    length_mm,
     write_measurements,
 )
 from palpate.core.errors import InputError
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.report.measured.regions import YOUNG, MeasuredRegion, measured_region
+from palpate.ui.report.measured.table import line_words
 from palpate.ui.words.number_words import three_figures
 
 
@@ -77,10 +76,8 @@ class Measuring:
 
     def value_words(self, measurement: Measurement) -> tuple[str, ...]:
         """The value, and what belongs to it, part by part."""
-        if measurement.kind == "distance":
-            return (f"{length_mm(measurement.points):.1f} mm",)
-        if measurement.kind == "angle":
-            return (f"{angle_degrees(measurement.points):.1f}\N{DEGREE SIGN}",)
+        if measurement.kind not in REGIONS:
+            return (line_words(measurement),)
         region = self.region(measurement)
         if region is None:
             return ("labels are being read",)

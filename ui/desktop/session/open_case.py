@@ -16,7 +16,7 @@ import numpy as np
 
 from palpate.case.case_folder import STATES, CaseFolder
 from palpate.case.diagnosed import DIAGNOSIS, read_diagnosis
-from palpate.case.identified import read_result
+from palpate.case.identified import map_arrays, read_result
 from palpate.case.measured.measurements import read_measurements
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -25,9 +25,8 @@ from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.labels.journal import Journal, content_hash, replay
 from palpate.ui.desktop.session.labels.strokes import Corrections
 from palpate.ui.pictures.gap_pictures import size_in_sd
-from palpate.ui.report.case_scale import map_arrays, regions_of, scale_of
 from palpate.ui.report.record import read_record, simulated
-from palpate.ui.report.regions import RegionStiffness
+from palpate.ui.report.regions import RegionStiffness, regions_of
 from palpate.ui.report.summary import first_sentences
 
 Arguments = ParamSpec("Arguments")
@@ -105,8 +104,6 @@ class OpenCase:
             self.simulated = simulated(self.folder, result) or ""
         self.gap = self._gap()
         self.stiffness_map = None if result is None else map_arrays(self.folder, result)
-        # One scale whatever is shown, and that of the report: a colour is one stiffness.
-        self.scale = scale_of(self.regions, self.stiffness_map)
 
     @property
     def volumes(self) -> dict[str, Volume]:

@@ -10,6 +10,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QMouseEvent, QPaintEvent, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
+from palpate.case.identified import MAP_FILE
 from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.ui.desktop import style
@@ -22,7 +23,6 @@ from palpate.ui.desktop.solid.renderer_client import SolidClient
 from palpate.ui.desktop.solid.solid_marks import begun, directions, image_of
 from palpate.ui.desktop.solid.view_request import MapRequest, ViewRequest
 from palpate.ui.pictures.colours import AROUND_OPACITY, UNTOLD, label_rgb
-from palpate.ui.report.case_scale import MAP_FILE
 
 _AROUND = {label: (*label_rgb(label), opacity) for label, opacity in AROUND_OPACITY.items()}
 _HALVES = {label: (*label_rgb(label), 1.0) for label in ORGAN_LABELS}

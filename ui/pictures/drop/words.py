@@ -6,7 +6,7 @@ import numpy as np
 
 from palpate.case.steps.drop import Dropped, IdentifiedOrgan
 from palpate.imaging.labels import PROSTATE_LEFT, PROSTATE_RIGHT
-from palpate.ui.pictures.colours import STIFFNESS_LABEL, StiffnessScale
+from palpate.ui.pictures.colours import STIFFNESS_LABEL, STIFFNESS_SCALE
 from palpate.ui.pictures.drop.stage import DropStage, FallingOrgan
 from palpate.ui.words.number_words import three_figures
 
@@ -15,14 +15,13 @@ _SIDES = {PROSTATE_LEFT: "left", PROSTATE_RIGHT: "right"}
 
 def stage_of(dropped: Dropped, per_second: float) -> DropStage:
     """The film's stage: organs in the colours of one scale, without a word on whose they are."""
-    scale = StiffnessScale.of(G for organ in dropped.organs for G in organ.stiffness_kpa.values())
+    scale = STIFFNESS_SCALE
     falling = []
     for organ, one in zip(dropped.organs, dropped.drops, strict=True):
         colours = {region: scale.rgb(G) for region, G in organ.stiffness_kpa.items()}
         rgb = np.array([colours[int(region)] for region in one.regions])
         falling.append(FallingOrgan(f"Organ {organ.name}", subtitle(organ), one.points, one.faces, rgb))
-    ticks = [scale.low, (scale.low * scale.high) ** 0.5 if scale.log else 0.5 * (scale.low + scale.high), scale.high]
-    bar = tuple((float(scale.norm(t)), f"{t:.3g}") for t in ticks)
+    bar = tuple((float(scale.norm(t)), f"{t:g}") for t in (scale.low, 50.0, scale.high))
     along = np.array([scale.colormap(share)[:3] for share in np.linspace(0.0, 1.0, 128)])
     dish = dropped.dish
     return DropStage(

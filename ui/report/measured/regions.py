@@ -34,15 +34,20 @@ class MeasuredRegion:
     @property
     def where(self) -> str:
         """The slice: ``axial, z = -148.0 mm``."""
-        plane = _PLANES[self.measurement.plane]
-        place = f"{'xyz'[plane.normal]} = {self.measurement.points[0][plane.normal]:.1f} mm"
-        return f"{plane.name}, {place}".replace("-", "\N{MINUS SIGN}")
+        return slice_words(self.measurement)
 
     @property
     def interval_words(self) -> str:
         """The 95 % interval of G, kPa; empty where nothing is told."""
         interval = self.mean.interval_kpa
         return "" if interval is None else f"{three_figures(interval[0])} to {three_figures(interval[1])}"
+
+
+def slice_words(measurement: Measurement) -> str:
+    """The slice of a measurement: ``axial, z = -148.0 mm``."""
+    plane = _PLANES[measurement.plane]
+    place = f"{'xyz'[plane.normal]} = {measurement.points[0][plane.normal]:.1f} mm"
+    return f"{plane.name}, {place}".replace("-", "\N{MINUS SIGN}")
 
 
 def measured_region(

@@ -1,11 +1,12 @@
-"""The table of the regions that a person measured on the stiffness map."""
+"""The tables of what a person measured: regions on the stiffness map, distances and angles."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from palpate.case.measured.measurements import Measurement, angle_degrees, length_mm
 from palpate.ui.report.document import Block, Table
-from palpate.ui.report.measured.regions import YOUNG, MeasuredRegion
+from palpate.ui.report.measured.regions import YOUNG, MeasuredRegion, slice_words
 from palpate.ui.words.number_words import three_figures
 
 _DASH = "\N{EN DASH}"
@@ -19,6 +20,19 @@ _CAPTION = (
 def measured_table(found: Sequence[MeasuredRegion]) -> list[Block]:
     """The table as the report's block; nothing where nothing was measured."""
     return [Table(_HEADER, [_row(region) for region in found], _CAPTION)] if found else []
+
+
+def lines_table(found: Sequence[Measurement]) -> list[Block]:
+    """Distances and angles as the report's block; nothing where none was measured."""
+    rows = [(f"{one.name} ({one.kind})", slice_words(one), line_words(one)) for one in found]
+    return [Table(("measured", "slice", "value"), rows, "Distances and angles that a person measured")] if rows else []
+
+
+def line_words(one: Measurement) -> str:
+    """Value of a distance or an angle: ``23.4 mm``."""
+    if one.kind == "angle":
+        return f"{angle_degrees(one.points):.1f}\N{DEGREE SIGN}"
+    return f"{length_mm(one.points):.1f} mm"
 
 
 def _row(region: MeasuredRegion) -> tuple[str, ...]:
