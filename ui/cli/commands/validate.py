@@ -11,6 +11,7 @@ table1, table2: the paper's tables, an organ's half with a tumour of growing siz
 sensitivity, resolution, swarm, threads, cohort: the paper's Figs 8, 11 and 12, 10, 14, 13.
 drop: motion, contact and friction against closed forms; the energy of a soft ball in a dish.
 map: are the errors of the map within the organ what it says, and which focus does it find?
+grids: one pair's labels on five grids; do the answers agree within what they say?
 coverage: do the 95 % intervals hold the truth 95 times in 100?
 touch: quick answers to a probe beside the full solve, and a press on a ball beside Hertz.
 """
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from palpate.validate.calibration.records import CalibrationTable
     from palpate.validate.forward.study import ForwardTable
     from palpate.validate.images.records import ImagesTable
+    from palpate.validate.label_grids import GridTable
     from palpate.validate.matching.study import MatchTable
     from palpate.validate.meshing_study import MeshingTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
@@ -97,7 +99,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bounds", type=float, nargs=2, default=(5.0, 500.0), metavar=("LOW", "HIGH"),
                         help="calibration: the prior, even in the logarithm of G between these, kPa (default 5 500)")  # fmt: skip
     parser.add_argument("--folder", type=Path, default=Path("gap_study"), metavar="FOLDER",
-                        help="gap, calibration, images: cases, answers, ledger; goes on (default %(default)s)")  # fmt: skip
+                        help="gap, calibration, images, grids: cases, answers, ledger; goes on (default %(default)s)")  # fmt: skip
     parser.add_argument("--tets", type=whole_number(500, 500_000), default=7000, metavar="N",
                         help="meshing: about how many tetrahedra (default %(default)s)")  # fmt: skip
     parser.add_argument("--scan", type=Path, nargs=2, action="append", default=[], metavar=("CT", "CONTOURS"),
@@ -118,7 +120,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="images: drawn contours err by SD mm over LENGTH mm, as the case states (default: 0.4, unstated)")  # fmt: skip
     parser.add_argument("--no-diagnosis", action="store_true", help="images: stiffness only, in half the time")
     parser.add_argument("--case", type=Path, action="append", default=[], metavar="CASE",
-                        help="map: an identified case, whose anatomy, motion and errors the study takes; several times")  # fmt: skip
+                        help="map: an identified case, whose anatomy, motion and errors the study takes; grids: one with labels "
+                        "and CTs; several times")  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="write the figures to this JSON file too, and a picture beside it where the study has one")  # fmt: skip
 
@@ -323,6 +326,20 @@ def _map_text(found: MapTable) -> str:
     return study_text(found)
 
 
+def _grids(args: argparse.Namespace, progress: Progress) -> GridTable:
+    from palpate.validate.label_grids import label_grids
+
+    if not args.case:
+        raise UsageError("grids: give --case CASE, a case with labels and two CTs")
+    return label_grids(args.case, args.folder, progress=progress)
+
+
+def _grids_text(found: GridTable) -> str:
+    from palpate.validate.label_grids import table_text
+
+    return table_text(found)
+
+
 STUDIES: dict[str, Study[Any]] = {
     "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
     "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
@@ -343,4 +360,5 @@ STUDIES: dict[str, Study[Any]] = {
     "matching": Study(_matching, _matching_text),
     "images": Study(_images, _images_text),
     "map": Study(_map, _map_text, _drawn_by("map")),
+    "grids": Study(_grids, _grids_text),
 }
