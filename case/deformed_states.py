@@ -113,7 +113,7 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
 def _aligned(case: CaseFolder, new: NewState) -> tuple[Volume, FloatArray]:
     """Labels in the state's own frame, and the rigid transform (4, 4), mm, from there into the rest frame."""
     if not new.scan.exists():
-        raise InputError(f"{new.scan} is not there; give a CT or a NIfTI label volume")
+        raise InputError(f"{new.scan} is not there; give a NIfTI label volume or a CT")
     if is_ct(new.scan):
         if new.labels is None:
             raise InputError(

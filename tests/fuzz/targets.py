@@ -10,6 +10,7 @@ from pathlib import Path
 
 import nibabel as nib
 import numpy as np
+import SimpleITK as sitk
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "fixtures"))
 from case_targets import MAKERS, Made
@@ -23,11 +24,15 @@ from palpate.imaging.contours.dicom_seg import read_dicom_seg
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, MAIN, Layer, workspace_text
 from palpate.imaging.contours.named_labels import labels_of
-from palpate.imaging.contours.nifti_labels import read_labels, write_labels
+from palpate.imaging.contours.nifti_labels import read_labels, write_labels, write_nifti
 from palpate.imaging.contours.rtstruct import read_rtstruct
 from palpate.imaging.contours.seg_nrrd import read_seg_nrrd, write_seg_nrrd
 from palpate.imaging.contours.user_labels import read_label_volume, read_user_labels
 from palpate.imaging.dicom.series import read_series
+from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
+from palpate.imaging.registration.dicom_registration import read_registration
+from palpate.imaging.scans.scan import read_scan
+from palpate.imaging.scans.volume_file import write_volume_file
 from palpate.imaging.volume import Volume
 from palpate.segmentation.prompts import parse_prompts
 
@@ -45,7 +50,8 @@ class Target:
 def all_targets(folder: Path) -> list[Target]:
     """One target for each parser, with files under a new folder."""
     makers = (
-        _dicom_slice, _dicom_multi_frame, _rtstruct, _dicom_seg, _nifti, _nifti_gz, _seg_nrrd, _workspace, _label_text,
+        _dicom_slice, _dicom_multi_frame, _rtstruct, _dicom_seg,
+        _registration, _scan_mha, _scan_nrrd, _scan_nifti, _nifti, _nifti_gz, _seg_nrrd, _workspace, _label_text,
         _landmarks, _case_json, _spec, _npz, _prompts, *MAKERS,
     )  # fmt: skip
     found = []
@@ -81,7 +87,6 @@ def _rtstruct(folder: Path) -> Made:
 
 
 def _dicom_seg(folder: Path) -> Made:
-    from palpate.imaging.dicom.write import SeriesIdentity, write_ct_series
     from palpate.ui.dicom.label_segments import label_segmentation
 
     case = CaseFolder.create(folder / "case", CaseFacts("fuzz"))
@@ -92,6 +97,46 @@ def _dicom_seg(folder: Path) -> Made:
     path = folder / "seg.dcm"
     label_segmentation(case, "rest").save_as(path, enforce_file_format=True)
     return path, lambda: labels_of(read_dicom_seg(path), str(path)), False
+
+
+def _registration(folder: Path) -> Made:
+    from palpate.ui.export.dicom_reg import export
+
+    case = CaseFolder.create(folder / "case", CaseFacts("fuzz"))
+    for state in ("rest", "deformed"):
+        who = SeriesIdentity("f", "f^f", "s", state, state, 1, "study", "CT", "a test")
+        write_ct_series(case.file(f"{state}_ct"), _ct(), who, compress=False)
+    turn = np.eye(4)
+    turn[:3, 3] = [1.0, 2.0, 3.0]
+    case.write_json("alignment.json", {"deformed_to_rest": turn, "residual_mm": 0.1})
+    (path,) = export(case, folder)
+    facts = [case.series(state)[1] for state in ("rest", "deformed")]
+    return path, lambda: read_registration(path, *facts), False
+
+
+def _ct() -> Volume:
+    """A body of fat and muscle in air."""
+    array = np.full((8, 9, 7), -1000, dtype=np.int16)
+    array[1:7, 1:8], array[2:6, 2:7] = -100, 50
+    return Volume(array, np.diag([1.5, 2.0, 3.0, 1.0]))
+
+
+def _scan_mha(folder: Path) -> Made:
+    path = folder / "a.mha"
+    sitk.WriteImage(_ct().to_sitk(), str(path), useCompression=True)
+    return path, lambda: read_scan(path), False
+
+
+def _scan_nrrd(folder: Path) -> Made:
+    path = folder / "a.nrrd"
+    write_volume_file(path, _ct())
+    return path, lambda: read_scan(path), False
+
+
+def _scan_nifti(folder: Path) -> Made:
+    path = folder / "a.nii"
+    write_nifti(path, _ct())
+    return path, lambda: read_scan(path), False
 
 
 def _nifti(folder: Path) -> Made:

@@ -1,6 +1,7 @@
-"""Makes the case folder of a pair of scans: two folders with a DICOM CT each, or two NIfTI label volumes.
+"""Makes the case folder of a pair of scans: two CTs (DICOM folders, NIfTI, NRRD, MetaImage), or two NIfTI label volumes.
 
-The deformed scan is aligned to the one at rest on bone. The case holds copies; the scans are not touched.
+The deformed scan is aligned to the one at rest on bone, or by a DICOM registration that is given. The case holds copies; the
+scans are not touched.
 The scan at rest alone makes a case for `plan`; import both into it when there is a second.
 With --surfaces, REST and DEFORMED are closed surfaces of one body (STL, OBJ, PLY, in mm), aligned on each other.
 """
@@ -27,7 +28,12 @@ NAME, HELP = "import", "two scans to a case folder, aligned on bone"
 
 def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
     """REST DEFORMED -o CASE, and how to read them. alone : whether the scan at rest may come without the second."""
-    parser.add_argument("rest", type=Path, metavar="REST", help="scan at rest: DICOM folder, or NIfTI label volume")
+    parser.add_argument(
+        "rest",
+        type=Path,
+        metavar="REST",
+        help="scan at rest: DICOM folder, CT as NIfTI, NRRD or MetaImage, or NIfTI label volume",
+    )
     words = "scan in which the organ is deformed"
     if alone:
         parser.add_argument("deformed", type=Path, metavar="DEFORMED", nargs="?",
