@@ -22,9 +22,12 @@ _LEAST_TISSUE = 0.05
 # Nothing that shows a body lies below this throughout: fat is denser.
 _NO_TISSUE_HU = -300.0
 _MOST_VALUES = 500_000
-# What surrounds a body is of one value within this, on this share of the pictures' edges; the body lies this much above it.
+# What surrounds a body is of one value within this (HU), on this share of the pictures' edges; the body lies this much above it (HU).
+# Chosen: air has a noise of some 10 HU at a scanner, a table or an arm may reach an edge, and fat lies 90 HU above air at a tenth of the
+# scale, the wildest that is looked for.
 _SAME_HU, _SURROUNDS, _ABOVE_HU = 15.0, 0.9, 50.0
-# Fat has about -120 to -80 HU and muscle 40 to 80: of the voxels in the range of soft tissue a quarter at least lies above the first
+# Fat has about -120 to -80 HU and muscle 40 to 80 (Chosen: the usual ranges of textbooks, fat's lower end and, as far above water, room
+# for contrast): of the voxels in the range of soft tissue a quarter at least lies above the first
 # and below the second, however much fat there is.
 _SOFT_RANGE_HU = (-500.0, 300.0)
 _SOFT_HU = (-120.0, 120.0)

@@ -21,7 +21,8 @@ from palpate.imaging.surfaces.surface_files import LARGEST_MM, SMALLEST_MM
 
 # As those of case.json (`case_facts`), kPa.
 _MODULI = (1e-3, 1e6)
-# The deformed organ's centre lies within this many of its own sizes from where it was.
+# The deformed organ's centre lies within this many of its own sizes from where it was, and none of two sizes is this many times the other.
+# Chosen: no organ moves by its own size; a factor of ten is a wrong unit.
 _FAR = 3.0
 
 

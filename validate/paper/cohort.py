@@ -91,6 +91,8 @@ CONTRAST_BY_STAGE = (1.5, 2.5, 4.0, 6.0)
 SCATTER = 0.25
 NORMAL_MU = 15.0
 _COLUMNS = ("stage", "mu_kpa")
+# A case may have a name in the table, which nothing is made of.
+_NAMES = ("case",)
 
 
 @dataclass(frozen=True)
@@ -156,11 +158,11 @@ def cohort(options: CohortOptions | None = None, progress: Progress = silent) ->
 
 
 def cohort_of_table(path: Path) -> CohortTable:
-    """The statistics of real cases: a CSV with columns `stage` (T1 to T4, or a number) and `mu_kpa`, one row a case.
+    """The statistics of real cases: a CSV with columns `stage` (T1 to T4, or a number) and `mu_kpa`, and `case` for names, one row a case.
 
     Raises InputError when the file or a row of it cannot be read or holds more, or there are fewer than 3 cases or one stage only.
     """
-    rows = [_read(row.cells, path, row.line) for row in read_csv_table(path, _COLUMNS)]
+    rows = [_read(row.cells, path, row.line) for row in read_csv_table(path, _COLUMNS, _NAMES)]
     if len(rows) < 3 or len({row["stage"] for row in rows}) < 2:
         raise InputError(f"{path} has {len(rows)} cases; 3 or more of at least two stages are needed")
     stages, values = [row["stage"] for row in rows], [row["mu_kpa"] for row in rows]
