@@ -21,7 +21,7 @@ REASONS = (
 
 
 # Correlation of both scans about the organ, under the motion that was found, below which they do not show the same tissue. Chosen: pairs
-# of one body have more than 0.95 (docs/matching.md), a scan and its mirror image 0.75.
+# of one body have more than 0.95, a scan and its mirror image 0.75.
 LEAST_ALIKE = 0.85
 
 

@@ -9,10 +9,7 @@ from palpate.core.diagnose.evidence_rules import EvidenceRules
 from palpate.core.sourced_number import sourced
 
 _FLAG = "Chosen; only a line of words hangs on it."
-_PEAK = (
-    "Chosen; the place that is pointed at hangs on it, no verdict. "
-    "Measured as a whole: 1 mm from the true place (docs/gap.md)."
-)
+_PEAK = "Chosen; the place that is pointed at hangs on it, no verdict. Measured as a whole: 1 mm from the true place."
 
 
 @dataclass(frozen=True, kw_only=True)

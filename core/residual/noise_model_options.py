@@ -88,7 +88,7 @@ class NoiseModelOptions:
             "mm",
             "Correlation length of the part of contour noise that goes together over a side of the organ.",
             "Chosen: about a third of a prostate's width. Contours that people draw err in their details and, over a side, alike; "
-            "of 19 effect-free cases three had p below 0.05 with one length alone, one with this part (docs/gap.md).",
+            "of 19 effect-free cases three had p below 0.05 with one length alone, one with this part.",
         ),
     ] = 14.0
     long_shares: Annotated[

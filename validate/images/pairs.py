@@ -23,7 +23,7 @@ SHIFT_MM, TURN_DEG, ASIDE_MM = 3.0, 0.7, 1.0
 # distances on the surface it changes.
 CONTOUR_SD_MM, CORRELATION_MM = 0.4, (6.0, 12.0)
 # Edge of the simulation's cells on the organ, mm, and their element, which is not the program's. Images see a tenth of a millimetre:
-# cells of 6.5 mm of `p2` were off by 0.14 to 0.18 mm, which says a stiffness a tenth too low (docs/matching.md).
+# cells of 6.5 mm of `p2` were off by 0.14 to 0.18 mm, which says a stiffness a tenth too low.
 EDGE_MM, ELEMENT = 4.8, "p2p0"
 # What may be hidden, each between limits: the factor of moduli (drawn evenly in the logarithm, a soft one in two of five), a
 # focus's radius, mm, and how far from its half's centroid it lies along each axis, how far from the organ's centroid tissue changes,
