@@ -26,8 +26,8 @@ from targets import Target, all_targets
 from palpate.core.files.atomic import atomic_path
 
 CORPUS = Path(__file__).parent / "corpus"
-# hypothesis remembers every example of a round; rounds keep that memory small.
-ROUND = 2000
+# hypothesis remembers every example of a round; rounds keep that memory small, and the state file near what was done.
+ROUND = 200
 _MEMORY = Path("/dev/shm")
 
 
