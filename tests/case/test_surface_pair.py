@@ -136,7 +136,7 @@ def test_a_folder_that_is_given_as_a_file_is_called_one(tmp_path: Path) -> None:
     rest = saved(pear(), tmp_path / "a.ply")
     with pytest.raises(InputError, match=r"b\.stl is a folder; give the file$"):
         run_surface_import(rest, folder, tmp_path / "case")
-    with pytest.raises(InputError, match=r"b\.stl is a folder; give the file of the labels or landmarks"):
+    with pytest.raises(InputError, match=r"b\.stl is a folder; give the file of the labels, landmarks or registration"):
         inputs_sha256({}, ImportOptions(labels=(folder, None)))
 
 
