@@ -67,9 +67,11 @@ def test_scans_that_do_not_show_the_same_are_left_out_and_the_result_says_so(
         monkeypatch.setattr(step.match, "run", matched)
         monkeypatch.setattr(step, "missing_structures", lambda *_: [])
     asked: list[bool] = []
-    monkeypatch.setattr(identify, "_write_problems", lambda case, folder, image: asked.append(image))
+    monkeypatch.setattr(identify, "_write_problems", lambda case, folder, options: asked.append(bool(options.image)))
     monkeypatch.setattr(identify, "_job", lambda case, options, paths: options)
-    monkeypatch.setattr(diagnose, "data_of", lambda case, image: asked.append(image) or diagnose.Remeshed(None, None))
+    monkeypatch.setattr(
+        diagnose, "data_of", lambda case, image, law: asked.append(image) or diagnose.Remeshed(None, None)
+    )
     monkeypatch.setattr(diagnose, "remeshed", lambda *_: None)
     monkeypatch.setattr(diagnose, "replace", lambda data, **_: data)
     monkeypatch.setattr(diagnose, "arrays", lambda data: {})
