@@ -92,7 +92,7 @@ def _combined(loops: list[_Loop], pixel: FloatArray, name: str, notes: list[str]
     """One mask of the contours on one plane. pixel : edge lengths (2,) mm."""
     distinct: list[_Loop] = []
     for loop in sorted(loops, key=lambda each: -int(each.mask.sum())):
-        if any(_is_twice(loop, other, pixel, name) for other in distinct):
+        if any(_is_twice(loop, other, pixel, name, exclusive) for other in distinct):
             note = f"structure {name} has a contour twice on a slice; it was taken once"
             notes += [note] if note not in notes else []
         else:
@@ -108,15 +108,16 @@ def _combined(loops: list[_Loop], pixel: FloatArray, name: str, notes: list[str]
     return mask
 
 
-def _is_twice(loop: _Loop, larger: _Loop, pixel: FloatArray, name: str) -> bool:
-    """Whether two contours are one, up to the rounding of its points. Raises InputError where they are two that pixels cannot part."""
+def _is_twice(loop: _Loop, larger: _Loop, pixel: FloatArray, name: str, exclusive: bool) -> bool:
+    """Whether two contours are one, up to the rounding of its points. Raises InputError where they are two that pixels cannot part;
+    exclusive : the file says that the one is cut out of the other, so that any pixel between them is one of the wall."""
     if not loop.mask.any() or (loop.mask & ~larger.mask).sum() > _OUTSIDE * loop.mask.sum():
         return False
     apart = np.concatenate([_distances(loop, larger, pixel), _distances(larger, loop, pixel)])
     if apart.max() <= TWICE_WITHIN_MM:
         return True
     usual = float(np.median(apart))
-    if usual >= pixel.max():
+    if usual >= pixel.max() or (exclusive and (loop.mask ^ larger.mask).any()):
         return False
     raise InputError(
         f"structure {name} has two contours {usual:.1f} mm apart on a slice, nearer than pixels of {pixel.max():.1f} mm can show: "
