@@ -22,8 +22,8 @@ SURE = ((1.25, "high"), (1.5, "moderate"))
 LOW, NONE = "low", "none"
 SURE_RULE = (
     "How sure: by the factor that the 95 % interval reaches to both sides. high: up to 1.25; moderate: up to 1.5; low: more; none: the "
-    "scans cannot determine it. One word lower where the model misses the surface by more than the contours' own error. At most "
-    "moderate where nobody has drawn or checked a contour of the prostate."
+    "scans cannot determine it. One word lower where the model misses the surface by more than the contours' own error. Low "
+    "where nobody has drawn or checked a contour of the prostate: on real anatomy most such intervals miss."
 )
 # Methods of segmentation.json by which a person drew a contour.
 _BY_HAND = ("user", "drawn", CORRECTED)
@@ -53,10 +53,8 @@ def trust(region: RegionStiffness, record: CaseRecord) -> Trust:
         place += 1
         lowered.append("One word lower: the model misses the surface by more than the contours' own error.")
     if unchecked(record):
-        place = max(place, 1)
-        lowered.append(
-            "No more than moderate: the prostate's contours were found automatically and nobody has checked them."
-        )
+        place = len(SURE)
+        lowered.append("Low: the prostate's contours were found automatically and nobody has checked them.")
     words = [word for _, word in SURE] + [LOW]
     reaches = "interval not known" if region.ln_sd is None else f"95 % interval within a factor of {factor:.2f}"
     return Trust(words[min(place, len(SURE))], reaches, tuple(lowered))

@@ -139,13 +139,13 @@ def test_what_a_person_corrected_in_the_window_is_theirs_and_nothing_else(tmp_pa
     assert algorithm_types(case, "deformed")["prostate_left"] == "SEMIAUTOMATIC"
 
 
-@pytest.mark.parametrize(("method", "word"), [("auto", "moderate"), ("six points", "moderate"), ("user", "high")])
-def test_unchecked_automatic_contours_never_give_high(record: CaseRecord, method: str, word: str) -> None:
+@pytest.mark.parametrize(("method", "word"), [("auto", "low"), ("six points", "low"), ("user", "high")])
+def test_unchecked_automatic_contours_give_low(record: CaseRecord, method: str, word: str) -> None:
     organs = {"organs": {"prostate": {"method": method, "confidence": 0.9, "volume_cc": 30.0}}}
     told = replace(record, segmentation={"states": {"rest": organs, "deformed": organs}})
     assert trust.how_sure(record.regions[0], record) == "high", "labels that came with the case"
     assert trust.how_sure(record.regions[0], told) == word
     box = trust.trust_box(told).text.splitlines()
     assert box[0] == f"How sure, left half: {word} (95 % interval within a factor of 1.20)."
-    assert ("nobody has checked them" in box[-1]) == (word == "moderate")
-    assert any("found automatically" in line for line in trust.missing(told)) == (word == "moderate")
+    assert ("nobody has checked them" in box[-1]) == (word == "low")
+    assert any("found automatically" in line for line in trust.missing(told)) == (word == "low")
