@@ -52,7 +52,8 @@ class BodyDiagnosis:
 
 
 def judged(base: BodyFit, effects: Mapping[str, Effect], seed: int = 1, progress: Progress = silent) -> BodyDiagnosis:
-    """The diagnosis of a body's fit. effects : the library."""
+    """The diagnosis of a body's fit. effects : the library by id. seed : of the draws of noise. Raises InputError when nothing holds the
+    body."""
     rules, fit = base.options.decision_rules, base.plain
     progress(0.0, "score test of every effect")
     here = screen(fit, on_bench(effects, base.problem), Surroundings(base.problem.shell))
