@@ -39,10 +39,9 @@ def missing_structures(case: CaseFolder, image: bool = False) -> list[str]:
     if not all(case.has_labels(state) for state in STATES):
         return []
     volumes = {state: case.labels(state) for state in STATES}
-    if StatedErrors(case).one_drawing(ORGAN_NAME):
+    lines = automatic_contours(case, image)
+    if not lines and StatedErrors(case).one_drawing(ORGAN_NAME):
         lines = [CARRIED_BY_IMAGES] if image else [CARRIED_OVER]
-    else:
-        lines = automatic_contours(case, image)
     lines += [line for name, label in _WALLS.items() if (line := _absent(case, volumes, name, label))]
     return lines + [
         f"the prostate reaches the end of {_SCANS[state]}: part of it may not be seen"
@@ -55,11 +54,13 @@ def automatic_contours(case: CaseFolder, image: bool) -> list[str]:
     """That nobody drew the prostate in a scan, and what its contour is then taken for. image : see `missing_structures`."""
     errors = StatedErrors(case)
     found = [state for state in STATES if errors.found_automatically(state, ORGAN_NAME)]
-    if not found:
+    carried = errors.one_drawing(ORGAN_NAME)
+    if not found or (carried and len(found) < len(STATES)):
         return []
     said = errors.rms_mm()
+    found = found[:1] if carried else found
     sizes = [f"{said[state][ORGAN_NAME]:.1f} mm" for state in found if ORGAN_NAME in said.get(state, {})]
-    where = "both scans" if len(found) == len(STATES) else _SCANS[found[0]]
+    where = "both scans" if len(found) == len(STATES) or carried else _SCANS[found[0]]
     use = (
         "only where the prostate is; how it moved, the images tell" if image else "how it moved, which they hardly can"
     )

@@ -45,8 +45,10 @@ def write_surface_errors(
 ) -> None:
     """Write surface_errors.npz. errors : by state and organ; organs that a person contoured are absent.
 
-    one_drawing : organs whose contours were drawn in one state, `drawn_in`, and carried over to the other. labels : of both states, as they
-    are written; what somebody corrects in them later is drawn.
+    one_drawing : organs whose contours are those of one state, `drawn_in`, carried over to the other; errors of the first are
+    given where nobody drew them there. labels : of both states, as they
+    are written; what somebody corrects in them later is drawn. A surface that was carried over from one that was found has its whole
+    error too, for when the first one is corrected.
     """
     numbers, arrays = ErrorNumbers(), dict[str, NumberArray]()
     for state, organs in errors.items():
@@ -56,9 +58,18 @@ def write_surface_errors(
             arrays[f"{state}/{name}/sd_mm"] = found.sd_mm
             if labels is not None:
                 arrays[f"{state}/{name}/voxels"] = _digest({state: labels[state]}, name)
+    second = STATES[1 - STATES.index(drawn_in)]
     for organ in one_drawing:
         name = _SURFACES[organ]
-        arrays[f"{name}/one_drawing"] = arrays[f"{drawn_in}/{name}/drawn"] = np.array(True)
+        arrays[f"{name}/one_drawing"] = np.array(True)
+        arrays[f"{name}/carried_to_rest"] = np.array(drawn_in != STATES[0])
+        source = errors.get(drawn_in, {}).get(organ)
+        if source is None:
+            arrays[f"{drawn_in}/{name}/drawn"] = np.array(True)
+        elif organ in errors.get(second, {}):
+            carried = errors[second][organ]
+            first = source.sd_mm[cKDTree(source.points).query(carried.points)[1]]
+            arrays[f"{second}/{name}/whole_sd_mm"] = np.hypot(first, carried.sd_mm)
         if labels is not None:
             arrays[f"{name}/voxels"] = _digest(labels, name)
     arrays["common_share"] = np.array(numbers.common_share)
@@ -84,7 +95,7 @@ class StatedErrors:
         for name, values in self._arrays.items():
             if not np.isfinite(values).all():
                 raise _refused(case, name)
-            if name.endswith("/sd_mm") and not ((values >= _LEAST_MM) & (values <= _MOST_MM)).all():
+            if name.endswith("sd_mm") and not ((values >= _LEAST_MM) & (values <= _MOST_MM)).all():
                 raise _refused(case, name)
         try:
             self.correlation_mm = float(self._arrays.get("correlation_mm", ErrorNumbers().correlation_mm))
@@ -98,7 +109,7 @@ class StatedErrors:
         return any(name.endswith("/sd_mm") for name in self._arrays)
 
     def one_drawing(self, name: str) -> bool:
-        """Whether a surface was drawn in one scan and carried over to the other, and nobody corrected it there since. Raises
+        """Whether a surface was drawn or found in one scan and carried over to the other, and nobody corrected it since. Raises
         InputError when a label volume cannot be read."""
         return f"{name}/one_drawing" in self._written and self._unchanged(STATES, f"{name}/voxels", name)
 
@@ -129,24 +140,32 @@ class StatedErrors:
     def on(self, surface: Surface, state: str, name: str) -> Surface:
         """The surface with its errors: of the nearest point that the segmentation gave one. name : "organ", "bladder" or
         "rectum"."""
-        points, sd = (self._arrays.get(f"{state}/{name}/{part}") for part in ("points", "sd_mm"))
-        if points is None or sd is None or len(points) == 0 or len(surface.points) == 0:
-            return surface
-        return replace(surface, sd_mm=np.asarray(sd[cKDTree(points).query(surface.points)[1]], dtype=np.float64))
+        whole = f"{state}/{name}/whole_sd_mm" in self._arrays
+        return _with_errors(surface, self._arrays, f"{state}/{name}", "whole_sd_mm" if whole else "sd_mm")
 
     def pair(self, pair: SurfacePair, name: str) -> SurfacePair:
-        """Both surfaces with their errors."""
-        rest, deformed = self.on(pair.rest, "rest", name), self.on(pair.deformed, "deformed", name)
+        """Both surfaces with their errors. What carried one over is known by the file, whoever states another error of contours."""
+        to = self._carried_to(name)
+        rest, deformed = (
+            _with_errors(surface, self._written, f"{state}/{name}") if state == to else self.on(surface, state, name)
+            for state, surface in zip(STATES, (pair.rest, pair.deformed), strict=True)
+        )
         # What both scans have in common is known of errors of one kind only.
-        both = rest.sd_mm is not None and deformed.sd_mm is not None
-        return SurfacePair(rest, deformed, self.common_share if both else 0.0)
+        both = rest.sd_mm is not None and deformed.sd_mm is not None and not to
+        return SurfacePair(rest, deformed, self.common_share if both else 0.0, to)
+
+    def _carried_to(self, name: str) -> str:
+        """State to which the surface of the other one was carried over; empty where it was not."""
+        if not self.one_drawing(name):
+            return ""
+        to_rest = self._written.get(f"{name}/carried_to_rest", f"{STATES[1]}/{name}/drawn" in self._written)
+        return STATES[0] if bool(to_rest) else STATES[1]
 
     def planned(self, pair: SurfacePair, name: str) -> SurfacePair:
         """Both surfaces of a planned pair, which will be found as the one at rest was, with its errors; one that is
-        carried over from one drawing again errs as the last one."""
-        if self.one_drawing(name):
-            rest, deformed = self.on(pair.rest, "rest", name), self.on(pair.deformed, "deformed", name)
-            return SurfacePair(rest, deformed, 0.0)
+        carried over errs again as the last one."""
+        if self._carried_to(name):
+            return self.pair(pair, name)
         rest = self.on(pair.rest, "rest", name)
         if rest.sd_mm is None:
             return pair
@@ -176,6 +195,13 @@ def segmentation_now(case: CaseFolder) -> SegmentationRecord:
         organs = segmented.get("organs", {})
         organs.update({organ: {"method": CORRECTED} for organ in organs if errors.corrected(state, organ)})
     return found
+
+
+def _with_errors(surface: Surface, arrays: Mapping[str, NumberArray], key: str, sizes: str = "sd_mm") -> Surface:
+    points, sd = (arrays.get(f"{key}/{part}") for part in ("points", sizes))
+    if points is None or sd is None or len(points) == 0 or len(surface.points) == 0:
+        return surface
+    return replace(surface, sd_mm=np.asarray(sd[cKDTree(points).query(surface.points)[1]], dtype=np.float64))
 
 
 def _digest(labels: Mapping[str, Volume], name: str) -> NumberArray:

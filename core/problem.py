@@ -24,11 +24,14 @@ _DAMAGED: tuple[type[Exception], ...] = (InputError, *DAMAGED_ARCHIVE)
 @dataclass(frozen=True, eq=False)
 class SurfacePair:
     """One anatomical surface in both scans, in one frame. common_share : share of the variance of the surfaces' errors
-    that both scans have in common, of errors that the surfaces state (`Surface.sd_mm`)."""
+    that both scans have in common, of errors that the surfaces state (`Surface.sd_mm`). carried_to : state ("rest",
+    "deformed") to which the surface of the other one was carried over by the images: there it errs as in the other scan and by
+    its own sd_mm beside that. Empty where each scan's surface was found by itself."""
 
     rest: Surface
     deformed: Surface
     common_share: float = 0.0
+    carried_to: str = ""
 
     @property
     def states_errors(self) -> bool:
@@ -36,8 +39,11 @@ class SurfacePair:
         return self.rest.sd_mm is not None or self.deformed.sd_mm is not None
 
     def noise_sd_mm(self, otherwise: float) -> float:
-        """Error of one contour, rms over both surfaces, mm. otherwise : of a surface that states none."""
+        """Error of one contour as far as the other does not share it by being carried over, rms over both surfaces, mm. otherwise :
+        of a surface that states none."""
         both = [np.array([otherwise]) if s.sd_mm is None else s.sd_mm for s in (self.rest, self.deformed)]
+        if self.carried_to:
+            both[self.carried_to == "rest"] = np.zeros(1)
         return float(np.sqrt(np.mean([(sd**2).mean() for sd in both])))
 
 
@@ -167,12 +173,16 @@ def _of_pair(name: str, pair: SurfacePair) -> dict[str, NDArray[np.generic]]:
                 out[f"{name}/{state}/{key}"] = getattr(surface, key)
     if pair.states_errors:
         out[f"{name}/common_share"] = np.array(pair.common_share)
+    if pair.carried_to:
+        out[f"{name}/carried_to_rest"] = np.array(pair.carried_to == "rest")
     return out
 
 
 def _pair(data: Mapping[str, NDArray[np.generic]], name: str) -> SurfacePair:
     rest, deformed = (_surface(data, f"{name}/{state}") for state in ("rest", "deformed"))
-    return SurfacePair(rest, deformed, float(np.asarray(data.get(f"{name}/common_share", 0.0))))
+    share, to_rest = data.get(f"{name}/common_share", 0.0), data.get(f"{name}/carried_to_rest")
+    carried = "" if to_rest is None else "rest" if bool(to_rest) else "deformed"
+    return SurfacePair(rest, deformed, float(np.asarray(share)), carried)
 
 
 def _surface(data: Mapping[str, NDArray[np.generic]], name: str) -> Surface:

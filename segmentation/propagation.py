@@ -1,4 +1,4 @@
-"""Organs that were drawn in one scan only, carried over to the other by the motion that both CTs show."""
+"""Organs of one scan carried over to the other by the motion that both CTs show."""
 
 from __future__ import annotations
 
@@ -21,20 +21,16 @@ from palpate.segmentation.surface_error import SHELL_MM, SurfaceErrors, expected
 
 # How an organ came about that was carried over, in segmentation.json.
 METHOD = "propagated"
-# What the drawn surface errs by in the difference of both, mm: nothing, for its errors are in both alike; more than none,
-# because a file of errors may not say that.
-ONE_DRAWING_MM = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class CarriedOrgan:
-    """drawn : mask in the scan that was drawn. field : displacement (mi, mj, mk, 3) mm to the other scan. errors : of the
-    surface there. source : of the drawn surface, beside what both have in common."""
+    """drawn : mask in the scan that it comes from. field : displacement (mi, mj, mk, 3) mm to the other scan. errors : of the
+    surface there, beside those that it has in the first scan."""
 
     drawn: Volume
     field: Volume
     errors: SurfaceErrors
-    source: SurfaceErrors
 
     def found(self, grid: Volume) -> Found:
         """The organ on a grid of the other scan."""
@@ -51,7 +47,7 @@ def carried_organs(
 ) -> dict[str, CarriedOrgan] | None:
     """Organs of a segmented scan as they lie in another; None where the two CTs do not look alike under any motion.
 
-    drawn : masks that a person drew, by organ. names : of those that are carried over. scans : CT that was drawn and the
+    drawn : masks that a person drew, by organ; the segmentation's where nobody did. names : of those that are carried over. scans : CT that was drawn and the
     other one, in one frame. Raises InputError where they do not overlap about the organs.
     """
     grid = segmentation.scene.grid
@@ -75,5 +71,4 @@ def _carried(drawn: Volume, shell: Shell, chosen: IntArray, found: Propagation) 
     sd = found.motion.error(surface.points, surface.normals)
     moved = shell.moved(shell.points + found.field.at(shell.points))
     errors = SurfaceErrors(points, sd, expected_dice(moved, chosen, sd))
-    source = SurfaceErrors(surface.points, np.full(len(points), ONE_DRAWING_MM), 1.0)
-    return CarriedOrgan(drawn, found.field, errors, source)
+    return CarriedOrgan(drawn, found.field, errors)

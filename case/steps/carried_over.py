@@ -1,4 +1,4 @@
-"""What the segment step takes from the scan that it reads first to the other one: organs that were drawn there, or a place."""
+"""What the segment step takes from the scan that it reads first to the other one: organs, or a place."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from palpate.core.worker.progress import Progress
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.prompts import ORGANS, Prompts
 from palpate.segmentation.propagation import CarriedOrgan, carried_organs
-from palpate.segmentation.surface_error import SurfaceErrors
 
 # Standard deviation of an organ's displacement between the scans, where only the scan at rest has a click.
 CARRIED_SD_MM = 8.0
@@ -46,7 +45,7 @@ class OtherScan:
         first = "deformed" if "prostate" in organs["deformed"] - organs["rest"] and case.has("deformed_ct") else "rest"
         second = STATES[1 - STATES.index(first)]
         free = prompts_of(case, options, second)
-        wanted = [n for n in ORGANS if n in organs[first] - organs[second] and free.mode(n) == "auto"]
+        wanted = [n for n in ORGANS if n not in organs[second] and free.mode(n) == "auto"]
         asked = options.propagate and options.model is None and case.has(f"{second}_ct")
         return cls(case, options, (first, second), contours[first], tuple(wanted) if asked else ())
 
@@ -56,12 +55,14 @@ class OtherScan:
         return own.or_near(_centroids(first), CARRIED_SD_MM)
 
     def carried(self, first: Segmentation, progress: Progress) -> dict[str, CarriedOrgan]:
-        """Organs that were drawn in the first scan alone, for the other one; none where both scans do not look alike."""
-        if not self.names or self.drawn is None:
+        """Organs of the first scan that nobody drew or pointed at in the other one, for that one; none where both scans do not
+        look alike."""
+        if not self.names:
             return {}
         scans = self.case.ct(self.order[0]), self.case.ct(self.order[1])
         try:
-            found = carried_organs(first, self.drawn.organs, self.names, scans, progress)
+            drawn = {} if self.drawn is None else self.drawn.organs
+            found = carried_organs(first, drawn, self.names, scans, progress)
         except InputError as error:
             found, why = None, str(error)
         else:
@@ -71,10 +72,6 @@ class OtherScan:
         self._found, self.names = found or {}, tuple(found or ())
         self.notes += [_note(self.order, self._found)] if self._found else []
         return self._found
-
-    def source_errors(self, state: str) -> dict[str, SurfaceErrors]:
-        """Errors of the drawn surfaces beside what they have in common with the carried ones."""
-        return {name: organ.source for name, organ in self._found.items()} if state == self.order[0] else {}
 
 
 def prompts_of(case: CaseFolder, options: SegmentOptions, state: str) -> Prompts:

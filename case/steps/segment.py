@@ -14,7 +14,7 @@ from palpate.case.steps.carried_over import OtherScan, prompts_of
 from palpate.case.steps.declarations import SEGMENT
 from palpate.case.steps.returned_labels import ReturnedLabels, are_drawn, compared, returned_volumes, take_over
 from palpate.case.steps.segment_options import SegmentOptions
-from palpate.case.steps.segment_report import SegmentedState, notes_on, state_report, volumes_cc
+from palpate.case.steps.segment_report import SegmentedState, carried_record, notes_on, state_report, volumes_cc
 from palpate.case.steps.segment_state import segmented, segmented_beside
 from palpate.case.surface_errors import write_surface_errors
 from palpate.core.arrays import FloatArray
@@ -43,8 +43,8 @@ def run_segment(
     surface_errors.npz gives, by place, how far the surfaces that were found may be off. STATE_bones.nii.gz (names in
     bones.txt) gives the bone of each bone voxel.
 
-    A person's contours (STATE_user.nii.gz) are taken as they are; only missing structures are segmented. Organs that were
-    drawn in one scan only are carried over to the other by the motion that both CTs show. The step
+    A person's contours (STATE_user.nii.gz) are taken as they are; only missing structures are segmented. What nobody drew or
+    pointed at in one scan is carried over from the other by the motion that both CTs show, drawn or found. The step
     passes over a case whose scans, contours and options are those of the last run, and over a case that came with label
     volumes. workers : processes; with more than one both scans are segmented side by side, with the same labels.
 
@@ -134,7 +134,7 @@ def _by_state(found: Mapping[str, SegmentedState]) -> dict[str, SegmentedState]:
 class _Labelled:
     """Labels and bones by state, the report, and errors of the surfaces by state and organ, before they are written.
 
-    one_drawing : organs that were drawn in one scan, of the state `drawn_in`, and carried over to the other.
+    one_drawing : organs of one scan, of the state `drawn_in`, that were carried over to the other.
     """
 
     volumes: dict[str, Volume]
@@ -173,6 +173,10 @@ def _labelled(
         plane = split_plane(one.prostate, normal, source, prompts_of(case, options, state).seeds.get("urethra"))
         volumes[state] = labels_of(one, plane, box)
         states[state] = state_report(one, volumes[state], plane, box)
+    first, second = carried_over.order
+    for name in carried_over.names:
+        organs = states[second]["organs"]
+        organs[name] = carried_record(states[first]["organs"][name], organs[name])
     other = found.get("deformed")
     motions = bone_motions(rest.segmentation.bones, other.segmentation.bones) if other else {}
     report: SegmentationRecord = {
@@ -181,7 +185,7 @@ def _labelled(
         "bone_motion": {name: motion.to_dict() for name, motion in motions.items()},
         "notes": carried_over.notes + notes_on(states) + motion_notes(motions),
     }
-    errors = {state: {**one.errors, **carried_over.source_errors(state)} for state, one in found.items()}
+    errors = {state: dict(one.errors) for state, one in found.items()}
     bones = {state: bones_of(found[state], labels) for state, labels in volumes.items()}
     return _Labelled(volumes, bones, report, errors, carried_over.names, carried_over.order[0])
 

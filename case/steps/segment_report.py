@@ -95,6 +95,13 @@ def _organ_record(found: Found, volume_cc: float, errors: SurfaceErrors | None) 
     }
 
 
+def carried_record(source: OrganRecord, carried: OrganRecord) -> OrganRecord:
+    """Record of an organ that was carried over: it errs as in the scan that it comes from, and by what carried it."""
+    both = float(np.hypot(source.get("error_mm", 0.0), carried["error_mm"]))
+    sure = round(source["confidence"] * carried["confidence"], 3)
+    return {**carried, "confidence": sure, "error_mm": round(both, 2)}
+
+
 def notes_on(states: Mapping[str, SegmentedRecord]) -> list[str]:
     """Notes for the user on what to check, a line each."""
     notes = []

@@ -22,7 +22,7 @@ from palpate.segmentation.propagation import CarriedOrgan
 from palpate.segmentation.surface_error import surface_errors
 from palpate.segmentation.whole_scan import WholeScan, whole_scan
 
-# Organs that were drawn in the other scan, by name.
+# Organs of the other scan, by name.
 Carried = Mapping[str, CarriedOrgan]
 
 
@@ -47,8 +47,8 @@ def segmented(
     carried: Carried | None = None,
     drawn: bool = True,
 ) -> SegmentedState:
-    """then : called with the organs, before the errors of their surfaces are estimated. carried : organs that were drawn
-    in the other scan. drawn : whether a person's contours count.
+    """then : called with the organs, before the errors of their surfaces are estimated. carried : organs of the other
+    scan. drawn : whether a person's contours count.
 
     Raises InputError for a scan without pelvis or prostate, and for prompts outside of it.
     """

@@ -174,12 +174,17 @@ class _Contour:
         common. same_state : whether they are one state. length_mm : correlation length of the errors."""
         a, b = self.errors, other.errors
         kernel = covariance_between(a.points, b.points, 1.0, length_mm)
-        mine, theirs = self.response * a.deformed, other.response * b.deformed
-        out = a.own_share(b) * (self.at_rest * a.rest) @ kernel @ (other.at_rest * b.rest).T
-        if a.common and b.common:
-            common, others = self.at_rest * a.rest - mine, other.at_rest * b.rest - theirs
-            out = out + a.common_share(b) * common @ kernel @ others.T
-        return out + a.own_share(b) * mine @ kernel @ theirs.T if same_state else out
+        out = (self.at_rest * a.rest) @ kernel @ (other.at_rest * b.rest).T
+        if a.common.any() and b.common.any():
+            out = out + self._of_common() @ kernel @ other._of_common().T
+        if same_state:
+            out = out + (self.response * a.deformed) @ kernel @ (other.response * b.deformed).T
+        return np.asarray(out)
+
+    def _of_common(self) -> FloatArray:
+        """Change (n, q) of the data per unit of what both scans' errors have in common."""
+        at_rest, later = self.errors.common
+        return self.at_rest * at_rest - self.response * later
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,8 +51,8 @@ def test_errors_lie_where_the_segmentation_put_them(case: CaseFolder) -> None:
 
 def test_one_drawing_in_both_scans_errs_by_what_carried_it_over_alone(case: CaseFolder) -> None:
     surface = ball(10.0, (0.5, 0.0, 0.0))
-    source, there = (SurfaceErrors(surface.points, np.full(len(surface.points), sd), 1.0) for sd in (0.01, 0.6))
-    write_surface_errors(case, {"rest": {"prostate": source}, "deformed": {"prostate": there}}, ["prostate"])
+    there = SurfaceErrors(surface.points, np.full(len(surface.points), 0.6), 1.0)
+    write_surface_errors(case, {"deformed": {"prostate": there}}, ["prostate"])
     errors = StatedErrors(case)
     assert errors.correlation_mm == PropagationOptions().strain_length_mm
     pair = errors.pair(SurfacePair(surface, surface), "organ")
@@ -60,6 +60,31 @@ def test_one_drawing_in_both_scans_errs_by_what_carried_it_over_alone(case: Case
     np.testing.assert_allclose(np.diag(seen.covariance(seen, 10.0, True)), 0.36, rtol=0.02)
     planned = errors.planned(SurfacePair(surface, surface), "organ")
     assert planned.deformed.sd_mm is not None and planned.deformed.sd_mm.max() == 0.6
+
+
+def test_an_organ_that_was_found_and_carried_over_errs_alike_in_both_scans(case: CaseFolder) -> None:
+    labels = {state: Volume(np.full((6, 5, 4), 1, dtype=np.uint8), np.eye(4)) for state in STATES}
+    for state in STATES:
+        case.write_labels(state, labels[state])
+    surface = ball(10.0, (0.5, 0.0, 0.0))
+    found, there = (SurfaceErrors(surface.points, np.full(len(surface.points), sd), 0.8) for sd in (3.0, 0.4))
+    write_surface_errors(
+        case, {"rest": {"prostate": found}, "deformed": {"prostate": there}}, ["prostate"], labels, "rest"
+    )
+    errors, both = StatedErrors(case), SurfacePair(surface, surface)
+    assert errors.found_automatically("rest", "organ") and not errors.shows_motion("organ")
+    seen = ContourErrors.of(errors.pair(both, "organ"), surface.points, surface.points, 0.4)
+    np.testing.assert_array_equal(seen.common, 3.0)
+    np.testing.assert_allclose(seen.difference, 0.4)
+    case.save_facts(replace(case.facts, boundary_noise_sd_mm=0.9))  # of contours: not of what carried one over
+    seen = ContourErrors.of(StatedErrors(case).pair(both, "organ"), surface.points, surface.points, 0.9)
+    np.testing.assert_allclose((seen.common[0, 0], seen.deformed[0]), (0.9, 0.4))
+    case.save_facts(replace(case.facts, boundary_noise_sd_mm=None))
+    labels["rest"].array[0, 0, 0] = 3
+    case.write_labels("rest", labels["rest"])  # corrected: the other one errs as it was found
+    pair = StatedErrors(case).pair(both, "organ")
+    assert pair.deformed.sd_mm is not None and not pair.carried_to
+    np.testing.assert_allclose(pair.deformed.sd_mm, np.hypot(3.0, 0.4))
 
 
 def test_a_prostate_that_somebody_corrected_is_no_longer_one_drawing(case: CaseFolder) -> None:
@@ -102,7 +127,7 @@ def test_a_surface_that_nobody_drew_shows_no_motion_until_somebody_corrects_it(c
 
 def test_the_drawn_one_of_a_single_drawing_was_not_found_automatically(case: CaseFolder) -> None:
     one = SurfaceErrors(np.zeros((1, 3)), np.ones(1), 1.0)
-    write_surface_errors(case, {state: {"prostate": one} for state in STATES}, ["prostate"], None, "deformed")
+    write_surface_errors(case, {"rest": {"prostate": one}}, ["prostate"], None, "deformed")
     errors = StatedErrors(case)
     assert errors.found_automatically("rest", "organ") and not errors.found_automatically("deformed", "organ")
     assert not errors.shows_motion("organ")

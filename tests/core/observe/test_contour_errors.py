@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import synthetic_case
 
 from palpate.core.identify.predicted_posterior import predict
@@ -21,17 +22,18 @@ POINTS = np.random.default_rng(3).uniform(-12.0, 12.0, (40, 3))
 
 def test_the_covariance_is_that_of_drawn_errors() -> None:
     random = np.random.default_rng(1)
-    errors = ContourErrors(POINTS, np.linspace(0.5, 2.0, 40), np.linspace(1.5, 0.8, 40), 0.4)
+    sd = np.stack([np.linspace(0.5, 2.0, 40), np.linspace(1.5, 0.8, 40)])
+    errors = ContourErrors.sharing(POINTS, sd, 0.4)
     factor = np.linalg.cholesky(smooth_covariance(POINTS, 1.0, LENGTH) + 1e-9 * np.eye(40))
     common, rest, deformed = (factor @ random.standard_normal((40, 40000)) for _ in range(3))
-    at_rest = errors.rest[:, None] * (np.sqrt(0.4) * common + np.sqrt(0.6) * rest)
-    later = errors.deformed[:, None] * (np.sqrt(0.4) * common + np.sqrt(0.6) * deformed)
+    at_rest = sd[0][:, None] * (np.sqrt(0.4) * common + np.sqrt(0.6) * rest)
+    later = sd[1][:, None] * (np.sqrt(0.4) * common + np.sqrt(0.6) * deformed)
     said = errors.covariance(errors, LENGTH, same_state=True)
     np.testing.assert_allclose(said, np.cov(later - at_rest), atol=0.12)
-    other = errors.deformed[::-1][:, None] * (
+    other = sd[1][::-1][:, None] * (
         np.sqrt(0.4) * common + np.sqrt(0.6) * factor @ random.standard_normal((40, 40000))
     )
-    second = ContourErrors(POINTS, errors.rest, errors.deformed[::-1], 0.4)
+    second = ContourErrors.sharing(POINTS, np.stack([sd[0], sd[1][::-1]]), 0.4)
     across = np.cov(later - at_rest, other - at_rest)[:40, 40:]
     np.testing.assert_allclose(errors.covariance(second, LENGTH, same_state=False), across, atol=0.12)
 
@@ -48,10 +50,22 @@ def test_errors_are_those_of_the_nearest_vertex() -> None:
     rest = Surface(np.eye(3), faces, np.ones(1, dtype=np.int64), np.array([1.0, 2.0, 3.0]))
     pair = SurfacePair(rest, Surface(np.eye(3) + 5.0, faces, rest.region), 0.3)
     found = ContourErrors.of(pair, np.eye(3)[::-1], np.eye(3)[::-1] + 5.0, 0.4)
-    np.testing.assert_array_equal(found.rest, [3.0, 2.0, 1.0])
-    np.testing.assert_array_equal(found.deformed, [0.4, 0.4, 0.4])
-    assert found.common == 0.3
+    np.testing.assert_allclose(found.rest, np.sqrt(0.7) * np.array([3.0, 2.0, 1.0]))
+    np.testing.assert_allclose(found.deformed, np.sqrt(0.7) * 0.4)
+    np.testing.assert_allclose(found.common, np.sqrt(0.3) * np.array([[3.0, 2.0, 1.0], [0.4, 0.4, 0.4]]))
     assert rest.with_points(rest.points + 1.0).sd_mm is rest.sd_mm
+
+
+@pytest.mark.parametrize("to", ["rest", "deformed"])
+def test_a_carried_surface_errs_as_its_source_and_by_what_carried_it(to: str) -> None:
+    faces, first, second = np.array([[0, 1, 2]]), np.array([1.0, 2.0, 3.0]), np.full(3, 0.5)
+    sd = (second, first) if to == "rest" else (first, second)
+    rest, deformed = (Surface(np.eye(3), faces, np.ones(1, dtype=np.int64), one) for one in sd)
+    errors = ContourErrors.of(SurfacePair(rest, deformed, carried_to=to), np.eye(3), np.eye(3), 0.4)
+    np.testing.assert_array_equal(errors.common, [first, first])
+    np.testing.assert_array_equal(errors.difference, second)
+    np.testing.assert_array_equal(errors.rest, second if to == "rest" else 0.0 * second)
+    np.testing.assert_allclose(np.diag(errors.covariance(errors, LENGTH, same_state=True)), second**2)
 
 
 def _with_errors(
