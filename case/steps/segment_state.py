@@ -56,6 +56,16 @@ def segmented(
     return _segmented(_Read(state, contours, case.ct(state)), prompts, model, progress, then, carried or {})
 
 
+@contextmanager
+def _told_when_it_died() -> Iterator[None]:
+    try:
+        yield
+    except BrokenProcessPool as died:
+        raise PalpateError(
+            "the process that segments the deformed scan died, perhaps for lack of memory; try `--workers 1`"
+        ) from died
+
+
 class Beside:
     """A state segmented in another process, which begins at once with what needs no prompts."""
 
@@ -64,19 +74,16 @@ class Beside:
         self._made: Future[SegmentedState] | None = None
 
     def begin(self, prompts: Prompts, model: str | None, carried: Carried) -> None:
-        """Lets it go on with these prompts and organs of the other scan."""
-        self._made = self._pool.submit(_segment_what_was_read, prompts, model, carried)
+        """Lets it go on with these prompts and organs of the other scan. PalpateError where the other process died."""
+        with _told_when_it_died():
+            self._made = self._pool.submit(_segment_what_was_read, prompts, model, carried)
 
     def result(self) -> SegmentedState:
         """As `segmented`; PalpateError too where the other process died. Precondition: `begin`."""
         assert self._made is not None
-        try:
+        with _told_when_it_died():
             self._reading.result()
             return self._made.result()
-        except BrokenProcessPool as died:
-            raise PalpateError(
-                "the process that segments the deformed scan died, perhaps for lack of memory; try `--workers 1`"
-            ) from died
 
 
 @contextmanager
