@@ -17,14 +17,12 @@ from palpate.imaging.contours.nifti_labels import MOST_VOXELS
 
 METAIMAGE = (".mha", ".mhd")
 # Bytes; Slicer writes some hundred for each segment.
-_LONGEST_HEADER = 2**20
+LONGEST_HEADER = 2**20
 _SPACES = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior")
 _UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
 # Where a MetaImage lies, by the names that its writers use.
 _NEEDED = {"ndims", "dimsize", "elementtype"}
 _ORIENTATION, _POSITION = {"transformmatrix", "rotation", "orientation"}, {"offset", "position", "origin"}
-# What the files of MetaImage are that hold a picture of another kind than a CT.
-_CT_KINDS = ("", "MET_MOD_CT", "MET_MOD_UNKNOWN", "MET_MOD_OTHER")
 # Its complaints of damaged files go to standard error, ten lines each.
 sitk.ProcessObject.SetGlobalWarningDisplay(False)
 
@@ -35,11 +33,15 @@ _MetaHeader = tuple[Mapping[str, str], int]
 
 @dataclass(frozen=True, eq=False)
 class ItkImage:
-    """image : voxels and metadata. affine : (4, 4), index to LPS, mm. notes : what was done, one line each."""
+    """image : voxels and metadata. affine : (4, 4), index to LPS, mm. notes : what was done, one line each.
+
+    modality : what a MetaImage says that it shows; "" where it does not.
+    """
 
     image: sitk.Image
     affine: FloatArray
     notes: tuple[str, ...]
+    modality: str = ""
 
 
 def read_itk_image(path: Path, remedy: str = "save it again") -> ItkImage:
@@ -70,7 +72,9 @@ def read_itk_image(path: Path, remedy: str = "save it again") -> ItkImage:
     if not is_meta and ("NRRD_space" not in image.GetMetaDataKeys() or image.GetMetaData("NRRD_space") not in _SPACES):
         raise InputError(f"{path} does not say where it lies in the patient (no space); {remedy}")
     notes = () if scale == 1.0 else (f"{path.name} states its place in units of {scale:g} mm and was scaled to mm",)
-    return ItkImage(image, _placement(image, scale, path), notes)
+    return ItkImage(
+        image, _placement(image, scale, path), notes, "" if header is None else header[0].get("modality", "")
+    )
 
 
 def voxel_files(path: Path) -> list[Path]:
@@ -84,7 +88,7 @@ def voxel_files(path: Path) -> list[Path]:
 def _check_nrrd(path: Path, remedy: str) -> float:
     """The file's unit, mm. Raises InputError where the voxels lie in another file or are damaged, or the unit is unknown."""
     with path.open("rb") as stream:
-        text = stream.read(_LONGEST_HEADER).replace(b"\r\n", b"\n").partition(b"\n\n")[0].decode("latin-1")
+        text = stream.read(LONGEST_HEADER).replace(b"\r\n", b"\n").partition(b"\n\n")[0].decode("latin-1")
         fields = dict(re.findall(r"^([^#:\n]+): *(.*)$", text, re.MULTILINE))
         fields = {name.lower(): value for name, value in fields.items()}
         if fields.keys() & {"data file", "datafile"}:
@@ -104,12 +108,10 @@ def _check_nrrd(path: Path, remedy: str) -> float:
 
 
 def _check_meta(path: Path, header: _MetaHeader, reader: sitk.ImageFileReader, remedy: str) -> None:
-    """Raises InputError where voxels are missing or damaged, the file does not say where it lies, or it is no CT."""
+    """Raises InputError where voxels are missing or damaged, or the file does not say where it lies."""
     fields, end = header
     if not fields.keys() & _ORIENTATION or not fields.keys() & _POSITION:
         raise InputError(f"{path} does not say where it lies in the patient (TransformMatrix, Offset); {remedy}")
-    if fields.get("modality", "") not in _CT_KINDS:
-        raise InputError(f"{path} is no CT: its Modality is {fields['modality'][:20]}; give a CT in HU")
     inside = fields["elementdatafile"].upper() == "LOCAL"
     file = path if inside else _beside(path, fields["elementdatafile"])
     with file.open("rb") as stream:
@@ -127,8 +129,8 @@ def _meta_header(path: Path, remedy: str) -> _MetaHeader:
     """The header of a MetaImage. Raises InputError where it lacks what SimpleITK would complain of on standard error."""
     fields: dict[str, str] = {}
     with path.open("rb") as stream:
-        while stream.tell() < _LONGEST_HEADER:
-            key, sign, value = stream.readline(_LONGEST_HEADER).decode("latin-1").partition("=")
+        while stream.tell() < LONGEST_HEADER:
+            key, sign, value = stream.readline(LONGEST_HEADER).decode("latin-1").partition("=")
             if not sign:
                 break
             fields[key.strip().lower()] = value.strip()

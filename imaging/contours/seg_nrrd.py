@@ -13,7 +13,7 @@ import SimpleITK as sitk
 
 from palpate.core.arrays import BoolArray, FloatArray, NumberArray
 from palpate.core.errors import InputError
-from palpate.imaging.contours.itk_images import read_itk_image
+from palpate.imaging.contours.itk_images import LONGEST_HEADER, read_itk_image
 from palpate.imaging.contours.roi_names import distinct
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
@@ -82,6 +82,15 @@ def read_seg_nrrd(path: Path) -> NrrdSegments:
     values = _values(segments, layers.shape[3], path)
     numbers = dict(zip(values, segments, strict=True))
     return NrrdSegments(path, values, numbers, layers, found.affine, found.notes)
+
+
+def names_segments(path: Path) -> bool:
+    """Whether a NRRD file's header names segments, whatever its ending."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        header = stream.read(LONGEST_HEADER).replace(b"\r\n", b"\n").partition(b"\n\n")[0]
+    return re.search(rb"^Segment[0-9]{1,6}_(ID|Name):=", header, re.MULTILINE) is not None
 
 
 def write_seg_nrrd(

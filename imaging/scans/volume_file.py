@@ -22,6 +22,8 @@ WORDS = "NIfTI, NRRD or MetaImage (.nii, .nii.gz, .nrrd, .mha, .mhd)"
 # A label volume has fewer numbers than this, a CT more.
 _MOST_LABELS = 200
 _MOST_VALUES = 1_000_000
+# What a MetaImage may say that it shows.
+_CT_KINDS = ("", "MET_MOD_CT", "MET_MOD_UNKNOWN", "MET_MOD_OTHER")
 _INT16 = np.iinfo(np.int16)
 
 
@@ -49,7 +51,7 @@ def read_volume_file(path: Path) -> tuple[Volume, SeriesFacts]:
 
     Raises InputError naming the file when it is unreadable, no regular volume with a place in the patient, or no CT in HU.
     """
-    volume, notes = _read(path)
+    volume, notes = _read(path, only_ct=True)
     if volume.array.ndim != 3 or min(volume.array.shape) < MIN_SLICES:
         raise InputError(f"{path} has shape {volume.array.shape}; a CT of one volume is needed")
     if volume.array.dtype.kind not in "iuf" or not np.isfinite(volume.array).all():
@@ -70,10 +72,12 @@ def write_volume_file(path: Path, volume: Volume) -> None:
     sitk.WriteImage(volume.to_sitk(), str(path), useCompression=True, imageIO="NrrdImageIO")
 
 
-def _read(path: Path) -> tuple[Volume, list[str]]:
+def _read(path: Path, only_ct: bool = False) -> tuple[Volume, list[str]]:
     if path.name.lower().endswith(NIFTI):
         return read_nifti(path), []
     found = read_itk_image(path)
+    if only_ct and found.modality not in _CT_KINDS:
+        raise InputError(f"{path} is no CT: its Modality is {found.modality[:20]}; give a CT in HU")
     return Volume(np.transpose(sitk.GetArrayFromImage(found.image)), found.affine), list(found.notes)
 
 

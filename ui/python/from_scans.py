@@ -33,8 +33,8 @@ def analyze(
 ) -> Case:
     """The case of two scans, as `palpate analyze` makes it: imported, segmented, meshed, identified, diagnosed, reported.
 
-    rest, deformed : CTs (DICOM folders, NIfTI, NRRD, MetaImage), or NIfTI label volumes. case : folder to make; a second call on the same
-    input passes over what is done. labels : contours of both scans, in any format of `palpate import`. landmarks : CSV of
+    rest, deformed : CTs (DICOM folders, NIfTI, NRRD, MetaImage), or label volumes in such files. case : folder to make; a second
+    call on the same input passes over what is done. labels : contours of both scans, in any format of `palpate import`. landmarks : CSV of
     matched points. registration : rigid DICOM REG of the two CTs, instead of the alignment on bone. progress : hears a
     fraction and a message. options : fields of `IdentifyOptions`; `seed` is the diagnosis's too.
 
