@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk
 
-from palpate.imaging.contours.itk_images import read_itk_image
 from palpate.imaging.contours.itksnap_labels import read_label_names
 from palpate.imaging.contours.label_reader import Roi, StructureEntry, UserLabels
+from palpate.imaging.contours.metaimage import METAIMAGE, read_metaimage
 from palpate.imaging.contours.nifti_labels import NIFTI, names_within, read_numbers, whole_numbers, with_meaning
+from palpate.imaging.contours.nrrd import read_nrrd
 from palpate.imaging.contours.numbered_labels import meaning_of_names, meaning_of_numbers
 from palpate.imaging.contours.structure_names import organ_of
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
@@ -36,7 +37,10 @@ def numbered(path: Path) -> NumberedVolume:
     """The numbers of a NIfTI, NRRD or MetaImage file. Raises InputError naming the file where they are not whole, or it is damaged."""
     if path.name.lower().endswith(NIFTI):
         return NumberedVolume(path, read_numbers(path))
-    found = read_itk_image(path)
+    if path.name.lower().endswith(METAIMAGE):
+        meta = read_metaimage(path)
+        return NumberedVolume(path, Volume(whole_numbers(meta.array, path), meta.affine))
+    found = read_nrrd(path)
     array = np.transpose(sitk.GetArrayFromImage(found.image))
     return NumberedVolume(path, Volume(whole_numbers(array, path), found.affine), found.notes)
 

@@ -30,7 +30,7 @@ def padded(stored: NumberArray, of: Slice) -> BoolArray | None:
     if of.is_hu and stored.size and of.slope > 0.0 and float(stored.max()) * of.slope + of.intercept > HIGHEST_HU:
         impossible = _at_the_edge(stored.astype(np.float64) * of.slope + of.intercept > HIGHEST_HU)
         mask = impossible if mask is None else mask | impossible
-    return mask
+    return mask if mask is not None and mask.any() else None
 
 
 def _unstated(stored: NumberArray, of: Slice) -> BoolArray | None:

@@ -9,8 +9,9 @@ import SimpleITK as sitk
 
 from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
-from palpate.imaging.contours.itk_images import METAIMAGE, read_itk_image, voxel_files
+from palpate.imaging.contours.metaimage import METAIMAGE, read_metaimage, voxel_files
 from palpate.imaging.contours.nifti_labels import NIFTI, WHOLE_WITHIN, read_nifti
+from palpate.imaging.contours.nrrd import read_nrrd
 from palpate.imaging.dicom.hounsfield import check_hounsfield, refuse_other_scales, soft_tissue_note
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.dicom.stack import MIN_SLICES
@@ -75,9 +76,12 @@ def write_volume_file(path: Path, volume: Volume) -> None:
 def _read(path: Path, only_ct: bool = False) -> tuple[Volume, list[str]]:
     if path.name.lower().endswith(NIFTI):
         return read_nifti(path), []
-    found = read_itk_image(path)
-    if only_ct and found.modality not in _CT_KINDS:
-        raise InputError(f"{path} is no CT: its Modality is {found.modality[:20]}; give a CT in HU")
+    if path.name.lower().endswith(METAIMAGE):
+        meta = read_metaimage(path)
+        if only_ct and meta.modality not in _CT_KINDS:
+            raise InputError(f"{path} is no CT: its Modality is {meta.modality[:20]}; give a CT in HU")
+        return Volume(meta.array, meta.affine), []
+    found = read_nrrd(path)
     return Volume(np.transpose(sitk.GetArrayFromImage(found.image)), found.affine), list(found.notes)
 
 

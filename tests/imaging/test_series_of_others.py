@@ -212,6 +212,7 @@ def test_metal_that_saturates_within_the_body_stays_metal(tmp_path: Path) -> Non
         each.PixelData = stored.astype("<i2").tobytes()
     volume, facts = read_series(save(tmp_path / "ct", slices))
     assert (volume.array[6, 10] == 31000).all() and volume.array[0, 0, 0] == -1000
+    assert not any("padding" in note for note in facts.notes)
     assert [note for note in facts.notes if "metal" in note] == [
         f"values above 31000 HU within the body (metal) were set to that limit, on {len(slices)} slices"
     ]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from palpate.imaging.contours.itk_images import METAIMAGE, voxel_files
 from palpate.imaging.contours.label_reader import LabelReader, Roi, UserLabels
+from palpate.imaging.contours.metaimage import METAIMAGE, voxel_files
 from palpate.imaging.contours.numbered_volume import read_volume, structures_of, with_description
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.volume import Volume
