@@ -155,6 +155,12 @@ def test_rows_in_python(
         assert kind == "InputError" and re.search(asked[name], text), (name, text)
 
 
+def test_every_row_is_among_them(wild2: Path) -> None:
+    here = Path(__file__).read_text(encoding="utf-8")
+    rows = sorted(folder.name for folder in wild2.iterdir() if folder.is_dir() and folder.name not in ("base", "pair"))
+    assert len(rows) >= 34 and [row for row in rows if not re.search(rf'"{row}("|[/ abc])', here)] == []
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell script")
 def test_a_closed_standard_output(wild2: Path) -> None:
     done = subprocess.run(
@@ -166,7 +172,7 @@ def test_a_closed_standard_output(wild2: Path) -> None:
 
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="a file system whose names are UTF-8")
 def test_a_name_that_is_not_utf_8(wild2: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    folder = tmp_path / os.fsdecode(b"caf\xe9")  # what the script of the row "C2" does
     folder.mkdir()
     assert cli.main(["import", str(wild2 / "base" / "ct"), "-o", str(folder / "case"), "--quiet"]) == 3
     assert "is a name that is not UTF-8" in capfd.readouterr().err and list(folder.iterdir()) == []
