@@ -11,6 +11,7 @@ import SimpleITK as sitk
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.core.files.utf8_name import check_utf8
 from palpate.imaging.contours.checksums import check_gzip
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
 
@@ -39,6 +40,7 @@ def read_nrrd(path: Path, remedy: str = "save it again") -> ItkImage:
     """
     if not path.is_file():
         raise InputError(f"{path} is not there; correct its path")
+    check_utf8(path, "rename it or its folder")
     reader = sitk.ImageFileReader()
     reader.SetImageIO("NrrdImageIO")
     reader.SetFileName(str(path))
