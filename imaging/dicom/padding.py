@@ -15,6 +15,9 @@ _LOOKS_LIKE_AIR_HU = -900.0
 _METAL_HU = 2000.0
 # Above this nothing is: metal saturates at 3071 HU, 30,710 HU on an extended scale, or the largest number that is stored.
 HIGHEST_HU = 31_000.0
+# A round field of view fills the picture, nearly, and has no such pixels but at its rim: radius as a share of the picture's side,
+# the rim's width in pixels, share of a disc of tissue that may happen to have the value and to be joined to the outside.
+_LEAST_RADIUS, _RIM, _MOST_WITHIN = 0.35, 2.0, 0.01
 
 
 def padded(stored: NumberArray, of: Slice) -> BoolArray | None:
@@ -34,13 +37,24 @@ def padded(stored: NumberArray, of: Slice) -> BoolArray | None:
 
 
 def _unstated(stored: NumberArray, of: Slice) -> BoolArray | None:
-    """Pixels at the edge of the value that all four corners have, where that is one of metal: nobody's corners are."""
+    """Pixels at the edge of the value that all four corners have, where that is one of metal, which nobody's corners are, or where
+    they surround a disc."""
     if not of.is_hu or stored.size == 0:
         return None
     corners = stored[[0, 0, -1, -1], [0, -1, 0, -1]].astype(np.float64) * of.slope + of.intercept
-    if np.ptp(corners) > 0.0 or corners[0] < _METAL_HU:
+    if np.ptp(corners) > 0.0 or corners[0] <= _LOOKS_LIKE_AIR_HU:
         return None
-    return _at_the_edge(stored == stored[0, 0])
+    mask = _at_the_edge(stored == stored[0, 0])
+    return mask if corners[0] >= _METAL_HU or _is_around_a_disc(mask) else None
+
+
+def _is_around_a_disc(mask: BoolArray) -> bool:
+    """Whether a mask is what a round field of view leaves of the picture: cone-beam scanners write 0 HU there and say nothing."""
+    rows, columns = (np.arange(count) - (count - 1) / 2 for count in mask.shape)
+    away = np.hypot(rows[:, np.newaxis], columns)
+    radius = float(away[~mask].max(initial=0.0))
+    within = mask[away < radius - _RIM]
+    return radius >= _LEAST_RADIUS * min(mask.shape) and within.mean() < _MOST_WITHIN
 
 
 def _stated(stored: NumberArray, of: Slice) -> BoolArray | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from pydicom.uid import UID
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.imaging.dicom.padding import padded
 from palpate.imaging.dicom.pair_check import check_pair
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.volume import Volume
@@ -42,7 +44,9 @@ def with_padding(slices: list[FileDataset], value: int, stated: int | None) -> l
     return slices
 
 
-@pytest.mark.parametrize(("value", "stated"), [(63536, 63536), (63536, None), (4095, None), (1064, 1064), (0, 0)])
+@pytest.mark.parametrize(
+    ("value", "stated"), [(63536, 63536), (63536, None), (4095, None), (1064, 1064), (1024, None), (0, 0)]
+)
 def test_padding_is_air(value: int, stated: int | None, tmp_path: Path) -> None:
     folder = save(tmp_path / "ct", with_padding(series(straight(), values=body), value, stated))
     volume, facts = read_series(folder)
@@ -51,6 +55,19 @@ def test_padding_is_air(value: int, stated: int | None, tmp_path: Path) -> None:
     assert len(facts.notes) == (0 if value == 0 else 1)
     # Tissue of the padding's value stays what it is.
     assert volume.array[10, 6, 0] == round(40.0 + 0.5 * 5.0)
+
+
+def test_tissue_in_all_corners_is_no_padding() -> None:
+    """A scan cut to the body, whose tissue has one value; a disc of another that is small, or not in the middle."""
+    scanner = SimpleNamespace(is_hu=True, slope=1.0, intercept=-1024.0, padding=None)
+    y, x = np.mgrid[:60, :50]
+    around = {radius: np.hypot(y - 29.5, x - 24.5) > radius for radius in (0.0, 8.0, 24.0)}
+    for outside in (around[0.0], around[8.0], np.hypot(y - 25.0, x - 24.5) > 20.0, np.abs(x - 24.5) > 20.0):
+        assert padded(np.where(outside, 1024, 1064), scanner) is None  # type: ignore[arg-type]
+    holed = np.where(around[24.0], 1024, 1064)
+    holed[20:30, 20:30] = 1024
+    found = padded(holed, scanner)  # type: ignore[arg-type]
+    assert found is not None and np.array_equal(found, around[24.0]), "the same value within is tissue"
 
 
 def test_padding_of_a_signed_value_stated_without_a_sign(tmp_path: Path) -> None:
