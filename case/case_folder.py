@@ -17,7 +17,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files import atomic
 from palpate.core.files.json_file import as_json, write_json
-from palpate.core.files.utf8_name import check_utf8
+from palpate.core.files.places import check_outside, check_utf8
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
 from palpate.imaging.contours.nifti_labels import read_labels, read_nifti, write_labels
 from palpate.imaging.dicom.series import SeriesFacts
@@ -182,11 +182,7 @@ def check_new_case(folder: Path, scans: Iterable[Path] = ()) -> None:
     folder of a scan, and with a name in UTF-8, which the case's files hold.
     """
     check_utf8(folder, "choose another folder for the case with -o")
-    for scan in scans:
-        if scan.is_dir() and folder.resolve().is_relative_to(scan.resolve()):
-            raise InputError(
-                f"{folder} lies inside the scan {scan}, whose slices it would join; choose another place with -o"
-            )
+    check_outside(folder, scans)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; choose a new folder for the case with -o")
     if folder.is_dir() and not (folder / "case.json").exists():

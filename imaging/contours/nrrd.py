@@ -11,7 +11,7 @@ import SimpleITK as sitk
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
-from palpate.core.files.utf8_name import check_utf8
+from palpate.core.files.places import check_utf8
 from palpate.imaging.contours.checksums import check_gzip
 from palpate.imaging.contours.nifti_labels import MOST_VOXELS
 

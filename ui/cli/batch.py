@@ -19,6 +19,7 @@ from typing import Any, TypeGuard
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.files.csv_table import Row, read_csv_table
+from palpate.core.files.places import check_outside
 from palpate.core.worker.cluster import study_executor
 
 RESULTS = "results.csv"
@@ -142,7 +143,10 @@ def run_all(
 
     told : hears how many are done, and the last one. program : another than this one.
     cluster : address of a Dask scheduler whose workers see the same folders; they do the work, as many at once as there are.
-    heard : hears what each patient's run is doing, a line each; nothing of the runs of a cluster."""
+    heard : hears what each patient's run is doing, a line each; nothing of the runs of a cluster.
+
+    Raises InputError, before anything is written, where the folder lies within a scan."""
+    check_outside(folder, (scan for one in patients if not one.problem for scan in (one.rest, one.deformed)))
     folder.mkdir(parents=True, exist_ok=True)
     before = _earlier(folder / RESULTS)
     outcomes: dict[int, Outcome] = {}

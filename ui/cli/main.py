@@ -17,7 +17,7 @@ from types import ModuleType
 
 from palpate import __version__
 from palpate.core.errors import PalpateError
-from palpate.core.files.utf8_name import check_utf8
+from palpate.core.files.places import check_utf8
 from palpate.ui.cli import commands
 from palpate.ui.cli.arguments import Parser, UsageError, common
 from palpate.ui.cli.console import Console

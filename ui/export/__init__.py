@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.core.files.utf8_name import check_utf8
+from palpate.core.files.places import check_utf8
 
 if TYPE_CHECKING:
     from palpate.case.case_folder import CaseFolder

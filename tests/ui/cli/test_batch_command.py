@@ -113,6 +113,14 @@ def test_other_files_or_changed_ones_are_another_run(tmp_path: Path, program: tu
     assert runs(*given[-1]) == 5
 
 
+def test_nothing_is_written_into_a_scan(tmp_path: Path, program: tuple[str, ...]) -> None:
+    (tmp_path / "a").mkdir()
+    patients = batch.read_table(table(tmp_path, "name,rest,deformed\nA,x,a\n"))
+    with pytest.raises(InputError, match=r"a/out lies inside the scan .*, whose slices it would join"):
+        batch.run_all(patients, tmp_path / "a" / "out", [], 1, lambda n, one: None, program)
+    assert list((tmp_path / "a").iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
