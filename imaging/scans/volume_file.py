@@ -13,6 +13,7 @@ from palpate.imaging.contours.metaimage import METAIMAGE, read_metaimage, voxel_
 from palpate.imaging.contours.nifti_labels import NIFTI, WHOLE_WITHIN, read_nifti
 from palpate.imaging.contours.nrrd import read_nrrd
 from palpate.imaging.dicom.hounsfield import check_hounsfield, refuse_other_scales, soft_tissue_note
+from palpate.imaging.dicom.padding import fill_around_discs, padding_note
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.dicom.stack import MIN_SLICES
 from palpate.imaging.grid import in_lps_order
@@ -59,8 +60,10 @@ def read_volume_file(path: Path) -> tuple[Volume, SeriesFacts]:
         raise InputError(f"{path} holds voxels that are no finite numbers; save it again")
     volume = in_lps_order(volume.with_array(_hounsfield_type(volume.array)))
     refuse_other_scales(volume, path)
+    volume, padding = _padding_as_air(volume)
     check_hounsfield(volume, path)
     notes += [
+        *padding,
         *soft_tissue_note(volume),
         "it is no DICOM: patient, date and position on the table are unknown and were not checked; DICOM exports need DICOM scans",
     ]
@@ -83,6 +86,13 @@ def _read(path: Path, only_ct: bool = False) -> tuple[Volume, list[str]]:
         return Volume(meta.array, meta.affine), []
     found = read_nrrd(path)
     return Volume(np.transpose(sitk.GetArrayFromImage(found.image)), found.affine), list(found.notes)
+
+
+def _padding_as_air(volume: Volume) -> tuple[Volume, list[str]]:
+    """What lies around a round field of view, slice by slice, and the note of it."""
+    array = volume.array.copy()
+    filled = fill_around_discs(np.moveaxis(array, 2, 0))
+    return (volume.with_array(array), [padding_note(filled)]) if filled else (volume, [])
 
 
 def _hounsfield_type(array: NumberArray) -> NumberArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from pydicom.uid import UID
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
-from palpate.imaging.dicom.padding import padded
+from palpate.imaging.dicom.padding import fill_around_discs
 from palpate.imaging.dicom.pair_check import check_pair
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.volume import Volume
@@ -59,15 +58,18 @@ def test_padding_is_air(value: int, stated: int | None, tmp_path: Path) -> None:
 
 def test_tissue_in_all_corners_is_no_padding() -> None:
     """A scan cut to the body, whose tissue has one value; a disc of another that is small, or not in the middle."""
-    scanner = SimpleNamespace(is_hu=True, slope=1.0, intercept=-1024.0, padding=None)
     y, x = np.mgrid[:60, :50]
-    around = {radius: np.hypot(y - 29.5, x - 24.5) > radius for radius in (0.0, 8.0, 24.0)}
-    for outside in (around[0.0], around[8.0], np.hypot(y - 25.0, x - 24.5) > 20.0, np.abs(x - 24.5) > 20.0):
-        assert padded(np.where(outside, 1024, 1064), scanner) is None  # type: ignore[arg-type]
-    holed = np.where(around[24.0], 1024, 1064)
-    holed[20:30, 20:30] = 1024
-    found = padded(holed, scanner)  # type: ignore[arg-type]
-    assert found is not None and np.array_equal(found, around[24.0]), "the same value within is tissue"
+    around = {radius: np.hypot(y - 29.5, x - 24.5) > radius for radius in (8.0, 24.0)}
+    air = np.hypot(y - 29.5, x - 24.5) < 5.0
+    for outside in (around[8.0], np.hypot(y - 25.0, x - 24.5) > 20.0, np.abs(x - 24.5) > 20.0, ~air):
+        picture = np.where(air, -1000, np.where(outside, 0, 40))[None]
+        assert fill_around_discs(picture) == 0
+    pictures = np.repeat(np.where(around[24.0], 0, 40)[None], 3, axis=0)
+    pictures[0, 20:23, 20:30] = 0
+    assert fill_around_discs(pictures) == 0, "without air in it this is a body in air whose intercept is lost"
+    pictures[1, air] = -1000
+    assert fill_around_discs(pictures) == 3 and (pictures[:, around[24.0]] == -1000).all()
+    assert (pictures[0, 20:23, 20:30] == 0).all(), "the same value within is tissue"
 
 
 def test_padding_of_a_signed_value_stated_without_a_sign(tmp_path: Path) -> None:
