@@ -17,6 +17,7 @@ from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.files import atomic
 from palpate.core.files.json_file import as_json, write_json
+from palpate.core.files.places import check_outside, check_utf8
 from palpate.imaging.contours.itksnap_labels import label_description, label_values
 from palpate.imaging.contours.nifti_labels import read_labels, read_nifti, write_labels
 from palpate.imaging.dicom.series import SeriesFacts
@@ -180,16 +181,8 @@ def check_new_case(folder: Path, scans: Iterable[Path] = ()) -> None:
     """Raises InputError unless ``folder`` can become, or is, a case: no file, not full of other things, writable, not within the
     folder of a scan, and with a name in UTF-8, which the case's files hold.
     """
-    try:
-        str(folder.absolute()).encode()
-    except UnicodeEncodeError as error:
-        shown = str(folder).encode("ascii", "backslashreplace").decode()
-        raise InputError(f"{shown} is a name that is not UTF-8; choose another folder for the case with -o") from error
-    for scan in scans:
-        if scan.is_dir() and folder.resolve().is_relative_to(scan.resolve()):
-            raise InputError(
-                f"{folder} lies inside the scan {scan}, whose slices it would join; choose another place with -o"
-            )
+    check_utf8(folder, "choose another folder for the case with -o")
+    check_outside(folder, scans)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; choose a new folder for the case with -o")
     if folder.is_dir() and not (folder / "case.json").exists():

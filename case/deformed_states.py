@@ -67,7 +67,7 @@ def state_landmarks(case: CaseFolder, state: FurtherState) -> Landmarks | None:
 class NewState:
     """Files of a deformed state to add.
 
-    scan : NIfTI label volume, or CT. labels : contours drawn on that CT; required with a CT.
+    scan : label volume, or CT. labels : contours drawn on that CT; required with a CT.
     landmarks : CSV file, deformed points in this scan's own coordinates (LPS, mm). align : False where the scan already
     lies in the frame of the scan at rest.
     """
@@ -113,7 +113,7 @@ def add_state(case: CaseFolder, new: NewState) -> FurtherState:
 def _aligned(case: CaseFolder, new: NewState) -> tuple[Volume, FloatArray]:
     """Labels in the state's own frame, and the rigid transform (4, 4), mm, from there into the rest frame."""
     if not new.scan.exists():
-        raise InputError(f"{new.scan} is not there; give a NIfTI label volume or a CT")
+        raise InputError(f"{new.scan} is not there; give a label volume or a CT")
     if is_ct(new.scan):
         if new.labels is None:
             raise InputError(

@@ -128,6 +128,11 @@ def wild(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="session")
+def wild2(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    yield _unpacked("wild2.tar.xz", tmp_path_factory) / "wild2"
+
+
+@pytest.fixture(scope="session")
 def hostile_dicom(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     yield _unpacked("hostile_dicom.tar.xz", tmp_path_factory)
 

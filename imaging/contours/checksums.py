@@ -29,17 +29,3 @@ def check_gzip_file(path: Path) -> None:
         if stream.read(2) == _MAGIC:
             stream.seek(0)
             check_gzip(stream, path)
-
-
-def check_deflated(stream: BinaryIO, path: Path) -> None:
-    """As `check_gzip`, of a zlib or gzip stream, as MetaImage has it."""
-    content = zlib.decompressobj(47)  # either header
-    try:
-        while not content.eof and (part := stream.read(_AT_ONCE)):
-            while part and not content.eof:
-                content.decompress(part, _AT_ONCE)
-                part = content.unconsumed_tail
-    except zlib.error as error:
-        raise InputError(f"{path} is damaged (its checksum or length is wrong); copy or save it again") from error
-    if not content.eof:
-        raise InputError(f"{path} ends before its voxels do; copy it again")

@@ -55,13 +55,20 @@ def read_numbers(path: Path) -> Volume:
     """The whole numbers that a NIfTI file holds, on its own grid. Raises InputError as ``read_labels`` does."""
     image = _open(path)
     array, affine = _pixels(image, path), _placement(image, path)
+    return Volume(whole_numbers(array, path), affine)
+
+
+def whole_numbers(array: NumberArray, path: Path) -> NumberArray:
+    """The numbers of a label volume, each rounded. Raises InputError naming the file where they are no whole numbers, one a voxel."""
+    if array.ndim != 3 or array.dtype.kind not in "iuf":
+        raise InputError(f"{path} holds more than a number for each voxel; save it as a label volume, or a .seg.nrrd")
     whole = np.rint(array)
     # A scl_slope in single precision makes 1 to 1.00000004.
-    if np.abs(array - whole).max() > WHOLE_WITHIN:
+    if not np.abs(array - whole).max() <= WHOLE_WITHIN:
         raise InputError(
             f"{path} holds values that are not whole numbers; a label volume is needed, not a CT or a probability"
         )
-    return Volume(whole, affine)
+    return whole
 
 
 def names_within(path: Path) -> dict[int, str]:

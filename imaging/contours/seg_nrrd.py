@@ -13,7 +13,7 @@ import SimpleITK as sitk
 
 from palpate.core.arrays import BoolArray, FloatArray, NumberArray
 from palpate.core.errors import InputError
-from palpate.imaging.contours.itk_images import read_itk_image
+from palpate.imaging.contours.nrrd import LONGEST_HEADER, read_nrrd
 from palpate.imaging.contours.roi_names import distinct
 from palpate.imaging.labels import LABEL_COLOURS, LABELS
 from palpate.imaging.volume import Volume
@@ -70,7 +70,7 @@ def read_seg_nrrd(path: Path) -> NrrdSegments:
 
     Raises InputError naming the file when it is not readable, has no segments, no place in the patient, or is no volume.
     """
-    found = read_itk_image(path, "save it again with 3D Slicer")
+    found = read_nrrd(path, "save it again with 3D Slicer")
     image = found.image
     facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys() if _KEY.match(key)}
     stored = sitk.GetArrayFromImage(image)
@@ -82,6 +82,15 @@ def read_seg_nrrd(path: Path) -> NrrdSegments:
     values = _values(segments, layers.shape[3], path)
     numbers = dict(zip(values, segments, strict=True))
     return NrrdSegments(path, values, numbers, layers, found.affine, found.notes)
+
+
+def names_segments(path: Path) -> bool:
+    """Whether a NRRD file's header names segments, whatever its ending."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        header = stream.read(LONGEST_HEADER).replace(b"\r\n", b"\n").partition(b"\n\n")[0]
+    return re.search(rb"^Segment[0-9]{1,6}_(ID|Name):=", header, re.MULTILINE) is not None
 
 
 def write_seg_nrrd(

@@ -10,10 +10,12 @@ import numpy as np
 from palpate.core.errors import InputError
 from palpate.imaging.contours.detached_parts import detached_notes
 from palpate.imaging.contours.label_reader import Roi, UserLabels
-from palpate.imaging.contours.readers import reader_by_suffix, reader_of
-from palpate.imaging.contours.readers.nifti import read_volume
+from palpate.imaging.contours.readers import reader_by_suffix, reader_of, readers
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.volume import Volume
+
+# For labels on a grid of their own.
+_NO_CT = Volume(np.zeros((1, 1, 1), dtype=np.int16), np.eye(4))
 
 
 def read_user_labels(
@@ -32,11 +34,15 @@ def read_user_labels(
 
 
 def read_label_volume(path: Path, roi: Roi = None) -> UserLabels:
-    """A NIfTI label volume by the names of the labels.txt beside it or within it, by the caller's choice, or by the numbers of LABELS.
+    """Labels that are voxels, without a CT: a label volume, or segments, in any form of `imaging/contours/readers` that holds voxels.
 
     roi : organ -> names of that file, or the volume's own numbers. Raises InputError naming the file.
     """
-    return _with_parts(read_volume(path, roi))
+    reader = reader_by_suffix(path)
+    if reader is None or not reader.holds_voxels:
+        forms = ", ".join(reader.words for reader in readers().values() if reader.suffixes and reader.holds_voxels)
+        raise InputError(f"{path} holds no voxels with labels; give {forms}")
+    return _with_parts(reader.read(path, _NO_CT, None, roi))
 
 
 def files_of(path: Path) -> list[Path]:

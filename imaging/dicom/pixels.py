@@ -12,7 +12,7 @@ from pydicom.uid import UID
 from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
 from palpate.imaging.dicom.files import DAMAGE, quiet, read_file
-from palpate.imaging.dicom.padding import AIR_HU, HIGHEST_HU, padded
+from palpate.imaging.dicom.padding import AIR_HU, HIGHEST_HU, fill_around_discs, padded, padding_note
 from palpate.imaging.dicom.slices import Slice
 
 # Transfer syntaxes that pydicom does not name yet (DICOM PS3.6, 2024).
@@ -47,19 +47,15 @@ def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> Numb
             raise InputError(
                 f"{each.path} has pixels of shape {stored.shape}, its header says {each.shape}; export it again"
             )
-        values[index] = (
-            stored.astype(np.int64) * int(each.slope) + int(each.intercept)
-            if whole
-            else (stored.astype(np.float64) * each.slope + each.intercept)
-        )
+        values[index] = _in_hu(stored, each, whole)
         if outside is not None:
             values[index][outside] = AIR_HU
             filled += 1
         saturated += each.is_hu and bool((values[index] > HIGHEST_HU).any())
+    if all(each.is_hu for each in slices):
+        filled += fill_around_discs(values)
     if filled and notes is not None:
-        notes.append(
-            f"pixels that are no picture (padding outside the field of view) were taken as air, on {filled} slices"
-        )
+        notes.append(padding_note(filled))
     if saturated:
         values = np.minimum(values, HIGHEST_HU).astype(values.dtype)
         if notes is not None:
@@ -69,6 +65,12 @@ def read_slices(slices: Sequence[Slice], notes: list[str] | None = None) -> Numb
     if whole and _INT16.min <= values.min() and values.max() <= _INT16.max:
         return values.astype(np.int16)
     return values.astype(np.float32)
+
+
+def _in_hu(stored: NumberArray, of: Slice, whole: bool) -> NumberArray:
+    if whole:
+        return stored.astype(np.int64) * int(of.slope) + int(of.intercept)
+    return stored.astype(np.float64) * of.slope + of.intercept
 
 
 def _decode(path: Path) -> NumberArray:

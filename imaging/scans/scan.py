@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from palpate.core.errors import InputError
-from palpate.imaging.contours.nifti_labels import NIFTI
 from palpate.imaging.dicom.files import list_files
 from palpate.imaging.dicom.series import SeriesFacts, read_series
 from palpate.imaging.scans.volume_file import (
@@ -45,10 +44,8 @@ def is_ct(path: Path) -> bool:
     if path.is_dir():
         return True
     if not is_volume_file(path):
-        raise InputError(
-            f"{path} is no scan; give a folder with a DICOM CT series, a CT as {WORDS}, or a NIfTI label volume"
-        )
-    return not (path.name.lower().endswith(NIFTI) and holds_labels(path))
+        raise InputError(f"{path} is no scan; give a folder with a DICOM CT series, a CT or a label volume as {WORDS}")
+    return not holds_labels(path)
 
 
 def files_of_scan(path: Path) -> list[Path]:

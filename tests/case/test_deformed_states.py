@@ -132,7 +132,7 @@ def test_an_entry_that_names_no_file_of_the_case_is_refused(
 
 
 def test_what_cannot_be_a_state_is_refused(case: CaseFolder, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is not there; give a NIfTI label volume"):
+    with pytest.raises(InputError, match="is not there; give a label volume"):
         add_state(case, NewState(tmp_path / "none.nii.gz"))
     with pytest.raises(InputError, match="the same labels as the first deformed state; it would count twice"):
         add_state(case, NewState(case.file("deformed.nii.gz")))

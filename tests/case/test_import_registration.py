@@ -19,6 +19,7 @@ from pydicom.uid import (
     generate_uid,
 )
 
+import palpate
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.case.steps.import_scans.pair import run_import
@@ -176,6 +177,21 @@ def test_an_import_aligns_by_it_and_its_own_export_says_the_same(pair: tuple, tm
     again = reg(tmp_path / "r.dcm", rest, [(deformed, TRUTH, [])])
     run_import(*folders, tmp_path / "case", ImportOptions(registration=again))
     np.testing.assert_allclose(CaseFolder(tmp_path / "case").deformed_to_rest(), TRUTH, atol=1e-6)
+
+
+def test_from_python_it_aligns_too(pair: tuple, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scans hold no organs: what is asked is what the import made of them."""
+
+    def reached(*_: object) -> None:
+        raise InterruptedError
+
+    monkeypatch.setattr("palpate.ui.python.from_scans.run_segment", reached)
+    rest, deformed = frames(pair)
+    nearly = moving((0.0, 0.0, 0.0), (0.2, 0.0, 0.0)) @ TRUTH
+    given = reg(tmp_path / "r.dcm", rest, [(deformed, nearly, [])])
+    with pytest.raises(InterruptedError):
+        palpate.analyze(pair[0] / "rest", pair[0] / "deformed", tmp_path / "case", registration=given)
+    np.testing.assert_allclose(CaseFolder(tmp_path / "case").deformed_to_rest(), nearly, atol=1e-6)
 
 
 def test_a_matrix_the_wrong_way_round_is_noticed_by_the_bones(pair: tuple, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Fuzzing at length: ``python tests/fuzz/run.py --runs 1000000 [--only NAME]``; what breaks a parser is kept in corpus/.
 
 Runs are shared among the parsers, a round of each in turn. With --state FILE a run that was stopped goes on where it was, at the same
-commit. Ends with 1 when a parser raised anything but its one-line refusal.
+commit. Ends with 1 when a parser raised anything but its one-line refusal, or ended its process.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import argparse
 import hashlib
 import json
 import logging
+import os
 import subprocess
 import sys
 import tempfile
@@ -51,11 +52,35 @@ def main() -> int:
             for target in targets:
                 counts = found[target.name]
                 if counts["rounds"] * ROUND <= done:
-                    _round(target, counts, min(ROUND, share - done), args.seed + done // ROUND)
+                    _apart(target, counts, min(ROUND, share - done), args.seed + done // ROUND)
                     _keep_state(args.state, found)
     for name, counts in found.items():
         print(json.dumps({"parser": name, **counts}))
     return 1 if any(counts["broken"] for counts in found.values()) else 0
+
+
+def _apart(target: Target, counts: dict[str, Any], wanted: int, round_seed: int) -> None:
+    """A round in a process of its own where the system can: a library's crash is a finding, and does not end the run."""
+    if not hasattr(os, "fork"):
+        return _round(target, counts, wanted, round_seed)
+    good, (reader, writer) = target.path.read_bytes(), os.pipe()
+    child = os.fork()
+    if child == 0:
+        _round(target, counts, wanted, round_seed)
+        os.write(writer, json.dumps(counts).encode())
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as stream:
+        told = stream.read()
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if told:
+        counts.update(json.loads(told))
+        return None
+    counts["broken"] = sorted({*counts["broken"], f"its process ended with {status}"})
+    _keep(target, target.path.read_bytes())
+    target.path.write_bytes(good)
+    counts["rounds"] += 1
+    return None
 
 
 def _round(target: Target, counts: dict[str, Any], wanted: int, round_seed: int) -> None:

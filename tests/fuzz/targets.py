@@ -51,7 +51,7 @@ def all_targets(folder: Path) -> list[Target]:
     """One target for each parser, with files under a new folder."""
     makers = (
         _dicom_slice, _dicom_multi_frame, _rtstruct, _dicom_seg,
-        _registration, _scan_mha, _scan_nrrd, _scan_nifti, _nifti, _nifti_gz, _seg_nrrd, _workspace, _label_text,
+        _registration, _scan_mha, _scan_nrrd, _scan_nifti, _nifti, _nifti_gz, _label_mha, _label_nrrd, _seg_nrrd, _workspace, _label_text,
         _landmarks, _case_json, _spec, _npz, _prompts, *MAKERS,
     )  # fmt: skip
     found = []
@@ -152,6 +152,18 @@ def _nifti(folder: Path) -> Made:
 def _nifti_gz(folder: Path) -> Made:
     write_labels(folder / "a.nii.gz", _labels())
     return folder / "a.nii.gz", lambda: read_labels(folder / "a.nii.gz"), False
+
+
+def _label_mha(folder: Path) -> Made:
+    path = folder / "a.mha"
+    sitk.WriteImage(_labels().to_sitk(), str(path))
+    return path, lambda: read_label_volume(path), False
+
+
+def _label_nrrd(folder: Path) -> Made:
+    path = folder / "a.nrrd"
+    sitk.WriteImage(_labels().to_sitk(), str(path))
+    return path, lambda: read_label_volume(path), False
 
 
 def _seg_nrrd(folder: Path) -> Made:

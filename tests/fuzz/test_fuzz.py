@@ -23,7 +23,8 @@ def targets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Target]:
 
 NAMES = (
     "dicom_slice", "dicom_multi_frame", "rtstruct", "dicom_seg",
-    "registration", "scan_mha", "scan_nrrd", "scan_nifti", "nifti", "nifti_gz", "seg_nrrd", "workspace", "label_text",
+    "registration", "scan_mha", "scan_nrrd", "scan_nifti", "nifti", "nifti_gz",
+    "label_mha", "label_nrrd", "seg_nrrd", "workspace", "label_text",
     "landmarks", "case_json", "spec", "npz", "prompts",
     "dicom_jpeg2000", "dicom_rle", "dicomdir", "body_json", "cohort_table", "mesh_file", "job_file", "checkpoint", "monai_bundle",
     "surface_stl", "surface_obj", "surface_ply",

@@ -78,7 +78,9 @@ def test_every_reader_has_a_way_in_and_words_of_its_own() -> None:
 
 def test_a_file_of_no_reader_is_refused_with_the_forms_there_are(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("no contours at all")
-    with pytest.raises(InputError, match=r"a\.txt holds no contours: give DICOM SEG, ITK-SNAP workspace, NIfTI"):
+    with pytest.raises(
+        InputError, match=r"a\.txt holds no contours: give DICOM SEG, ITK-SNAP workspace, MetaImage, NIfTI"
+    ):
         readers.reader_of(tmp_path / "a.txt")
     with pytest.raises(InputError, match=r"b\.txt is not there; give the path of a file with contours"):
         readers.reader_of(tmp_path / "b.txt")

@@ -14,6 +14,7 @@ from pydicom.uid import UID
 
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
+from palpate.imaging.dicom.padding import fill_around_discs
 from palpate.imaging.dicom.pair_check import check_pair
 from palpate.imaging.dicom.series import read_series
 from palpate.imaging.volume import Volume
@@ -42,7 +43,9 @@ def with_padding(slices: list[FileDataset], value: int, stated: int | None) -> l
     return slices
 
 
-@pytest.mark.parametrize(("value", "stated"), [(63536, 63536), (63536, None), (4095, None), (1064, 1064), (0, 0)])
+@pytest.mark.parametrize(
+    ("value", "stated"), [(63536, 63536), (63536, None), (4095, None), (1064, 1064), (1024, None), (0, 0)]
+)
 def test_padding_is_air(value: int, stated: int | None, tmp_path: Path) -> None:
     folder = save(tmp_path / "ct", with_padding(series(straight(), values=body), value, stated))
     volume, facts = read_series(folder)
@@ -51,6 +54,22 @@ def test_padding_is_air(value: int, stated: int | None, tmp_path: Path) -> None:
     assert len(facts.notes) == (0 if value == 0 else 1)
     # Tissue of the padding's value stays what it is.
     assert volume.array[10, 6, 0] == round(40.0 + 0.5 * 5.0)
+
+
+def test_tissue_in_all_corners_is_no_padding() -> None:
+    """A scan cut to the body, whose tissue has one value; a disc of another that is small, or not in the middle."""
+    y, x = np.mgrid[:60, :50]
+    around = {radius: np.hypot(y - 29.5, x - 24.5) > radius for radius in (8.0, 24.0)}
+    air = np.hypot(y - 29.5, x - 24.5) < 5.0
+    for outside in (around[8.0], np.hypot(y - 25.0, x - 24.5) > 20.0, np.abs(x - 24.5) > 20.0, ~air):
+        picture = np.where(air, -1000, np.where(outside, 0, 40))[None]
+        assert fill_around_discs(picture) == 0
+    pictures = np.repeat(np.where(around[24.0], 0, 40)[None], 3, axis=0)
+    pictures[0, 20:23, 20:30] = 0
+    assert fill_around_discs(pictures) == 0, "without air in it this is a body in air whose intercept is lost"
+    pictures[1, air] = -1000
+    assert fill_around_discs(pictures) == 3 and (pictures[:, around[24.0]] == -1000).all()
+    assert (pictures[0, 20:23, 20:30] == 0).all(), "the same value within is tissue"
 
 
 def test_padding_of_a_signed_value_stated_without_a_sign(tmp_path: Path) -> None:
@@ -212,6 +231,7 @@ def test_metal_that_saturates_within_the_body_stays_metal(tmp_path: Path) -> Non
         each.PixelData = stored.astype("<i2").tobytes()
     volume, facts = read_series(save(tmp_path / "ct", slices))
     assert (volume.array[6, 10] == 31000).all() and volume.array[0, 0, 0] == -1000
+    assert not any("padding" in note for note in facts.notes)
     assert [note for note in facts.notes if "metal" in note] == [
         f"values above 31000 HU within the body (metal) were set to that limit, on {len(slices)} slices"
     ]

@@ -112,6 +112,17 @@ def test_a_scan_cut_to_the_body_is_taken_by_its_fat(tmp_path: Path) -> None:
     assert volume.array.shape == inner.shape
 
 
+def test_nothing_around_a_round_field_of_view_is_air(tmp_path: Path) -> None:
+    """Cone-beam scans say 0 HU there, which is water."""
+    y, x = np.mgrid[:60, :50]
+    around, organ = np.hypot(y - 29.5, x - 24.5) > 23.0, np.hypot(y - 29.5, x - 24.5) < 15.0
+    array = np.repeat(np.where(around, 0, np.where(organ, 50, -1000))[..., None], 6, axis=2).astype(np.int16)
+    array[20:40, 20:22], array[25:30, 25:30] = -100, 0
+    volume, facts = read_scan(write(tmp_path / "a.nrrd", body().with_array(array)))
+    assert (volume.array[around] == -1000).all() and (volume.array[25:30, 25:30] == 0).all()
+    assert any("padding outside the field of view" in note for note in facts.notes)
+
+
 def test_labels_are_told_from_a_ct(tmp_path: Path) -> None:
     labels = body().with_array((body().array > 0).astype(np.uint8) * 5)
     assert is_ct(write(tmp_path / "ct.nii.gz", body())) and is_ct(tmp_path)

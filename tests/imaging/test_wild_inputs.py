@@ -130,3 +130,9 @@ def test_label_files(wild: Path, tmp_path: Path) -> None:
         assert {int(v): int((labels.array == v).sum()) for v in np.unique(labels.array) if v} == ALL
         said.append(case.read_json("user_labels.json")["rest"]["structures"])
     assert said[0]["prostate"] == ["Prostata"] and said[1]["prostate_left"] == ["prostate left"]
+
+
+def test_every_input_is_among_them(wild: Path) -> None:
+    here = Path(__file__).read_text(encoding="utf-8")
+    folders = sorted(folder.name for folder in wild.iterdir() if folder.is_dir())
+    assert len(folders) > 40 and [name for name in folders if f'"{name}' not in here] == []

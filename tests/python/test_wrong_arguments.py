@@ -66,7 +66,7 @@ ARRAYS: dict[str, list[Any]] = {
 }
 SCANS: dict[str, list[Any]] = {
     **dict.fromkeys(("rest", "deformed", "case"), NO_PATH),
-    "landmarks": [*NO_PATH[:1], *NO_PATH[2:]],
+    **{key: [*NO_PATH[:1], *NO_PATH[2:]] for key in ("landmarks", "registration")},
     "labels": [None, 5, "a.dcm", (None,), (1, 2), ("a", 5), {}, ("", "a")],
     **dict.fromkeys(("diagnosis", "report"), NO_TRUTH),
     "progress": [None, 5, "told", []],

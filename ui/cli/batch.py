@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -19,11 +19,15 @@ from typing import Any, TypeGuard
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.files.csv_table import Row, read_csv_table
+from palpate.core.files.places import check_outside
 from palpate.core.worker.cluster import study_executor
 
 RESULTS = "results.csv"
 DONE, FAILED = "done", "failed"
-_NEEDED, _OPTIONAL = ("name", "rest", "deformed"), ("rest_labels", "deformed_labels")
+_SCANS = ("rest", "deformed")
+# Files of a patient beside the scans: an option of `palpate analyze` each.
+_OPTIONAL = ("rest_labels", "deformed_labels", "registration")
+_NEEDED = ("name", *_SCANS)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 # Files of a batch beside the folders of its patients.
 _TAKEN = (RESULTS,)
@@ -34,7 +38,7 @@ Value = str | float | bool | None
 
 @dataclass(frozen=True)
 class Patient:
-    """One row. name : of the case folder. rest, deformed : scans. labels : contours of both, None where there are none.
+    """One row. name : of the case folder. rest, deformed : scans. files : what else is given, by its column.
 
     problem : why the row cannot be used, in one line; "" where it can.
     """
@@ -42,20 +46,24 @@ class Patient:
     name: str
     rest: Path
     deformed: Path
-    labels: tuple[Path | None, Path | None] = (None, None)
+    files: Mapping[str, Path] = field(default_factory=dict)
     problem: str = ""
 
     def absolute(self) -> Patient:
         """The same wherever it is done."""
-        first, second = (None if path is None else path.absolute() for path in self.labels)
-        return replace(self, rest=self.rest.absolute(), deformed=self.deformed.absolute(), labels=(first, second))
+        files = {column: path.absolute() for column, path in self.files.items()}
+        return replace(self, rest=self.rest.absolute(), deformed=self.deformed.absolute(), files=files)
 
     def arguments(self, case: Path) -> list[str]:
         """Of `palpate analyze`."""
         given = [str(self.rest), str(self.deformed), "-o", str(case)]
-        for state, path in zip(("rest", "deformed"), self.labels, strict=True):
-            given += [] if path is None else [f"--{state}-labels", str(path)]
+        for column, path in self.files.items():
+            given += [f"--{column.replace('_', '-')}", str(path)]
         return given
+
+    def cells(self) -> dict[str, str]:
+        """Its paths in the table of results, by column."""
+        return {"rest": str(self.rest), "deformed": str(self.deformed), **{k: str(v) for k, v in self.files.items()}}
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,7 @@ class Outcome:
 
 
 def read_table(path: Path) -> list[Patient]:
-    """The patients of a CSV table with columns name, rest, deformed and, if wanted, rest_labels, deformed_labels.
+    """The patients of a CSV table with columns name, rest, deformed and, if wanted, rest_labels, deformed_labels, registration.
 
     Paths are relative to the table's folder. A row that cannot be used is a patient with a problem. Raises InputError
     naming the table where it has no row, or is no table.
@@ -115,9 +123,9 @@ def _patient(path: Path, row: Row) -> Patient:
     empty = [key for key in _NEEDED if not text[key]]
     if empty:
         raise InputError(f"{path}, line {row.line}: {empty[0]} is empty")
-    rest, deformed = (path.parent / text[key] for key in ("rest", "deformed"))
-    first, second = (path.parent / text[key] if text[key] else None for key in _OPTIONAL)
-    return Patient(text["name"], rest, deformed, (first, second))
+    rest, deformed = (path.parent / text[key] for key in _SCANS)
+    files = {key: path.parent / text[key] for key in _OPTIONAL if text[key]}
+    return Patient(text["name"], rest, deformed, files)
 
 
 def run_all(
@@ -131,9 +139,14 @@ def run_all(
     heard: Callable[[str], None] = lambda line: None,
 ) -> list[Outcome]:
     """Analyses every patient into FOLDER/NAME; RESULTS in the folder is written anew after each. Patients that are done in it, with
-    the same scans and options, are passed over. told : hears how many are done, and the last one. program : another than this one.
+    the same scans, files and options, all older than the result, are passed over.
+
+    told : hears how many are done, and the last one. program : another than this one.
     cluster : address of a Dask scheduler whose workers see the same folders; they do the work, as many at once as there are.
-    heard : hears what each patient's run is doing, a line each; nothing of the runs of a cluster."""
+    heard : hears what each patient's run is doing, a line each; nothing of the runs of a cluster.
+
+    Raises InputError, before anything is written, where the folder lies within a scan."""
+    check_outside(folder, (scan for one in patients if not one.problem for scan in (one.rest, one.deformed)))
     folder.mkdir(parents=True, exist_ok=True)
     before = _earlier(folder / RESULTS)
     outcomes: dict[int, Outcome] = {}
@@ -181,8 +194,7 @@ def run_one(
     command = [*words, "analyze", *patient.arguments(case), "--json", *options]
     status, stdout, stderr = _run(command, lambda line: heard(f"{patient.name}: {line}"))
     values: dict[str, Value] = {
-        "rest": str(patient.rest),
-        "deformed": str(patient.deformed),
+        **patient.cells(),
         "options": " ".join(options),
         "seconds": round(time.monotonic() - began, 1),
     }
@@ -235,7 +247,7 @@ def figures(answer: Mapping[str, Any]) -> dict[str, Value]:
 
 _OF_REGION = ("kpa", "low_kpa", "high_kpa", "at_bound", "how_sure")
 _COLUMNS = (
-    "name", "status", "error", "rest", "deformed", "options", "seconds",
+    "name", "status", "error", *_SCANS, *_OPTIONAL, "options", "seconds",
     *(f"{region}_{what}" for region in _REGIONS for what in _OF_REGION),
     "misfit_rms_mm", "verdict", "candidates", "p_value", "contours_rest", "contours_deformed", "warnings",
 )  # fmt: skip
@@ -279,11 +291,19 @@ def _value(column: str, text: str) -> Value:
 
 
 def _is_same(before: Outcome | None, patient: Patient, folder: Path, options: Sequence[str]) -> TypeGuard[Outcome]:
-    there = patient.absolute()
-    asked = (str(there.rest), str(there.deformed), " ".join(options))
+    asked = {**dict.fromkeys(_OPTIONAL, ""), **patient.absolute().cells(), "options": " ".join(options)}
     return (
         before is not None
         and before.status == DONE
-        and tuple(before.values.get(key) for key in ("rest", "deformed", "options")) == asked
-        and (folder / patient.name / "result.json").is_file()
+        and {key: before.values.get(key) or "" for key in asked} == asked
+        and _is_newer(folder / patient.name / "result.json", patient)
     )
+
+
+def _is_newer(result: Path, patient: Patient) -> bool:
+    """Whether a result is there that was written after every file that it was made from."""
+    if not result.is_file():
+        return False
+    given = (patient.rest, patient.deformed, *patient.files.values())
+    files = (file for path in given for file in (path, *(path.rglob("*") if path.is_dir() else ())))
+    return all(file.stat().st_mtime <= result.stat().st_mtime for file in files if file.exists())

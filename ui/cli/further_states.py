@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """``--more`` and what goes with it."""
     group = parser.add_argument_group("further deformed states, identified together with the first")
     group.add_argument("--more", type=Path, action="append", default=[], metavar="DEFORMED",
-                       help="a further state of the same organ: NIfTI label volume, or CT with --more-labels; may be "
+                       help="a further state of the same organ: label volume, or CT with --more-labels; may be "
                        "given several times")  # fmt: skip
     group.add_argument("--more-labels", type=Path, action="append", default=[], metavar="FILE",
                        help="labels drawn on each --more that is a CT, in the same order")  # fmt: skip

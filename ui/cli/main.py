@@ -17,6 +17,7 @@ from types import ModuleType
 
 from palpate import __version__
 from palpate.core.errors import PalpateError
+from palpate.core.files.places import check_utf8
 from palpate.ui.cli import commands
 from palpate.ui.cli.arguments import Parser, UsageError, common
 from palpate.ui.cli.console import Console
@@ -50,6 +51,8 @@ _DESCRIPTION = (
 UNFORESEEN = 5
 _REPORT = "this is an error of Palpate: please report it with the command and this line (CONTRIBUTING.md says where)"
 _TRACEBACK = "PALPATE_TRACEBACK"
+# Arguments that name what a command writes.
+_WRITTEN = ("output", "folder", "answers")
 
 
 def entry() -> None:
@@ -121,6 +124,9 @@ def one_line(text: str) -> str:
 
 def _run(given: Sequence[str], console: Console) -> int:
     args = arguments(given)
+    for name in _WRITTEN:
+        if isinstance(path := getattr(args, name, None), Path):
+            check_utf8(path, "choose another")
     with console:
         data, text = args._module.run(args, console)
     console.result(data, text)

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
+from palpate.core.files.places import check_utf8
 
 if TYPE_CHECKING:
     from palpate.case.case_folder import CaseFolder
@@ -35,6 +36,7 @@ def export(name: str, case: CaseFolder, folder: Path, tissue: bool = False) -> l
     Raises InputError where the exporter does, for `tissue` in a form without labels, and for a folder within a scan of the case.
     """
     write = exporter(name).export
+    check_utf8(folder, "choose another folder")
     files: list[Path]
     from palpate.case.case_folder import STATES  # here, because it takes seconds to load
 

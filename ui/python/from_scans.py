@@ -25,6 +25,7 @@ def analyze(
     *,
     labels: Paths = (None, None),
     landmarks: str | Path | None = None,
+    registration: str | Path | None = None,
     diagnosis: bool = True,
     report: bool = True,
     progress: Progress = silent,
@@ -32,10 +33,10 @@ def analyze(
 ) -> Case:
     """The case of two scans, as `palpate analyze` makes it: imported, segmented, meshed, identified, diagnosed, reported.
 
-    rest, deformed : CTs (DICOM folders, NIfTI, NRRD, MetaImage), or NIfTI label volumes. case : folder to make; a second call on the same
-    input passes over what is done. labels : contours of both scans, in any format of `palpate import`. landmarks : CSV of
-    matched points. progress : hears a fraction and a message. options : fields of `IdentifyOptions`; `seed` is the
-    diagnosis's too.
+    rest, deformed : CTs (DICOM folders, NIfTI, NRRD, MetaImage), or label volumes in such files. case : folder to make; a second
+    call on the same input passes over what is done. labels : contours of both scans, in any format of `palpate import`. landmarks : CSV of
+    matched points. registration : rigid DICOM REG of the two CTs, instead of the alignment on bone. progress : hears a
+    fraction and a message. options : fields of `IdentifyOptions`; `seed` is the diagnosis's too.
 
     The search runs in a process of its own: call it from a script under ``if __name__ == "__main__":``. Raises InputError
     (file, what, remedy) and ConvergenceError when nothing can be solved.
@@ -45,12 +46,14 @@ def analyze(
         raise InputError(f"labels is {labels!r}; give two paths, of the scan at rest and of the deformed one, or None")
     drawn = tuple(None if given is None else path_of(given, "labels") for given in labels)
     marks = None if landmarks is None else path_of(landmarks, "landmarks")
+    matrix = None if registration is None else path_of(registration, "registration")
     scans, made = (path_of(rest, "rest"), path_of(deformed, "deformed")), path_of(case, "case")
     for name, value in (("diagnosis", diagnosis), ("report", report)):
         truth(value, name)
     if not callable(progress):
         raise InputError(f"progress is {progress!r}; give a function of a fraction and a message")
-    run_import(*scans, made, ImportOptions(labels=(drawn[0], drawn[1]), landmarks=marks), part(progress, 0.0, 0.1))
+    given = ImportOptions(labels=(drawn[0], drawn[1]), landmarks=marks, registration=matrix)
+    run_import(*scans, made, given, part(progress, 0.0, 0.1))
     folder = CaseFolder(made)
     run_segment(folder, None, part(progress, 0.1, 0.3), search.workers)
     mesh.run(folder, progress=part(progress, 0.3, 0.35))

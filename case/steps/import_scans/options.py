@@ -48,7 +48,7 @@ def are_cts(paths: tuple[Path, Path]) -> bool:
     kinds = [is_ct(path) for path in paths]
     if kinds[0] != kinds[1]:
         ct, labels = paths if kinds[0] else paths[::-1]
-        raise InputError(f"{ct} is a CT and {labels} holds labels; give two CTs or two NIfTI label volumes")
+        raise InputError(f"{ct} is a CT and {labels} holds labels; give two CTs or two label volumes")
     return kinds[0]
 
 

@@ -61,7 +61,7 @@ def run_import(
     options: ImportOptions | None = None,
     progress: Progress = silent,
 ) -> ImportRecord:
-    """Make the case folder of a pair: two CTs (DICOM folders or volume files), or two NIfTI label volumes.
+    """Make the case folder of a pair: two CTs (DICOM folders or volume files), or two label volumes.
 
     Returns the content of import.json: case, sources_sha256, residual_mm, notes. All inputs are read and checked before
     anything is written. A rerun with the same inputs does nothing. Raises InputError (file, what, remedy).

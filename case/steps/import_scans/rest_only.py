@@ -22,7 +22,7 @@ from palpate.imaging.scans.scan import is_ct, read_scan
 def import_alone(
     rest: Path | str, case_path: Path | str, options: ImportOptions | None = None, progress: Progress = silent
 ) -> ImportRecord:
-    """Make the case folder of one scan: a CT (DICOM folder or volume file), or a NIfTI label volume.
+    """Make the case folder of one scan: a CT (DICOM folder or volume file), or a label volume.
 
     Returns the content of import.json: case, sources_sha256, residual_mm (None), notes. A later import of the pair into
     the same folder goes on from it. All inputs are read before anything is written. Raises InputError (file, what,
@@ -32,7 +32,7 @@ def import_alone(
     check_new_case(folder, [rest])
     if not rest.exists():
         raise InputError(
-            f"{rest} is not there; give a folder with a DICOM CT series, a CT as a volume file, or a NIfTI label volume"
+            f"{rest} is not there; give a folder with a DICOM CT series, or a CT or a label volume as a file"
         )
     sources = {"rest": scan_sha256(rest)}
     inputs = _inputs(sources, options, rest)

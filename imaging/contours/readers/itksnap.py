@@ -8,7 +8,7 @@ from palpate.core.errors import InputError
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, Workspace, read_workspace
 from palpate.imaging.contours.label_reader import LabelReader, Roi, StructureEntry, UserLabels
 from palpate.imaging.contours.nifti_labels import NIFTI
-from palpate.imaging.contours.readers.nifti import numbers_as_labels, numbers_as_structures
+from palpate.imaging.contours.numbered_volume import numbered, numbers_as_labels, numbers_as_structures
 from palpate.imaging.dicom.series import SeriesFacts
 from palpate.imaging.volume import Volume
 
@@ -25,12 +25,12 @@ def _read(path: Path, ct: Volume, facts: SeriesFacts | None, roi: Roi) -> UserLa
     file, workspace = _opened(path)
     if not file.name.lower().endswith(NIFTI):
         raise InputError(f"{path} names {file.name} as its segmentation; save that as NIfTI (.nii.gz) in ITK-SNAP")
-    return numbers_as_labels(file, workspace.names, str(path), _SOURCE, roi)
+    return numbers_as_labels(numbered(file), workspace.names, str(path), _SOURCE, roi)
 
 
 def _structures(path: Path) -> list[StructureEntry]:
     file, workspace = _opened(path)
-    return numbers_as_structures(file, workspace.names)
+    return numbers_as_structures(numbered(file), workspace.names)
 
 
 def _files(path: Path) -> list[Path]:

@@ -18,5 +18,10 @@ def _read(path: Path, ct: Volume, facts: SeriesFacts | None, roi: Roi) -> UserLa
 
 
 READER = LabelReader(
-    _SOURCE, ".seg.nrrd", _read, lambda path: segments_as_structures(read_seg_nrrd(path)), (".nrrd",), holds_voxels=True
+    _SOURCE,
+    ".seg.nrrd",
+    _read,
+    lambda path: segments_as_structures(read_seg_nrrd(path)),
+    (".seg.nrrd",),
+    holds_voxels=True,
 )

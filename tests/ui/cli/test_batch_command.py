@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import sys
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing import get_context
@@ -56,7 +57,7 @@ def asked(folder: Path) -> list[str]:
 def test_one_that_fails_takes_no_other_along_and_a_rerun_does_only_it(tmp_path: Path, program: tuple[str, ...]) -> None:
     for name in ("a", "c"):
         (tmp_path / name).mkdir()
-    path = table(tmp_path, "name,rest,deformed,rest_labels\nA,a,x,\nB,b,x,\nC,c,x,rs.dcm\n")
+    path = table(tmp_path, "name,rest,deformed,rest_labels,registration\nA,a,x,,\nB,b,x,,\nC,c,x,rs.dcm,reg.dcm\n")
     patients = batch.read_table(path)
     told: list[tuple[int, str]] = []
     out = tmp_path / "out"
@@ -77,7 +78,10 @@ def test_one_that_fails_takes_no_other_along_and_a_rerun_does_only_it(tmp_path: 
         "a; b",
     )
     assert found[0].values["prostate_left_kpa"] == 31.5 and found[0].values["prostate_left_at_bound"] is False
-    assert any(f"--rest-labels {tmp_path / 'rs.dcm'}" in line and "--workers 2" in line for line in asked(tmp_path))
+    assert any(
+        f"--rest-labels {tmp_path / 'rs.dcm'} --registration {tmp_path / 'reg.dcm'}" in line and "--workers 2" in line
+        for line in asked(tmp_path)
+    )
     (tmp_path / "b").mkdir()
     again = batch.run_all(patients, out, ["--workers", "2"], 1, lambda n, one: None, program)
     assert [one.status for one in again] == ["done"] * 3 and len(asked(tmp_path)) == 4, "only B once more"
@@ -87,6 +91,34 @@ def test_one_that_fails_takes_no_other_along_and_a_rerun_does_only_it(tmp_path: 
     assert filled[0] == filled[1], "numbers are numbers again when they are read back"
     batch.run_all(patients, out, ["--workers", "1"], 1, lambda n, one: None, program)
     assert len(asked(tmp_path)) == 7, "other options are another run"
+
+
+def test_other_files_or_changed_ones_are_another_run(tmp_path: Path, program: tuple[str, ...]) -> None:
+    (tmp_path / "a").mkdir()
+    for name in ("rs.dcm", "reg.dcm"):
+        (tmp_path / name).write_text("as it was")
+    out = tmp_path / "out"
+
+    def runs(column: str, cell: str) -> int:
+        path = table(tmp_path, f"name,rest,deformed,{column}\nA,a,x,{cell}\n")
+        batch.run_all(batch.read_table(path), out, [], 1, lambda n, one: None, program)
+        return len(asked(tmp_path))
+
+    given = [("rest_labels", ""), ("rest_labels", "rs.dcm"), ("deformed_labels", "rs.dcm"), ("registration", "reg.dcm")]
+    assert [runs(*one) for one in given] == [1, 2, 3, 4] and runs(*given[-1]) == 4
+    later = (out / "A" / "result.json").stat().st_mtime + 5.0
+    os.utime(tmp_path / "rs.dcm", (later, later))
+    assert runs(*given[-1]) == 4, "a file that is not given"
+    os.utime(tmp_path / "reg.dcm", (later, later))
+    assert runs(*given[-1]) == 5
+
+
+def test_nothing_is_written_into_a_scan(tmp_path: Path, program: tuple[str, ...]) -> None:
+    (tmp_path / "a").mkdir()
+    patients = batch.read_table(table(tmp_path, "name,rest,deformed\nA,x,a\n"))
+    with pytest.raises(InputError, match=r"a/out lies inside the scan .*, whose slices it would join"):
+        batch.run_all(patients, tmp_path / "a" / "out", [], 1, lambda n, one: None, program)
+    assert list((tmp_path / "a").iterdir()) == []
 
 
 @pytest.mark.parametrize(

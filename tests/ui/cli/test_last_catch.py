@@ -12,6 +12,7 @@ import pytest
 
 from palpate.case.case_folder import check_new_case
 from palpate.core.errors import InputError
+from palpate.imaging.contours.user_labels import read_label_volume
 from palpate.ui.cli import main as cli
 
 
@@ -50,3 +51,28 @@ def test_a_case_within_a_scan_or_by_a_name_that_is_not_utf_8_is_refused(tmp_path
     check_new_case(tmp_path / "scan_case", [scan])
     with pytest.raises(InputError, match=r"caf\\udce9 is a name that is not UTF-8; choose another folder"):
         check_new_case(tmp_path / os.fsdecode(b"caf\xe9"), [scan])
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="a file system whose names are UTF-8")
+def test_what_the_libraries_would_end_the_program_for_is_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Names that are not UTF-8: whatever is written, and NRRD files that are read."""
+    bad = tmp_path / os.fsdecode(b"caf\xe9")
+    bad.mkdir()
+    for command in (
+        ["export", "case", "--to", "nrrd", str(bad)],
+        ["batch", "table.csv", "-o", str(bad)],
+        ["sketch", "a.png", "b.png", "-o", str(bad / "film")],
+        ["drop", "case", "-o", str(bad / "a.mp4")],
+        ["touch", "case", "-o", str(bad)],
+        ["simulate", "spec.json", "-o", "case", "--answers", str(bad)],
+        ["demo", "-o", str(bad)],
+    ):
+        assert cli.main(command) == 3
+        assert r"caf\udce9" in (told := capfd.readouterr().err) and told.count("is a name that is not UTF-8") == 1
+    for name in ("a.nrrd", "a.seg.nrrd"):
+        (bad / name).write_bytes(b"NRRD0004\n")
+        with pytest.raises(InputError, match="is a name that is not UTF-8; rename it or its folder"):
+            read_label_volume(bad / name)
+    assert sorted(path.name for path in bad.iterdir()) == ["a.nrrd", "a.seg.nrrd"]

@@ -1,6 +1,7 @@
 """Many patients from one table, each the whole way from two scans to a report.
 
-TABLE is CSV with the columns name, rest, deformed and, if wanted, rest_labels, deformed_labels; paths are relative to its folder.
+TABLE is CSV with the columns name, rest, deformed and, if wanted, rest_labels, deformed_labels, registration; paths are relative
+to its folder.
 A patient who fails, or whose row is wrong, is told and passed over. FOLDER/results.csv has one line a patient: stiffness,
 interval, how sure, misfit, verdict and its p-value, where the contours are from, and warnings. The same command goes on where it stopped.
 """
@@ -21,7 +22,10 @@ NAME, HELP = "batch", "many patients from one table"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """TABLE -o FOLDER."""
     parser.add_argument(
-        "table", type=Path, metavar="TABLE", help="CSV: name, rest, deformed, rest_labels, deformed_labels"
+        "table",
+        type=Path,
+        metavar="TABLE",
+        help="CSV: name, rest, deformed, rest_labels, deformed_labels, registration",
     )
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="FOLDER", help="folder for a case of each patient"

@@ -1,4 +1,4 @@
-"""Makes the case folder of a pair of scans: two CTs (DICOM folders, NIfTI, NRRD, MetaImage), or two NIfTI label volumes.
+"""Makes the case folder of a pair of scans: two CTs (DICOM folders, NIfTI, NRRD, MetaImage), or two label volumes.
 
 The deformed scan is aligned to the one at rest on bone, or by a DICOM registration that is given. The case holds copies; the
 scans are not touched.
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
         "rest",
         type=Path,
         metavar="REST",
-        help="scan at rest: DICOM folder, CT as NIfTI, NRRD or MetaImage, or NIfTI label volume",
+        help="scan at rest: DICOM folder, or a CT or a label volume as NIfTI, NRRD or MetaImage",
     )
     words = "scan in which the organ is deformed"
     if alone:
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
     for state in ("rest", "deformed"):
         group.add_argument(f"--{state}-labels", type=Path, metavar="FILE",
                            help=f"labels drawn on the {state} scan, which always win: DICOM RTSTRUCT or SEG, "
-                           "NIfTI, ITK-SNAP workspace, .seg.nrrd of 3D Slicer")  # fmt: skip
+                           "NIfTI, NRRD, MetaImage, ITK-SNAP workspace, .seg.nrrd of 3D Slicer")  # fmt: skip
         group.add_argument(f"--{state}-series", metavar="ID", help="which CT series, where a folder holds several")
     group.add_argument(
         "--series", metavar="ID", help="which CT series in both folders: its number in the list, or its UID's end"

@@ -27,7 +27,7 @@ from palpate.ui.desktop.session.dropped_files import Pair, case_beside
 from palpate.ui.desktop.session.recent import recent_cases
 from palpate.ui.desktop.session.sample import STEPS, finished_sample, sample_pair
 
-_CONTOURS = "if you have any: RTSTRUCT, DICOM SEG, NIfTI, ITK-SNAP workspace, .seg.nrrd"
+_CONTOURS = "if you have any: RTSTRUCT, DICOM SEG, NIfTI, NRRD, MetaImage, ITK-SNAP workspace, .seg.nrrd"
 _STATES = (
     "<b>Rest</b>: the organ as it lies by itself. <b>Deformed</b>: the same patient with the organ pushed out of shape, "
     "by a full bladder, a filled rectum or a probe."
