@@ -3,7 +3,7 @@
     python run.py demo              the main job on sample_dicom
     python run.py test [...]        the tests (pytest's arguments)
     python run.py palpate ...       the program
-    python run.py setup             the environment only
+    python run.py setup [--dev]     the environment only; --dev: with what tests and pages need
 
 On Windows `run.cmd` calls it. Needs nothing but Python 3.11 or newer; everything else goes into `.venv`.
 """
@@ -29,6 +29,8 @@ def main(arguments: list[str]) -> int:
         print(__doc__, file=sys.stderr)
         return 2
     status = set_up()
+    if not status and (command == "test" or (command == "setup" and rest[:1] == ["--dev"])):
+        status = _install("requirements.dev.lock", "development.sha256")
     if status or command == "setup":
         return status
     pair = [str(TOP / "sample_dicom" / state) for state in ("rest", "deformed")]
@@ -45,18 +47,13 @@ def set_up() -> int:
     if sys.version_info < (3, 11):  # noqa: UP036  # an older one may be what calls it
         print(f"run: Python 3.11 or newer is needed, this is {sys.version.split()[0]}", file=sys.stderr)
         return 3
-    if not _noted("packages.sha256", _lock()) or not PYTHON.exists():
+    if not _noted("packages.sha256", _lock("requirements.lock")) or not PYTHON.exists():
         print(f"run: making the environment in {VENV} (once; a few minutes)", file=sys.stderr)
         shutil.rmtree(VENV, ignore_errors=True)
         made = _status([sys.executable, "-m", "venv", str(VENV)], alone=True)
-        packages = ["--require-hashes", "--only-binary", ":all:", "-r", str(TOP / "requirements.lock")]
-        made = made or _pip(*packages)
-        if made == 130:
-            return made
+        made = made or _install("requirements.lock", "packages.sha256")
         if made:
-            print("run: the packages could not be installed; check the network and run again", file=sys.stderr)
-            return 3
-        (VENV / "packages.sha256").write_text(_lock(), encoding="utf-8")
+            return made
     if not _noted("project.sha256", _project()):
         made = _pip("--no-deps", "--no-build-isolation", "-e", str(TOP))
         if made == 130:
@@ -68,8 +65,22 @@ def set_up() -> int:
     return 0
 
 
-def _lock() -> str:
-    return hashlib.sha256((TOP / "requirements.lock").read_bytes()).hexdigest()
+def _install(lock: str, note: str) -> int:
+    """The packages of a lock by their hashes, unless the note says that they are there; 0 or an exit status."""
+    if _noted(note, _lock(lock)):
+        return 0
+    made = _pip("--require-hashes", "--only-binary", ":all:", "-r", str(TOP / lock))
+    if made == 130:
+        return made
+    if made:
+        print("run: the packages could not be installed; check the network and run again", file=sys.stderr)
+        return 3
+    (VENV / note).write_text(_lock(lock), encoding="utf-8")
+    return 0
+
+
+def _lock(name: str) -> str:
+    return hashlib.sha256((TOP / name).read_bytes()).hexdigest()
 
 
 def _project() -> str:

@@ -18,8 +18,18 @@ TOP = Path(__file__).resolve().parents[1]
 PICTURE = TOP / "docs" / "architecture.svg"
 
 # Top to bottom; rooms of one row of the import contract (pyproject.toml) share a band.
-LAYERS = (("ui",), ("validate",), ("case",), ("simulate",), ("segmentation", "meshing"), ("imaging",), ("core",))
+LAYERS = (
+    ("applications",),
+    ("ui",),
+    ("validate",),
+    ("case",),
+    ("simulate",),
+    ("segmentation", "meshing"),
+    ("imaging",),
+    ("core",),
+)
 WORDS = {
+    "applications": ("touch, fall, drawn", "figures that move"),
     "ui": ("command line, window,", "report, exports"),
     "validate": ("studies of the paper", "and of our own"),
     "case": ("one patient's folder", "and its steps"),

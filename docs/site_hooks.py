@@ -21,7 +21,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 TOP = Path(__file__).parents[1]
-ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
+ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications")
 API = TOP / "build" / "api"
 # Files outside docs/ that the site shows too: file of the repository -> file of the site.
 BORROWED = {

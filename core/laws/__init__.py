@@ -9,7 +9,6 @@ from palpate.core.laws.base import Law, PointValues
 from palpate.core.laws.linear import LINEAR, bulk_modulus
 from palpate.core.laws.mooney_rivlin import MOONEY_RIVLIN, MOONEY_RIVLIN_PRINTED, mooney_rivlin_parameters
 from palpate.core.laws.neo_hookean import NEO_HOOKEAN
-from palpate.core.laws.st_venant_kirchhoff import ST_VENANT_KIRCHHOFF
 
 
 def _find_laws() -> dict[str, Law]:
@@ -30,7 +29,6 @@ __all__ = [
     "MOONEY_RIVLIN",
     "MOONEY_RIVLIN_PRINTED",
     "NEO_HOOKEAN",
-    "ST_VENANT_KIRCHHOFF",
     "Law",
     "PointValues",
     "bulk_modulus",

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +18,8 @@ from numpy.typing import ArrayLike
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 
-# kernel(F (n, q, 3, 3), p (n, k), W (n, q), g (n, q), P (n, q, 3, 3), G (n, q, 3, 3), A (n, q, 9, 9), H (n, q, 9, 9), order):
-# fills W and g; with order >= 1 their first derivatives P and G; with order 2 their second derivatives A and H.
-Kernel = Callable[..., None]
 
-
-@dataclass(frozen=True)
-class PointValues:
+class PointValues(NamedTuple):
     """A law evaluated at points: W, g (n, q); P = dW/dF, G = dg/dF (n, q, 3, 3); A, H second derivatives (n, q, 9, 9)."""
 
     W: FloatArray
@@ -32,6 +28,11 @@ class PointValues:
     G: FloatArray
     A: FloatArray
     H: FloatArray
+
+
+# kernel(F (n, q, 3, 3), p (n, k), out, order): fills W and g of `out`; with order >= 1 their first derivatives P and G; with order 2
+# their second derivatives A and H.
+Kernel = Callable[[FloatArray, FloatArray, PointValues, int], None]
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Law:
         first = (n, q, 3, 3) if order >= 1 else (0, 0, 3, 3)
         second = (n, q, 9, 9) if order >= 2 else (0, 0, 9, 9)
         out = PointValues(*(np.empty(s) for s in ((n, q), (n, q), first, first, second, second)))
-        self.kernel(F, p, out.W, out.g, out.P, out.G, out.A, out.H, order)
+        self.kernel(F, p, out, order)
         return out
 
     def energy(self, F: ArrayLike, p: ArrayLike) -> FloatArray:

@@ -5,25 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.core.laws.base import Kernel, Law
+from palpate.core.laws.base import Kernel, Law, PointValues
 
 
 def with_fibres(law: Law, a: FloatArray) -> Law:
     """The law with one more parameter, k, for fibres along the unit vector a (3,)."""
     n = len(law.parameters)
 
-    def kernel(
-        F: FloatArray,
-        p: FloatArray,
-        W: FloatArray,
-        g: FloatArray,
-        P: FloatArray,
-        G: FloatArray,
-        A: FloatArray,
-        H: FloatArray,
-        order: int,
-    ) -> None:
-        law.kernel(F, np.ascontiguousarray(p[:, :n]), W, g, P, G, A, H, order)
+    def kernel(F: FloatArray, p: FloatArray, out: PointValues, order: int) -> None:
+        W, _, P, _, A, _ = out
+        law.kernel(F, np.ascontiguousarray(p[:, :n]), out, order)
         k = p[:, n, None]
         f = F @ a
         stretch = (f * f).sum(axis=-1) - 1.0

@@ -6,25 +6,16 @@ Energy is counted per unit of grown volume: the constant factor would only renam
 from __future__ import annotations
 
 from palpate.core.arrays import FloatArray
-from palpate.core.laws.base import Kernel, Law
+from palpate.core.laws.base import Kernel, Law, PointValues
 
 
 def grown(law: Law, ratio: float) -> Law:
     """The law after the volume without load has become `ratio` times what it was."""
     stretch = ratio ** (1.0 / 3.0)
 
-    def kernel(
-        F: FloatArray,
-        p: FloatArray,
-        W: FloatArray,
-        g: FloatArray,
-        P: FloatArray,
-        G: FloatArray,
-        A: FloatArray,
-        H: FloatArray,
-        order: int,
-    ) -> None:
-        law.kernel(F / stretch, p, W, g, P, G, A, H, order)
+    def kernel(F: FloatArray, p: FloatArray, out: PointValues, order: int) -> None:
+        _, _, P, G, A, H = out
+        law.kernel(F / stretch, p, out, order)
         if order >= 1:
             P /= stretch
             G /= stretch

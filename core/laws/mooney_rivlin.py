@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from palpate.core.arrays import FloatArray
-from palpate.core.laws.base import Kernel, Law
+from palpate.core.laws.base import Kernel, Law, PointValues
 from palpate.core.laws.kinematics import add_cofactor_derivative, flat_with_cofactor, volumetric_measure
 
 
@@ -82,18 +82,8 @@ def _second_derivatives(
 
 
 @njit(cache=True)
-def _kernel(
-    F: FloatArray,
-    p: FloatArray,
-    W: FloatArray,
-    g: FloatArray,
-    P: FloatArray,
-    G: FloatArray,
-    A: FloatArray,
-    H: FloatArray,
-    order: int,
-    power: float,
-) -> None:
+def _kernel(F: FloatArray, p: FloatArray, out: PointValues, order: int, power: float) -> None:
+    W, g, P, G, A, H = out
     f, c, d = np.empty(9), np.empty(9), np.empty(9)
     for n in range(F.shape[0]):
         mu1, mu2 = p[n, 0], p[n, 1]
@@ -127,18 +117,8 @@ def _kernel(
 
 
 def _with_power(power: float) -> Kernel:
-    def kernel(
-        F: FloatArray,
-        p: FloatArray,
-        W: FloatArray,
-        g: FloatArray,
-        P: FloatArray,
-        G: FloatArray,
-        A: FloatArray,
-        H: FloatArray,
-        order: int,
-    ) -> None:
-        _kernel(F, p, W, g, P, G, A, H, order, power)
+    def kernel(F: FloatArray, p: FloatArray, out: PointValues, order: int) -> None:
+        _kernel(F, p, out, order, power)
 
     return kernel
 

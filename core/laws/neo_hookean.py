@@ -6,22 +6,13 @@ import numpy as np
 from numba import njit
 
 from palpate.core.arrays import FloatArray
-from palpate.core.laws.base import Law, bulk_of_G_K, shear_of_G_K
+from palpate.core.laws.base import Law, PointValues, bulk_of_G_K, shear_of_G_K
 from palpate.core.laws.kinematics import add_cofactor_derivative, flat_with_cofactor
 
 
 @njit(cache=True)
-def _kernel(
-    F: FloatArray,
-    p: FloatArray,
-    W: FloatArray,
-    g: FloatArray,
-    P: FloatArray,
-    G: FloatArray,
-    A: FloatArray,
-    H: FloatArray,
-    order: int,
-) -> None:
+def _kernel(F: FloatArray, p: FloatArray, out: PointValues, order: int) -> None:
+    W, g, P, G, A, H = out
     f, c = np.empty(9), np.empty(9)
     for n in range(F.shape[0]):
         shear = p[n, 0]

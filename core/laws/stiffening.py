@@ -8,21 +8,12 @@ from __future__ import annotations
 from numba import njit
 
 from palpate.core.arrays import FloatArray
-from palpate.core.laws.base import Law, bulk_of_G_K, shear_of_G_K
+from palpate.core.laws.base import Law, PointValues, bulk_of_G_K, shear_of_G_K
 
 
 @njit(cache=True)
-def _kernel(
-    F: FloatArray,
-    p: FloatArray,
-    W: FloatArray,
-    g: FloatArray,
-    P: FloatArray,
-    G: FloatArray,
-    A: FloatArray,
-    H: FloatArray,
-    order: int,
-) -> None:
+def _kernel(F: FloatArray, p: FloatArray, out: PointValues, order: int) -> None:
+    W, g, P, G, A, H = out
     for n in range(F.shape[0]):
         shear, extra = p[n, 0], p[n, 2]
         for q in range(F.shape[1]):

@@ -5,6 +5,8 @@ worker is tested with; no step runs it. It lies here because a job's kind must b
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +16,6 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import ConvergenceError
 from palpate.core.inference.swarm import Swarm, SwarmOptions
-from palpate.core.inference.swarm_search import search
 from palpate.core.worker.checkpoint import load_checkpoint, save_checkpoint
 from palpate.core.worker.executors import make_executor
 from palpate.core.worker.job import Job
@@ -53,6 +54,19 @@ def run(job: Job, reporter: Reporter) -> dict[str, object]:
     if swarm.best_value > asked.accept:
         raise ConvergenceError(f"the swarm stopped at {swarm.best_value:.3g}; give it more iterations")
     return {"best": swarm.best_value, "position": swarm.best_position.tolist(), "iterations": swarm.iteration}
+
+
+def search(
+    swarm: Swarm,
+    executor: Executor,
+    objective: Callable[[FloatArray], float],
+    after: Callable[[Swarm], None] = lambda swarm: None,
+) -> Swarm:
+    """The swarm where a stopping rule is met, its particles evaluated in parallel; `after` hears of every iteration."""
+    while not swarm.should_stop():
+        swarm.tell(list(executor.map(objective, swarm.ask())))
+        after(swarm)
+    return swarm
 
 
 def rastrigin(x: FloatArray, pause_s: float = 0.0) -> float:

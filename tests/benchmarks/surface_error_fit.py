@@ -13,12 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from surface_error_model import as_it_is, held_out, judged_surfaces
 
 from palpate.core.errors import PalpateError
 from palpate.core.worker.executors import one_thread
 from palpate.segmentation.error_estimate import error_models
 from palpate.validate.segmentation.contoured_scan import contoured_scan, phantom_scan
-from palpate.validate.segmentation.surface_error_fit import as_it_is, held_out, judged_surfaces
 from palpate.validate.segmentation.variants import drawn_recipe, variant_of
 
 

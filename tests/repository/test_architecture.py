@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 TOP = Path(__file__).parents[2]
-ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
+ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications")
 PAGES = [
     *(
         "ARCHITECTURE.md",

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TOP = Path(__file__).parents[2]
-ROOMS = ("palpate", "core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
+ROOMS = ("palpate", "core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications")
 
 
 def calls(name: str) -> Iterator[str]:

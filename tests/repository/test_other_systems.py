@@ -17,7 +17,7 @@ from palpate.ui.cli import signals
 from palpate.ui.desktop.session import open_case
 
 TOP = Path(__file__).resolve().parents[2]
-ROOMS = ("core", "case", "imaging", "segmentation", "meshing", "simulate", "ui", "validate", "palpate")
+ROOMS = ("core", "case", "imaging", "segmentation", "meshing", "simulate", "ui", "validate", "applications", "palpate")
 # Modules that Windows' Python does not have.
 POSIX = ("fcntl", "grp", "pwd", "resource", "termios", "tty")
 # Comparisons with programs that run on Linux only.
@@ -28,12 +28,14 @@ import sys
 for name in {POSIX!r}:
     sys.modules[name] = None
 import palpate.ui.cli.main
-from palpate.ui.cli.main import COMMANDS
+from palpate.ui.cli.main import COMMANDS, command_module
 import importlib
-for name in COMMANDS.values():
-    importlib.import_module("palpate.ui.cli.commands." + name)
-for name in ("import_scans.pair", "segment", "mesh", "identify", "diagnose", "touch", "drop", "plan"):
+for name in COMMANDS:
+    command_module(name)
+for name in ("import_scans.pair", "segment", "mesh", "identify", "diagnose", "plan"):
     importlib.import_module("palpate.case.steps." + name)
+for name in ("applications.touch.case_body", "applications.drop.fall", "applications.organ_pages"):
+    importlib.import_module("palpate." + name)
 for name in ("ui.report.report_step", "ui.desktop.window.main_window", "ui.desktop.scripting.play", "ui.desktop.solid.pipe_child"):
     importlib.import_module("palpate." + name)
 """

@@ -24,7 +24,18 @@ def test_every_package_is_listed() -> None:
     listed = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     there = [
         package_of(init.parent)
-        for room in ("palpate", "core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui")
+        for room in (
+            "palpate",
+            "core",
+            "imaging",
+            "segmentation",
+            "meshing",
+            "simulate",
+            "case",
+            "validate",
+            "ui",
+            "applications",
+        )
         for init in (TOP / room).rglob("__init__.py")
     ]
     assert sorted(set(listed) - {SAMPLE}) == sorted(there)
@@ -32,7 +43,18 @@ def test_every_package_is_listed() -> None:
 
 def test_files_that_are_no_python_go_with_their_package() -> None:
     data = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
-    for room in ("palpate", "core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui"):
+    for room in (
+        "palpate",
+        "core",
+        "imaging",
+        "segmentation",
+        "meshing",
+        "simulate",
+        "case",
+        "validate",
+        "ui",
+        "applications",
+    ):
         for path in (TOP / room).rglob("*.*"):
             if path.suffix == ".py" or "__pycache__" in path.parts:
                 continue
@@ -63,7 +85,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
 
 def test_a_wheel_holds_every_module_the_files_beside_them_and_the_sample(wheel: zipfile.ZipFile) -> None:
     names = set(wheel.namelist())
-    for room in ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui"):
+    for room in ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications"):
         for path in (TOP / room).rglob("*.py"):
             assert f"palpate/{path.relative_to(TOP).as_posix()}" in names, path
     assert {"palpate/__init__.py", "palpate/__init__.pyi", "palpate/py.typed", "palpate/ui/report/page.html"} <= names

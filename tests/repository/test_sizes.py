@@ -9,7 +9,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TOP = Path(__file__).parents[2]
-ROOMS = ("palpate", "core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "plugin")
+ROOMS = (
+    "palpate",
+    "core",
+    "imaging",
+    "segmentation",
+    "meshing",
+    "simulate",
+    "case",
+    "validate",
+    "ui",
+    "applications",
+    "plugin",
+)
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 MOST_MODULES_A_FOLDER = 25

@@ -9,16 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from phantoms import write_case
-from scipy.spatial import cKDTree
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import InputError
-from palpate.core.fem.meshes import sphere_in_cube
-from palpate.core.mesh import TetMesh
 from palpate.imaging.labels import BONE
 from palpate.imaging.volume import Volume
-from palpate.meshing.mesh_labels import MeshedCase
 from palpate.simulate.source import labels_on
 from palpate.ui.cli import main as cli
 from palpate.validate.calibration import study
@@ -27,8 +23,6 @@ from palpate.validate.calibration.ranks import calibration, rank, uniformity
 from palpate.validate.calibration.records import CalibrationOptions
 from palpate.validate.calibration.study import Estimator, calibration_text, run
 from palpate.validate.simulated.contour_noise import ContourErrors, ContourNoise, Scan
-from palpate.validate.simulated.drawing import on_contour
-from palpate.validate.simulated.exact_mesh import on_contours
 from palpate.validate.simulated.random_fields import Part, correlation, random_vectors
 
 BOUNDS = (5.0, 500.0)
@@ -251,21 +245,3 @@ def test_bones_have_errors_of_their_own_and_the_edge_of_the_region_has_none() ->
     # Below the edge the bar's inside is bone still, although labels of beyond the region were asked for there.
     inside = (np.abs(grid.to_lps(np.argwhere(clean == BONE).astype(float))[:, 1:] - [-14.0, 0.0]) < 1.5).all(axis=1)
     assert (drawn["bones"][clean == BONE][inside] == BONE).all()
-
-
-def test_a_contour_and_a_mesh_are_found_without_voxels() -> None:
-    """Points that lie up to a millimetre off a ball, and a mesh whose ball is half a millimetre too small."""
-    rng = np.random.default_rng(3)
-    way = rng.normal(size=(80, 3))
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    found = on_contour(way * rng.uniform(RADIUS - 1.0, RADIUS + 1.0, (80, 1)), way, lambda p: ball(p) == 1)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), RADIUS, atol=2e-3)
-    small = sphere_in_cube(2, 1, 2, RADIUS - 0.5, 30.0)
-    mesh = TetMesh(small.points, small.cells, np.where(small.regions == 3, 3, 1))
-    outer, _ = mesh.region_boundary((1, 3))
-    made = on_contours(MeshedCase(mesh, {"outer": outer}), {"organ": lambda p: ball(p) == 1})
-    organ = np.unique(made.mesh.region_boundary((1,))[0])
-    np.testing.assert_allclose(np.linalg.norm(made.mesh.points[organ], axis=1), RADIUS, atol=2e-3)
-    assert made.mesh.volumes.min() > 0.0
-    edge = np.unique(outer)
-    assert cKDTree(mesh.points[edge]).query(made.mesh.points[edge])[0].max() == 0.0

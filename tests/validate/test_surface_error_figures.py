@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from surface_error_model import JudgedSurface, as_it_is, fitted, held_out
 
 from palpate.core.arrays import FloatArray
 from palpate.segmentation.error_estimate import Clues, ErrorModel
 from palpate.segmentation.methods.star_surface import star
 from palpate.segmentation.surface_error import expected_dice
-from palpate.validate.segmentation.surface_error_fit import JudgedSurface, as_it_is, fitted, held_out
 
 # Errors of 1 mm where runs spread by 0.5 mm, of 4 mm where they spread by 3.5 mm.
 MODEL = ErrorModel(weights=(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

@@ -23,13 +23,15 @@ from palpate.ui.cli.arguments import Parser, UsageError, common
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.signals import CANCELLED, EXIT_CODE, cancellable, nothing_left
 
+# The room above this one: nothing imports it, its commands are named here.
+_APPLICATIONS = "palpate.applications.commands."
 # In the order of a case's way, with the two whose name no module can have; a command that is not among them comes after.
 _FIRST = {
     "demo": "demo", "analyze": "analyze", "batch": "batch", "import": "import_scans", "segment": "segment",
     "mesh": "mesh", "identify": "identify",
     "diagnose": "diagnose", "report": "report", "simulate": "simulate", "export": "export", "plan": "plan", "bench": "bench",
-    "validate": "validate", "drop": "drop", "sketch": "sketch",
-    "open": "open_window", "touch": "touch", "doctor": "doctor",
+    "validate": "validate", "drop": _APPLICATIONS + "drop", "sketch": _APPLICATIONS + "sketch",
+    "open": "open_window", "touch": _APPLICATIONS + "touch", "doctor": "doctor",
 }  # fmt: skip
 
 
@@ -101,7 +103,7 @@ def parser(given: Sequence[str] = ()) -> Parser:
     top.add_argument("--version", action="version", version=f"palpate {__version__}")
     listed = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = common()
-    for module in map(_module, COMMANDS if named is None else [named]):
+    for module in map(command_module, COMMANDS if named is None else [named]):
         sub = listed.add_parser(
             module.NAME, help=module.HELP, description=module.__doc__, parents=[shared],
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -134,8 +136,11 @@ def _run(given: Sequence[str], console: Console) -> int:
     return 0
 
 
-def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"palpate.ui.cli.commands.{COMMANDS[name]}")
+def command_module(name: str) -> ModuleType:
+    """The module of a command."""
+    return importlib.import_module(
+        COMMANDS[name] if "." in COMMANDS[name] else f"palpate.ui.cli.commands.{COMMANDS[name]}"
+    )
 
 
 def open_streams() -> None:

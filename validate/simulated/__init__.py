@@ -1,1 +1,1 @@
-"""Simulated patients of several simulators without anything hidden, written with or without voxels and contour errors."""
+"""Simulated patients of several simulators without anything hidden: contour errors, fillings, moved bodies."""

@@ -21,7 +21,7 @@ from palpate.core.fem.newton.work import NewtonOptions, Work, relative
 from palpate.core.fem.state import State
 from palpate.core.fem.tangent import Tangent
 
-__all__ = ["Equilibrium", "NewtonOptions", "quicker", "solve_equilibrium"]
+__all__ = ["Equilibrium", "NewtonOptions", "solve_equilibrium"]
 
 # Load increments above this are halved when the mixed iteration fails with a definite tangent; below it the energy
 # iteration serves.
@@ -176,8 +176,3 @@ def _descend(
     end = minimise(assembler, outcome.state, goal, load, work, iterations)
     work.buckled |= end.converged and outcome.stable is False
     return end
-
-
-def quicker(options: NewtonOptions) -> NewtonOptions:
-    """The same without the extra factorisation that certifies stability: for a swarm's many particles."""
-    return replace(options, stability=False)

@@ -13,7 +13,7 @@ from palpate.core.fem.meshes import box, with_regions
 from palpate.core.fem.newton.newton import NewtonOptions, solve_equilibrium
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
-from palpate.core.laws import LINEAR, MOONEY_RIVLIN, ST_VENANT_KIRCHHOFF, mooney_rivlin_parameters
+from palpate.core.laws import LINEAR, MOONEY_RIVLIN, mooney_rivlin_parameters
 
 NAMES = sorted(ELEMENTS)
 STIFF = Material(MOONEY_RIVLIN, mooney_rivlin_parameters(40.0, 4000.0))
@@ -82,16 +82,15 @@ def test_patch_test(name: str, law: str) -> None:
         np.testing.assert_allclose(found.p, 4000.0 * g, rtol=1e-10)
 
 
-@pytest.mark.parametrize("material", [STIFF, Material(ST_VENANT_KIRCHHOFF, np.array([40.0, 4000.0]))])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_quarter_turn_stores_no_energy(name: str, material: Material) -> None:
+def test_a_quarter_turn_stores_no_energy(name: str) -> None:
     space = Space.of(box([10.0, 8.0, 6.0], (2, 3, 2), jitter=0.2, seed=4), name)
     R = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
         [[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]]
     )
     turned = space.nodes @ R.T - space.nodes + np.array([5.0, -3.0, 2.0])
     assembler = Assembler(space, np.ones(3 * space.n_nodes, dtype=bool))
-    assembler.set_materials({1: material})
+    assembler.set_materials({1: STIFF})
     stiffness = 40.0 * space.mesh.volumes.sum()  # energy of a strain of order one
     residual = assembler.residual(State(turned, np.zeros(space.n_pressures)), 1.0)
     assert abs(assembler.energy(turned, 1.0)) < 1e-12 * stiffness

@@ -8,10 +8,9 @@ from scipy import stats
 
 from palpate.core.errors import InputError
 from palpate.core.inference.swarm import ATTRACTION, INERTIA, REBOUND, Swarm, SwarmOptions, sample_sphere, sphere_centre
-from palpate.core.inference.swarm_search import search
 from palpate.core.inference.swarm_topology import draw_informants, neighbourhood_best
 from palpate.core.worker.executors import make_executor
-from palpate.core.worker.selfcheck import rastrigin
+from palpate.core.worker.selfcheck import rastrigin, search
 
 LOW, HIGH = np.array([-5.0, -3.0]), np.array([5.0, 9.0])
 

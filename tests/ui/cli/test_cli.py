@@ -221,7 +221,7 @@ def test_a_missing_case_is_told_before_any_large_library_is_loaded(tmp_path: Pat
 
 def test_every_command_explains_itself() -> None:
     for name in cli.COMMANDS:
-        module = cli._module(name)
+        module = cli.command_module(name)
         assert module.__doc__ and module.HELP and name == module.NAME
         with pytest.raises(SystemExit, match="0"):
             cli.parser([name]).parse_args([name, "--help"])

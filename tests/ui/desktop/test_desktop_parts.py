@@ -11,11 +11,11 @@ import pytest
 from diagnoses import diagnosis
 from phantoms import result, write_case
 
+from palpate.applications.touch.window import touch_script as script
 from palpate.case.steps.import_scans.options import ImportOptions
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
 from palpate.ui.desktop.panels.job_panel import time_words
-from palpate.ui.desktop.scripting import touch_script as script
 from palpate.ui.desktop.scripting.commands_script import Driver, parse
 from palpate.ui.desktop.scripting.script_runner import names_of
 from palpate.ui.desktop.session import steps

@@ -10,10 +10,11 @@ import pytest
 from films import read_film
 from phantoms import result, write_case
 
-from palpate.core.dynamics.drop import DropOptions
+from palpate.applications import organ_jobs as make_organ
+from palpate.applications.dynamics.drop import DropOptions
+from palpate.applications.touch.body_file import load_body
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box, with_regions
-from palpate.core.touch.body_file import load_body
 from palpate.core.worker.messages import Message, Reporter
 from palpate.ui.desktop.session import organ_jobs
 from palpate.ui.desktop.session.controller import Controller
@@ -23,7 +24,7 @@ from palpate.ui.desktop.session.jobs import JobState
 @pytest.fixture(autouse=True)
 def _own_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PALPATE_SETTINGS", str(tmp_path / "settings"))
-    monkeypatch.setattr(organ_jobs, "give_way", lambda: None)  # the tests' own process stays as quick as it is
+    monkeypatch.setattr(make_organ, "give_way", lambda: None)  # the tests' own process stays as quick as it is
 
 
 def opened(path: Path) -> Controller:
@@ -61,7 +62,7 @@ def test_the_body_is_that_of_the_case_and_is_told_once(tmp_path: Path) -> None:
     job = organ_jobs.body_job(case.path, tmp_path)
     job = replace(job, options={**job.options, "tets": 500})
     heard: list[Message] = []
-    found = organ_jobs.make_body(job, Reporter(heard.append))
+    found = make_organ.make_body(job, Reporter(heard.append))
     body = load_body(Path(str(found["body"])))
     assert body.shear_kpa == {1: 120.0, 2: 40.0} and body.names[1] == "prostate_left" and heard
     controller = opened(case.path)
@@ -87,16 +88,16 @@ def test_what_cannot_be_is_said_in_one_line(tmp_path: Path) -> None:
         controller.drop(tmp_path / "film.avi")
     controller.quit()
     with pytest.raises(InputError, match="run `palpate mesh` on the case first"):
-        organ_jobs.make_film(organ_jobs.film_job(tmp_path / "case", tmp_path / "film.mp4", tmp_path), Reporter(print))
+        make_organ.make_film(organ_jobs.film_job(tmp_path / "case", tmp_path / "film.mp4", tmp_path), Reporter(print))
 
 
 def test_the_film_is_made_and_tells_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case = write_case(tmp_path / "case", result())
     mesh = with_regions(box((24.0, 16.0, 14.0), (2, 1, 1)), lambda c: 1 + (c[:, 0] < 12.0))
     case.write_npz("mesh.npz", points=mesh.points, cells=mesh.cells, regions=mesh.regions)
-    monkeypatch.setattr(organ_jobs, "DropOptions", lambda frames: DropOptions(seconds=0.02, frames=frames))
+    monkeypatch.setattr(make_organ, "DropOptions", lambda frames: DropOptions(seconds=0.02, frames=frames))
     heard: list[Message] = []
-    found = organ_jobs.make_film(
+    found = make_organ.make_film(
         organ_jobs.film_job(case.path, tmp_path / "fall.mp4", tmp_path), Reporter(heard.append)
     )
     assert found == {"film": str(tmp_path / "fall.mp4")} and len(read_film(tmp_path / "fall.mp4")) > 3

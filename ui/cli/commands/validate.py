@@ -29,7 +29,7 @@ from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import Progress
 from palpate.ui.cli.arguments import UsageError, add_roi, no_points, random_seed, roi_of, whole_number, workers
 from palpate.ui.cli.console import Console
-from palpate.ui.cli.studies import paper, touch
+from palpate.ui.cli.studies import paper
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -340,6 +340,15 @@ def _grids_text(found: GridTable) -> str:
     return table_text(found)
 
 
+def _of_applications(name: str, drawn: bool = False) -> Study[Any]:
+    """A study of the room above this one, which is named only: `applications/studies/NAME.py` has run, text and picture."""
+
+    def called(part: str) -> Callable[..., Any]:
+        return lambda *given: getattr(import_module(f"palpate.applications.studies.{name}"), part)(*given)
+
+    return Study(called("run"), called("text"), called("picture") if drawn else None)
+
+
 STUDIES: dict[str, Study[Any]] = {
     "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
     "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
@@ -349,12 +358,12 @@ STUDIES: dict[str, Study[Any]] = {
     "coverage": Study(paper.coverage, paper.coverage_text, _drawn_by("coverage")),
     "table1": Study(paper.tables, paper.tables_text, _drawn_by("table")),
     "table2": Study(paper.tables, paper.tables_text, _drawn_by("table")),
-    "drop": Study(paper.drop, paper.drop_text, _drawn_by("drop")),
+    "drop": _of_applications("drop", drawn=True),
     "gap": Study(_gap),
     "calibration": Study(_calibration, _calibration_text),
     "forward": Study(_forward, _forward_text, _forward_picture),
     "meshing": Study(_meshing, _meshing_text),
-    "touch": Study(touch.touch, touch.touch_text),
+    "touch": _of_applications("touch"),
     "robustness": Study(_robustness),
     "segmentation": Study(_segmentation, _segmentation_text),
     "matching": Study(_matching, _matching_text),

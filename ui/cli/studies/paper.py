@@ -12,7 +12,6 @@ from palpate.ui.cli.arguments import random_seed, workers
 if TYPE_CHECKING:
     from palpate.core.arrays import FloatArray
     from palpate.validate.coverage import CoverageTable
-    from palpate.validate.drop.study import DropTable
     from palpate.validate.paper.cohort import CohortTable
     from palpate.validate.paper.resolution import ResolutionTable
     from palpate.validate.paper.sensitivity import SensitivityTable
@@ -196,32 +195,3 @@ def coverage_text(found: CoverageTable) -> str:
             "span what was allowed"
         )
     return "\n".join(lines)
-
-
-def drop(args: argparse.Namespace, progress: Progress) -> DropTable:
-    """Motion and contact against closed forms."""
-    from palpate.validate.drop import study as drop_study
-
-    o = drop_study.DropStudyOptions
-    return drop_study.drop_study(o.quick() if args.quick else o(), progress)
-
-
-def drop_text(found: DropTable) -> str:
-    """A line a body."""
-    block, bar, ball = found["block"], found["bar"], found["ball"]
-    sliding, sticking = found["sliding"], found["sticking"]
-    return "\n".join(
-        [
-            f"stiff block: fall off by {block['fall']:.1e}, impact speed by {block['impact_speed']:.1e}, "
-            f"rebound height by {100 * block['rebound_height']:+.2f} %, time of return by {100 * block['return_time']:+.2f} %",
-            f"bar of {found['bar_cells']} cells end on: contact of 2 L / c off by {100 * bar['contact_time']:+.2f} %, "
-            f"rebound speed by {100 * bar['rebound_speed']:+.2f} %",
-            f"block on a slope: way after 0.1 s off by {100 * sliding['slide']:+.2f} %; with more friction it creeps "
-            f"{sticking['way']:.3f} mm",
-            f"order of the time steps: {found['order']:.2f}",
-            f"soft ball in a dish: energy never above its lowest by more than {100 * ball['energy_growth']:.3f} % of the fall's, "
-            f"deepest penetration {ball['deepest_penetration_mm']:.3f} mm (nearest {ball['nearest_mm']:.3f} mm), "
-            f"{ball['steps']} steps in {ball['seconds']:.1f} s",
-            f"most that energy grew in any of them: {100 * found['energy_growth']:.3f} %",
-        ]
-    )

@@ -118,7 +118,7 @@ class Driver(Correcting):
         probe = self.window.organ.touching
         if probe is None:
             raise InputError(self.controller.said)
-        self._until(lambda: probe.model.ready and probe.view.settled, _SOLID_SECONDS)
+        self._until(lambda: self.window.organ.settled, _SOLID_SECONDS)
         return {"file": str(synthetic_input.shot(probe, self._folder / file))} if file else {}
 
     def do_drop(self, film: str) -> None:

@@ -38,7 +38,7 @@ from palpate.ui.desktop.window.desktop_notice import show_notice
 from palpate.ui.desktop.window.menu import Menu, MenuParts
 from palpate.ui.desktop.window.notices import Notices
 from palpate.ui.desktop.window.open_page import OpenPage
-from palpate.ui.desktop.window.organ_pages import OrganPages
+from palpate.ui.desktop.window.organ_pages import organ_pages
 from palpate.ui.desktop.window.outer_pages import show_outside
 from palpate.ui.desktop.window.responsiveness import ResponsivenessMeter
 from palpate.ui.desktop.window.statistics_page import StatisticsPage
@@ -69,7 +69,7 @@ class MainWindow(QMainWindow):
         self.results, self.job = ResultPanel(controller, self.open_report), JobPanel(controller)
         self.page = OpenPage(controller, self._opened)
         self._lay_out()
-        self.organ = OrganPages(controller)
+        self.organ = organ_pages(controller)
         self.notices = Notices(controller, lambda words: show_notice(self, words))
         parts = MenuParts(controller, self.views, self.page, self.show_open_page, self.show_statistics, self.picture)
         self.menu = Menu(self, parts)

@@ -1,54 +1,34 @@
-"""What is shown of the organ outside of the views: the probe's window, and the film of the fall."""
+"""What the window shows of the organ outside of its views, by a room that it does not import."""
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
+from importlib import import_module
+from typing import Protocol
 
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QWidget
 
-from palpate.core.touch.body_file import load_body
-from palpate.ui.desktop.qt_application import events_for
 from palpate.ui.desktop.session.controller import Controller
-from palpate.ui.desktop.touch.model import TouchModel
-from palpate.ui.desktop.touch.window import TouchWindow
-from palpate.ui.desktop.window.outer_pages import show_outside
-
-# As `palpate touch` without options.
-_RADIUS_MM = 8.0
 
 
-class OrganPages:
-    """touching : the probe's window while it is open."""
+class OrganPages(Protocol):
+    """The probe's window, and what jobs have made."""
 
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
-        self._folder = tempfile.TemporaryDirectory(prefix="palpate-touch-")
-        self.touching: TouchWindow | None = None
+    @property
+    def touching(self) -> QWidget | None:
+        """The probe's window while it is open."""
+
+    @property
+    def settled(self) -> bool:
+        """Whether that window shows the organ as it is felt."""
 
     def told(self, what: str) -> None:
         """Something has changed: what a job has made is shown, once."""
-        case = self._controller.case
-        if what == "case" and case is None:
-            self.close()
-        made = self._controller.take_made()
-        if "body" in made and case is not None:
-            self._touch(made["body"])
-        if "film" in made:
-            show_outside(self._controller, made["film"])
 
     def close(self) -> None:
         """Ends the probe."""
-        if self.touching is not None:
-            self.touching.close()
-            self.touching = None
 
-    def _touch(self, file: Path) -> None:
-        case, application = self._controller.case, QApplication.instance()
-        assert case is not None and isinstance(application, QApplication)
-        self.close()
-        model = TouchModel(
-            load_body(file), _RADIUS_MM, Path(self._folder.name), events_for(application), self._controller.scale
-        )
-        self.touching = TouchWindow(model, case.folder.file("touch"))
-        self.touching.show()
+
+def organ_pages(controller: Controller) -> OrganPages:
+    """`applications/organ_pages.py`."""
+    found: OrganPages = import_module("palpate.applications.organ_pages").OrganPages(controller)
+    return found

@@ -1,0 +1,1 @@
+"""Commands of the applications, one a file; the table of `ui/cli/main.py` names them."""

@@ -1,0 +1,1 @@
+"""Studies of the applications, one a file, as `palpate validate` runs, tells and draws them."""

@@ -1,1 +1,0 @@
-"""Motion, contact and friction against closed forms."""
