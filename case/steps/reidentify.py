@@ -54,7 +54,7 @@ def run(case: CaseFolder, path: Path, progress: Progress = silent) -> Reidentifi
     earlier = IdentificationProblem.load(case.file("identify") / "problem.npz")
     if not earlier.organ_drawn:
         raise InputError(
-            f"{case.file('identify')}: the prostate was drawn in one scan only, so that its contour was no datum; give the labels to "
+            f"{case.file('identify')}: nobody drew the prostate in the deformed scan, so that its contour was no datum; give the labels to "
             "`palpate import --deformed-labels` and identify"
         )
     problem = _with_organ(earlier, labels)

@@ -13,8 +13,8 @@ class SegmentOptions:
 
     prompts : what a person pointed at in the scan at rest, LPS mm. prompts_deformed : in the deformed scan's own
     coordinates. margin_mm : tissue that is modelled around the prostate, along x, y, z. model : a learned model that is
-    installed, for what nobody drew or pointed at. propagate : carry organs that were drawn in one scan only over to the
-    other by the motion that both CTs show; without, or with a model, each scan is segmented by itself.
+    installed, for what nobody drew or pointed at. propagate : carry organs that nobody drew or pointed at in one
+    scan over from the other by the motion that both CTs show; without, or with a model, each scan is segmented by itself.
     """
 
     prompts: Prompts = field(default_factory=Prompts)
