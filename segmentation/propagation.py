@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from palpate.core.arrays import IntArray
 from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.propagation.compared_scans import DrawnScan, moved_mask
@@ -47,8 +45,8 @@ def carried_organs(
 ) -> dict[str, CarriedOrgan] | None:
     """Organs of a segmented scan as they lie in another; None where the two CTs do not look alike under any motion.
 
-    drawn : masks that a person drew, by organ; the segmentation's where nobody did. names : of those that are carried over. scans : CT that was drawn and the
-    other one, in one frame. Raises InputError where they do not overlap about the organs.
+    drawn : masks that a person drew, by organ; the segmentation's where nobody did. names : of those that are carried over.
+    scans : CT that was drawn and the other one, in one frame. Raises InputError where they do not overlap about the organs.
     """
     grid = segmentation.scene.grid
     organs = {name: drawn.get(name, grid.with_array(organ.mask)) for name, organ in segmentation.organs.items()}

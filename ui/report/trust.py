@@ -23,7 +23,7 @@ LOW, NONE = "low", "none"
 SURE_RULE = (
     "How sure: by the factor that the 95 % interval reaches to both sides. high: up to 1.25; moderate: up to 1.5; low: more; none: the "
     "scans cannot determine it. One word lower where the model misses the surface by more than the contours' own error. Low "
-    "where nobody has drawn or checked a contour of the prostate: on real anatomy most such intervals miss."
+    "where nobody has drawn or checked a contour of the prostate: on real anatomy such a contour is often a third too large or too small."
 )
 # Methods of segmentation.json by which a person drew a contour.
 _BY_HAND = ("user", "drawn", CORRECTED)

@@ -30,9 +30,7 @@ def test_the_covariance_is_that_of_drawn_errors() -> None:
     later = sd[1][:, None] * (np.sqrt(0.4) * common + np.sqrt(0.6) * deformed)
     said = errors.covariance(errors, LENGTH, same_state=True)
     np.testing.assert_allclose(said, np.cov(later - at_rest), atol=0.12)
-    other = sd[1][::-1][:, None] * (
-        np.sqrt(0.4) * common + np.sqrt(0.6) * factor @ random.standard_normal((40, 40000))
-    )
+    other = sd[1][::-1][:, None] * (np.sqrt(0.4) * common + np.sqrt(0.6) * factor @ random.standard_normal((40, 40000)))
     second = ContourErrors.sharing(POINTS, np.stack([sd[0], sd[1][::-1]]), 0.4)
     across = np.cov(later - at_rest, other - at_rest)[:40, 40:]
     np.testing.assert_allclose(errors.covariance(second, LENGTH, same_state=False), across, atol=0.12)

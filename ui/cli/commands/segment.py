@@ -46,8 +46,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--deformed-box", action="append", default=[], metavar="NAME=X,Y,Z;X,Y,Z", help="likewise")
     parser.add_argument("--model", metavar="NAME", help="a learned model that you have installed, for what nobody drew or "
                         "pointed at: totalsegmentator, or monai:FOLDER (a MONAI bundle with models/model.ts)")  # fmt: skip
-    parser.add_argument("--no-propagation", action="store_true", help="segment each scan by itself; usually organs that "
-                        "nobody drew or pointed at in one scan are carried over from the other by the motion that both CTs show")  # fmt: skip
+    parser.add_argument("--no-propagation", action="store_true", help="segment each scan by itself; usually organs that nobody "
+                        "drew or pointed at in one scan are carried over from the other by the motion that both CTs show")  # fmt: skip
 
 
 def prompts_of(args: argparse.Namespace) -> tuple[Prompts, Prompts]:
