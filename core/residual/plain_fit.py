@@ -102,15 +102,15 @@ class PlainFit:
 
     @property
     def noise_rms_mm(self) -> list[float]:
-        """What noise leaves on each state's surface, mm rms; what the surfaces say of themselves where the organ is no
-        datum."""
+        """What noise leaves on each state's surface, mm rms; where the organ is no datum, what its two surfaces say of their
+        difference, and their extraction."""
         variance, out = np.diag(self.weighting.covariance), []
         for rows, data, at in zip(self.model.rows, self.model.data_vectors, self.linearisation.each, strict=True):
             if data.n_modes:
                 out.append(float(np.sqrt(variance[rows.start : rows.start + data.n_modes].sum() / len(data.modes))))
             else:
                 errors = organ_errors(at.scene, at.equilibrium.u)
-                out.append(rms(errors.difference))
+                out.append(rms(np.hypot(errors.difference, self.sizes.own)))
         return out
 
     @cached_property

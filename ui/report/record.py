@@ -28,6 +28,7 @@ from palpate.core.identify.result_record import ResultRecord
 from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
+from palpate.segmentation.propagation import METHOD as PROPAGATED
 from palpate.ui.report.measured.regions import MeasuredRegion, measured_regions
 from palpate.ui.report.regions import RegionStiffness, regions_of
 
@@ -117,8 +118,17 @@ class CaseRecord:
         return self.matched is not None and options is not None and bool(options.image)
 
     @property
+    def carried_over(self) -> bool:
+        """Whether the prostate's contour of one scan is that of the other, carried over by the images."""
+        states = self.segmentation.get("states", {}).values()
+        return any(facts.get("organs", {}).get("prostate", {}).get("method") == PROPAGATED for facts in states)
+
+    @property
     def noise_sd_mm(self) -> float | None:
-        """Error of one contour of the prostate, mm: what the case states, else what identification used."""
+        """Error of one contour of the prostate, mm: what the case states, else what identification used; None where unknown, and
+        where one contour was carried over, whose error is in both scans."""
+        if self.carried_over:
+            return None
         stated = self.facts.boundary_noise_sd_mm
         return stated if stated is not None else known(self.result.misfit.contour_noise_sd_mm)
 

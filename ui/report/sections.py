@@ -69,8 +69,9 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     if misfit.rms_before_mm is not UNSET:
         rows.insert(0, ("rms distance of the two observed surfaces, for comparison", f"{misfit.rms_before_mm:.2f} mm"))
     noise, expected = record.noise_sd_mm, record.expected_misfit_mm
+    unknown = "both are one contour, carried over by the images" if record.carried_over else "not known"
     rows.append(
-        ("repeatability of one contour (sd)", "not known" if noise is None else f"{noise:.2f} mm, {record.noise_from}"),
+        ("repeatability of one contour (sd)", unknown if noise is None else f"{noise:.2f} mm, {record.noise_from}"),
     )
     if expected is not None:
         rows.append(("rms distance that this noise alone would leave", f"{expected:.2f} mm"))

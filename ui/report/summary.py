@@ -90,7 +90,8 @@ def stands_on(record: CaseRecord) -> str:
 def _contours_stood_on(record: CaseRecord) -> str:
     errors = known(record.result.contour_errors_mm)
     if not errors:
-        sd = record.noise_sd_mm
+        stated = record.facts.boundary_noise_sd_mm
+        sd = record.noise_sd_mm if stated is None else stated
         size = "an unknown error" if sd is None else f"an error of {sd:.2f} mm"
         return f"The intervals stand on {size} of each contour, {record.noise_from}."
     names = {"organ": "prostate", "bladder": "bladder", "rectum": "rectum"}

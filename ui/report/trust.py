@@ -113,6 +113,7 @@ def _assumed(record: CaseRecord) -> list[str]:
         lines.append(
             "how repeatable the contours are: estimated from the images; draw them by hand twice and it is measured"
         )
+    if estimated and not record.carried_over:
         lines.append(
             f"what the errors of the two scans' contours have in common: assumed, {100.0 * numbers.common_share:.0f} % of their variance"
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
-from phantoms import recorded
+from phantoms import recorded, result
 from PIL import Image
 from pypdf import PdfReader
 from reportlab.pdfbase.pdfmetrics import stringWidth
@@ -21,6 +21,8 @@ from palpate.ui.report import pdf
 from palpate.ui.report.pdf_parts import column_widths
 from palpate.ui.report.quality import quality
 from palpate.ui.report.record import CaseRecord
+from palpate.ui.report.summary import misfit_verdict
+from palpate.ui.report.trust import missing
 
 WHOLE_PAGE = 730.0  # points between the margins, about
 
@@ -154,3 +156,19 @@ def test_the_report_says_what_an_organ_found_near_its_place_is() -> None:
     by_hand = {**STATE, "organs": {"prostate": {"method": "user", "confidence": 1.0, "volume_cc": 1.0}}}
     drawn = CaseRecord(CaseFacts("c"), recorded(), {}, {"states": {"deformed": by_hand}}, {}, {}, volumes_cc=volumes)
     assert not any("carried over" in b.text for b in quality(drawn, []).blocks if isinstance(b, doc.Paragraph))
+
+
+def test_a_contour_that_was_carried_over_is_not_said_to_repeat() -> None:
+    """Its error is in both scans alike: what one contour repeats to says nothing of their difference."""
+    carried = {**STATE, "organs": {"prostate": {"method": "propagated", "confidence": 0.9, "volume_cc": 69.15}}}
+    states = {"states": {"deformed": STATE}}
+    estimated = result()
+    estimated["misfit"] |= {"contour_noise_from": "image", "contour_noise_sd_mm": 0.4, "expected_noise_rms_mm": 9.0}
+    found = CaseRecord(CaseFacts("c"), recorded(estimated), {}, states, {}, {})
+    over = replace(found, segmentation={"states": {"rest": STATE, "deformed": carried}})
+    assert over.carried_over and not found.carried_over
+    assert found.noise_sd_mm is not None and "if contours repeat to" in misfit_verdict(found)
+    assert over.noise_sd_mm is None and "repeat" not in misfit_verdict(over)
+    shared = "have in common: assumed"
+    assert any(shared in line for line in missing(found))
+    assert not any(shared in line for line in missing(over))
