@@ -120,8 +120,8 @@ class CaseRecord:
     @property
     def carried_over(self) -> bool:
         """Whether the prostate's contour of one scan is that of the other, carried over by the images."""
-        states = self.segmentation.get("states", {}).values()
-        return any(facts.get("organs", {}).get("prostate", {}).get("method") == PROPAGATED for facts in states)
+        organs = [facts.get("organs", {}) for facts in self.segmentation.get("states", {}).values()]
+        return any("prostate" in one and one["prostate"]["method"] == PROPAGATED for one in organs)
 
     @property
     def noise_sd_mm(self) -> float | None:
