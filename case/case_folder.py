@@ -177,6 +177,11 @@ class CaseFolder(CaseFiles):
             )
 
 
+def check_beside_scans(case: CaseFolder, place: Path) -> None:
+    """Raises InputError where a file or folder that is to be written would join the slices of a case's own scans."""
+    check_outside(place, [case.file(f"{state}_ct") for state in STATES])
+
+
 def check_new_case(folder: Path, scans: Iterable[Path] = ()) -> None:
     """Raises InputError unless ``folder`` can become, or is, a case: no file, not full of other things, writable, not within the
     folder of a scan, and with a name in UTF-8, which the case's files hold.

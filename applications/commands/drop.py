@@ -53,7 +53,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     """Simulates, then draws; the film appears whole or not at all."""
     from palpate.applications.drop.fallen import PER_SECOND, film_of
     from palpate.applications.dynamics.drop import DropOptions
-    from palpate.case.case_folder import CaseFolder  # here, because all these take seconds to load
+    from palpate.case.case_folder import CaseFolder, check_beside_scans  # here, because all these take seconds to load
 
     no_points(args)
     if len(args.cases) > 2:
@@ -63,6 +63,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     options = DropOptions(height=args.height, seconds=args.time, frames=PER_SECOND * args.slower)
     options = replace(options, damping=1e-3 * args.damping, friction=args.friction, element=args.element)
     cases = [CaseFolder(path) for path in args.cases]
+    for case in cases:
+        check_beside_scans(case, args.output)
     with console.progress(NAME) as progress:
         fallen = film_of(cases, options, args.output, progress)
     dropped = fallen.dropped

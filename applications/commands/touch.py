@@ -48,7 +48,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     """Makes the organ ready; then plays the script, or opens the window."""
     from palpate.applications.touch.case_body import TouchStepOptions, body_of
     from palpate.applications.touch.window.touch_script import OF_THE_WINDOW, parse
-    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    from palpate.case.case_folder import CaseFolder, check_beside_scans  # here, because it and VTK take seconds to load
     from palpate.ui.desktop.scripting.script_runner import read_script
 
     no_points(args)
@@ -61,6 +61,8 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
 
         display_server.check(args.headless)
     case = CaseFolder(args.case)
+    if args.output is not None:
+        check_beside_scans(case, args.output)
     with console.progress(NAME) as progress:
         body = body_of(case, TouchStepOptions(args.tets, args.support), progress)
         progress(1.0, "organ ready")

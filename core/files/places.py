@@ -22,6 +22,4 @@ def check_outside(folder: Path, scans: Iterable[Path]) -> None:
     """Raises InputError where a folder that is to be written lies within the folder of a scan, or is one."""
     for scan in scans:
         if scan.is_dir() and folder.resolve().is_relative_to(scan.resolve()):
-            raise InputError(
-                f"{folder} lies inside the scan {scan}, whose slices it would join; choose another place with -o"
-            )
+            raise InputError(f"{folder} lies inside the scan {scan}, whose slices it would join; choose another place")

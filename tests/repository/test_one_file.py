@@ -83,11 +83,24 @@ def test_an_exporter(dropped, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "my-form writes no labels that the tissue could be kept among" in capsys.readouterr().err
 
 
-def test_nothing_is_exported_into_a_scan_of_the_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    case = write_case(tmp_path / "case", ct=True)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("export", "CASE", "--to", "dicom-seg", "SCAN"),
+        ("drop", "CASE", "-o", "SCAN/film.mp4"),
+        ("touch", "CASE", "--headless", "--script", "SCRIPT", "-o", "SCAN"),
+    ],
+)
+def test_nothing_is_written_into_a_scan_of_the_case(
+    words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case, script = write_case(tmp_path / "case", ct=True), tmp_path / "script.txt"
+    script.write_text("press 1\n")
+    places = {"CASE": case.path, "SCAN": case.file("rest_ct"), "SCRIPT": script}
     before = sorted(path.name for path in case.file("rest_ct").iterdir())
-    assert main.main(["export", str(case.path), "--to", "dicom-seg", str(case.file("rest_ct"))]) == 3
-    assert "is the case's own scan, whose slices the files would join" in capsys.readouterr().err
+    given = [next((w.replace(k, str(p)) for k, p in places.items() if w.startswith(k)), w) for w in words]
+    assert main.main(given) == 3
+    assert "whose slices it would join" in capsys.readouterr().err
     assert sorted(path.name for path in case.file("rest_ct").iterdir()) == before
 
 

@@ -38,11 +38,9 @@ def export(name: str, case: CaseFolder, folder: Path, tissue: bool = False) -> l
     write = exporter(name).export
     check_utf8(folder, "choose another folder")
     files: list[Path]
-    from palpate.case.case_folder import STATES  # here, because it takes seconds to load
+    from palpate.case.case_folder import check_beside_scans  # here, because it takes seconds to load
 
-    for state in STATES:
-        if folder.resolve().is_relative_to(case.file(f"{state}_ct").resolve()):
-            raise InputError(f"{folder} is the case's own scan, whose slices the files would join; give another folder")
+    check_beside_scans(case, folder)
     if tissue and "tissue" not in inspect.signature(write).parameters:
         raise InputError(f"{name} writes no labels that the tissue could be kept among; leave --tissue out")
     files = write(case, folder, tissue=True) if tissue else write(case, folder)
