@@ -58,14 +58,15 @@ def automatic_contours(case: CaseFolder, image: bool) -> list[str]:
     if not found or (carried and len(found) < len(STATES)):
         return []
     said = errors.rms_mm()
-    found = found[:1] if carried else found
+    found = found[:1] if carried else found  # the other one errs as this one does
     sizes = [f"{said[state][ORGAN_NAME]:.1f} mm" for state in found if ORGAN_NAME in said.get(state, {})]
-    where = "both scans" if len(found) == len(STATES) or carried else _SCANS[found[0]]
+    where = "both scans" if len(found) == len(STATES) else _SCANS[found[0]]
+    came = "were found automatically and carried over to the other" if carried else "were found automatically"
     use = (
         "only where the prostate is; how it moved, the images tell" if image else "how it moved, which they hardly can"
     )
     off = f", and may be off by {' and '.join(sizes)} rms" if sizes else ""
-    return [f"{AUTOMATIC_CONTOURS}: those of {where} were found automatically{off}. They tell {use}"]
+    return [f"{AUTOMATIC_CONTOURS}: those of {where} {came}{off}. They tell {use}"]
 
 
 def at_bounds(parameters: Mapping[str, RegionRecord]) -> list[str]:

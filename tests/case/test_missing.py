@@ -76,6 +76,12 @@ def test_contours_that_nobody_drew(tmp_path: Path) -> None:
     write_surface_errors(case, {state: {"prostate": one} for state in ("rest", "deformed")})
     (both,) = missing_structures(case, image=True)
     assert "those of both scans were found automatically, and may be off by 1.4 mm and 1.4 mm" in both
+    write_surface_errors(case, {state: {"prostate": one} for state in ("rest", "deformed")}, ["prostate"])
+    (carried,) = missing_structures(case, image=True)
+    assert (
+        "those of the scan at rest were found automatically and carried over to the other, and may be off by 1.4 mm rms"
+        in carried
+    )
 
 
 def test_a_bound_is_no_measurement() -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from rooms import ROOMS
 
 TOP = Path(__file__).parents[2]
-ROOMS = ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications")
 PAGES = [
     *(
         "ARCHITECTURE.md",

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from rooms import PACKAGES
 
 TOP = Path(__file__).parents[2]
-ROOMS = ("palpate", "core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications")
 PROJECT = tomllib.loads((TOP / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 # Distributions whose import name is another.
 IMPORT_NAMES = {
@@ -95,7 +95,7 @@ def undeclared(path: str, source: str, declared: set[str]) -> list[str]:
 
 def test_the_rooms_import_only_what_is_declared() -> None:
     always, extra = PROJECT["dependencies"], PROJECT["optional-dependencies"]["applications"]
-    files = [(room, path) for room in ROOMS for path in sorted((TOP / room).rglob("*.py"))]
+    files = [(room, path) for room in PACKAGES for path in sorted((TOP / room).rglob("*.py"))]
     wrong = [
         line
         for room, path in files

@@ -7,14 +7,15 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from rooms import PACKAGES
+
 TOP = Path(__file__).parents[2]
-ROOMS = ("palpate", "core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications")
 
 
 def calls(name: str) -> Iterator[str]:
     """Files of the rooms that call `name`, such as "os.replace", as an attribute of that module."""
     module, function = name.split(".")
-    for room in ROOMS:
+    for room in PACKAGES:
         for path in sorted((TOP / room).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if (
@@ -33,7 +34,7 @@ def test_one_module_puts_a_finished_file_in_the_place_of_another() -> None:
 def test_one_class_is_called_surface() -> None:
     named = [
         str(path.relative_to(TOP))
-        for room in ROOMS
+        for room in PACKAGES
         for path in sorted((TOP / room).rglob("*.py"))
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ClassDef) and node.name in ("Surface", "TriSurface")
@@ -44,7 +45,7 @@ def test_one_class_is_called_surface() -> None:
 def test_one_module_defines_the_types_of_arrays() -> None:
     named = [
         str(path.relative_to(TOP))
-        for room in ROOMS
+        for room in PACKAGES
         for path in sorted((TOP / room).rglob("*.py"))
         for node in ast.parse(path.read_text(encoding="utf-8")).body
         if isinstance(node, ast.Assign)

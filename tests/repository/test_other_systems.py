@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from rooms import PACKAGES
 
 from palpate.core.errors import InputError
 from palpate.core.files import atomic
@@ -17,7 +18,6 @@ from palpate.ui.cli import signals
 from palpate.ui.desktop.session import open_case
 
 TOP = Path(__file__).resolve().parents[2]
-ROOMS = ("core", "case", "imaging", "segmentation", "meshing", "simulate", "ui", "validate", "applications", "palpate")
 # Modules that Windows' Python does not have.
 POSIX = ("fcntl", "grp", "pwd", "resource", "termios", "tty")
 # Comparisons with programs that run on Linux only.
@@ -42,7 +42,7 @@ for name in ("ui.report.report_step", "ui.desktop.window.main_window", "ui.deskt
 
 
 def sources() -> list[Path]:
-    return [path for room in ROOMS for path in (TOP / room).rglob("*.py")]
+    return [path for room in PACKAGES for path in (TOP / room).rglob("*.py")]
 
 
 def test_every_step_and_the_window_are_imported_without_posix_modules() -> None:

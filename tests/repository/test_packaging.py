@@ -8,6 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from rooms import PACKAGES, ROOMS
 
 TOP = Path(__file__).parents[2]
 # Scans, not modules.
@@ -22,39 +23,13 @@ def package_of(folder: Path) -> str:
 
 def test_every_package_is_listed() -> None:
     listed = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    there = [
-        package_of(init.parent)
-        for room in (
-            "palpate",
-            "core",
-            "imaging",
-            "segmentation",
-            "meshing",
-            "simulate",
-            "case",
-            "validate",
-            "ui",
-            "applications",
-        )
-        for init in (TOP / room).rglob("__init__.py")
-    ]
+    there = [package_of(init.parent) for room in PACKAGES for init in (TOP / room).rglob("__init__.py")]
     assert sorted(set(listed) - {SAMPLE}) == sorted(there)
 
 
 def test_files_that_are_no_python_go_with_their_package() -> None:
     data = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
-    for room in (
-        "palpate",
-        "core",
-        "imaging",
-        "segmentation",
-        "meshing",
-        "simulate",
-        "case",
-        "validate",
-        "ui",
-        "applications",
-    ):
+    for room in PACKAGES:
         for path in (TOP / room).rglob("*.*"):
             if path.suffix == ".py" or "__pycache__" in path.parts:
                 continue
@@ -85,7 +60,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
 
 def test_a_wheel_holds_every_module_the_files_beside_them_and_the_sample(wheel: zipfile.ZipFile) -> None:
     names = set(wheel.namelist())
-    for room in ("core", "imaging", "segmentation", "meshing", "simulate", "case", "validate", "ui", "applications"):
+    for room in ROOMS:
         for path in (TOP / room).rglob("*.py"):
             assert f"palpate/{path.relative_to(TOP).as_posix()}" in names, path
     assert {"palpate/__init__.py", "palpate/__init__.pyi", "palpate/py.typed", "palpate/ui/report/page.html"} <= names

@@ -8,20 +8,10 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from rooms import PACKAGES
+
 TOP = Path(__file__).parents[2]
-ROOMS = (
-    "palpate",
-    "core",
-    "imaging",
-    "segmentation",
-    "meshing",
-    "simulate",
-    "case",
-    "validate",
-    "ui",
-    "applications",
-    "plugin",
-)
+FOLDERS = (*PACKAGES, "plugin")
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 MOST_MODULES_A_FOLDER = 25
@@ -33,7 +23,7 @@ MOST_UNTYPED_VALUES = 60
 
 def modules() -> list[Path]:
     """Python files of the rooms; a package's own face counts where it says something."""
-    found = [path for room in ROOMS for path in sorted((TOP / room).rglob("*.py")) if "__pycache__" not in path.parts]
+    found = [path for room in FOLDERS for path in sorted((TOP / room).rglob("*.py")) if "__pycache__" not in path.parts]
     return [path for path in found if path.name != "__init__.py" or path.stat().st_size > 0]
 
 

@@ -28,8 +28,8 @@ _CARRIED_NOTE = (
 )
 _PROPAGATED_NOTE = (
     f"\N{LEFT DOUBLE QUOTATION MARK}{PROPAGATED}\N{RIGHT DOUBLE QUOTATION MARK}: nobody drew this organ in that scan. "
-    "Its contour is the one of the other scan, moved as the tissue moves that both CTs show. Both outlines come from one drawing: what "
-    "the drawing errs by is in both. What is left is the error of the motion, which the result counts by place."
+    "Its contour is the one of the other scan, moved as the tissue moves that both CTs show. Both outlines come from one contour: what "
+    "it errs by is in both. What is left is the error of the motion, which the result counts by place."
 )
 _DASH = "\N{EN DASH}"
 # By state and label.
