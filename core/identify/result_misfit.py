@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from msgspec import UNSET
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.identify.result_record import MisfitRecord
@@ -17,7 +18,8 @@ def misfit_figures(
     """Distances, mm, of the moved points from the deformed surface of their own region.
 
     points : (q, 3) mm, organ surface at rest; rms_before_mm is their own distance. region : (q,) of each point; points
-    of an unobserved region are left out. moved : (q, 3) mm, points after the motion.
+    of an unobserved region are left out. moved : (q, 3) mm, points after the motion. Two contours of which one was carried
+    over have no error of one contour.
     """
     deformed = problem.organ.deformed
     targets = {
@@ -34,5 +36,5 @@ def misfit_figures(
         objective_mm2=end.objective_mm2,
         points=end.points,
         rms_before_mm=start.rms_mm,
-        contour_noise_sd_mm=problem.organ_noise_mm,
+        contour_noise_sd_mm=UNSET if problem.organ.carried_to else problem.organ_noise_mm,
     )

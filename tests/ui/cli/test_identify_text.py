@@ -35,6 +35,16 @@ def test_the_console_doubts_a_stiffness_on_which_the_searches_differ(tmp_path: P
     )
 
 
+def test_a_contour_that_was_carried_over_has_no_error_of_one_contour_on_the_console(tmp_path: Path) -> None:
+    case, found = (
+        CaseFolder.create(tmp_path / "case", CaseFacts("made-up")),
+        result(contour_errors_mm={"rest": {"organ": 0.8}}),
+    )
+    assert "noise   the prostate's contours are one, carried over by the images" in text_of(case, recorded(found))
+    found["misfit"]["contour_noise_sd_mm"] = 0.8
+    assert "noise   0.80 mm of the prostate's contours, estimated from the images" in text_of(case, recorded(found))
+
+
 def test_an_alarm_on_the_console_says_that_it_may_be_a_false_one(tmp_path: Path) -> None:
     case = CaseFolder.create(tmp_path / "case", CaseFacts("made-up"))
     texts = {

@@ -115,6 +115,7 @@ def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, wri
     from msgspec import UNSET
 
     from palpate.case.meshed import rigid_offset_of
+    from palpate.core.files.json_types import known
     from palpate.core.identify.result_record import ResultRecord
 
     missing = result.missing if isinstance(result, ResultRecord) else UNSET
@@ -129,8 +130,11 @@ def text_of(case: CaseFolder, result: ResultRecord | ReidentificationRecord, wri
     if searches and not searches.harmless:
         lines.append(f"doubt   {searches.in_words}")
     if isinstance(result, ResultRecord) and result.contour_errors_mm:
+        sd = known(result.misfit.contour_noise_sd_mm)
         lines.append(
-            f"noise   {result.misfit.contour_noise_sd_mm:.2f} mm of the prostate's contours, estimated from the images"
+            "noise   the prostate's contours are one, carried over by the images"
+            if sd is None
+            else f"noise   {sd:.2f} mm of the prostate's contours, estimated from the images"
         )
     elif case.has("noise.json"):
         lines.append(f"noise   {case.read_json('noise.json')['sd_mm']:.2f} mm, from contours drawn twice")
