@@ -90,9 +90,10 @@ class SharedGeometry:
         walls = walls or WallMotionOptions()
         if problem.states_errors:
             walls = replace(walls, noise_length_mm=problem.facts.noise_correlation_mm)
-        driving, target = driving_walls(problem), None if known is None else known.target
+        driving = driving_walls(problem)
+        target, reader = (None, None) if known is None else (known.target, known.reader)
         fields = {name: distance_fields(driving[name]) if known is None else known.fields[name] for name in driving}
-        observation = SurfaceObservation.of(problem, space, target=target)
+        observation = SurfaceObservation.of(problem, space, target=target, reader=reader)
         geometry = cls(problem, element, observation, fields, walls, split_mu=split_mu)
         for name in fields:
             visible, at_rest = (
@@ -114,7 +115,8 @@ class SharedGeometry:
     @property
     def known(self) -> KnownGeometry:
         """What `of` need not find again."""
-        return KnownGeometry(self.observation.target, self.fields, {n: m.slip for n, m in self.motions.items()})
+        slips, seen = {n: m.slip for n, m in self.motions.items()}, self.observation
+        return KnownGeometry(seen.target, self.fields, slips, seen.motion.reader)
 
     @cached_property
     def space(self) -> Space:

@@ -27,12 +27,12 @@ class MotionObservation:
     reader: FloatArray
 
     @classmethod
-    def of(cls, matched: MatchedMotion | None, space: Space) -> MotionObservation:
-        """What lies in the mesh; no data where nothing was matched."""
+    def of(cls, matched: MatchedMotion | None, space: Space, reader: FloatArray | None = None) -> MotionObservation:
+        """What lies in the mesh; no data where nothing was matched. reader : where it is known already."""
         if matched is None or len(matched.points) == 0:
             return cls.empty(space.n_nodes)
         rows = MotionRows.of(matched, lambda points: _in_mesh(space, points))
-        return cls(rows, _interpolation(space, rows.nodes), mode_reader(rows))
+        return cls(rows, _interpolation(space, rows.nodes), mode_reader(rows) if reader is None else reader)
 
     @classmethod
     def empty(cls, nodes: int = 0) -> MotionObservation:
@@ -54,6 +54,13 @@ class MotionObservation:
         if not self.n:
             return MotionObservation.empty(space.n_nodes)
         return replace(self, operator=_interpolation(space, self.rows.nodes))
+
+    def showing(self, motions: FloatArray) -> MotionObservation:
+        """The same data, read so that nothing that they show of nodal motions (k, n, 3) mm is lost."""
+        if not self.n:
+            return self
+        shown = np.stack([self.rows.along(self.operator @ motion) for motion in motions], axis=1)
+        return replace(self, reader=mode_reader(self.rows, shown))
 
     def residual(self, u: FloatArray) -> FloatArray:
         """Predicted minus matched motion (m,), in the modes, for nodal displacements u (n, 3) mm."""

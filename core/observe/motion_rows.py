@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cholesky, qr, solve_triangular
 
 from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.matched_motion import MatchedMotion
@@ -21,7 +21,9 @@ from palpate.core.window_scores import WindowScores
 _OUTSIDE = 0.02
 # Modes: correlation length of the motion that they hold, mm (that of a missing force, `NoiseModelOptions`; the motion that
 # forces cause is smoother); share of its variance that is kept; the least signal over noise of one, and the most of them.
-_LENGTH_MM, _KEPT, _LEAST, _MOST = 12.0, 0.999, 0.05, 300
+_LENGTH_MM, _KEPT, _LEAST, _MOST = 12.0, 0.999, 0.05, 200
+# A motion is in the modes already where less than this share of what is seen of it is not.
+_NEW = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +97,13 @@ class MotionRows:
         return cls(places, place, nodes, response, value, covariance)
 
 
-def mode_reader(rows: MotionRows) -> FloatArray:
+def mode_reader(rows: MotionRows, shown: FloatArray | None = None) -> FloatArray:
     """Matrix (m, d) that takes data to modes of unit variance and independent errors, the best known first.
 
     A thousand windows are some hundred independent observations of a smooth motion. The data are whitened by their own
     covariance, and projected on the directions in which smooth motion of 1 mm shows most above their noise; the remainder
-    is finer than any motion that forces cause.
+    is finer than any motion that forces cause. shown (d, k) : what the data show of motions of which nothing is to be lost,
+    fine or not: a stiffer organ strains otherwise from its surface on.
     """
     if not len(rows.value):
         return np.zeros((0, 0))
@@ -109,7 +112,20 @@ def mode_reader(rows: MotionRows) -> FloatArray:
     square, turn = np.linalg.eigh(signal.T @ signal)
     kept = np.flatnonzero(square > _LEAST)[::-1][:_MOST]
     whole = signal @ (turn[:, kept] / np.sqrt(square[kept]))
+    if shown is not None:
+        whole = _with(whole, solve_triangular(factor, shown, lower=True))
     return np.asarray(solve_triangular(factor, whole, lower=True, trans="T").T)
+
+
+def _with(whole: FloatArray, columns: FloatArray) -> FloatArray:
+    """Orthonormal columns (d, m), and those (d, k) that further columns add to their span."""
+    size = np.linalg.norm(columns, axis=0)
+    left = columns - whole @ (whole.T @ columns)
+    left -= whole @ (whole.T @ left)  # again, for what rounding leaves
+    left = left[:, np.linalg.norm(left, axis=0) > _NEW * size]
+    basis, triangle, _ = qr(left, mode="economic", pivoting=True)
+    new = np.abs(np.diag(triangle))
+    return np.hstack([whole, basis[:, : np.count_nonzero(new > _NEW * new.max(initial=0.0))]])
 
 
 def motion_in_mm(rows: MotionRows, reader: FloatArray) -> FloatArray:

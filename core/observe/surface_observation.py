@@ -51,8 +51,9 @@ class SurfaceObservation:
         space: Space,
         spacing_mm: float = 2.0,
         target: SignedDistanceField | None = None,
+        reader: FloatArray | None = None,
     ) -> SurfaceObservation:
-        """Sample the organ's rest surface about every `spacing_mm`. target : where it is known already."""
+        """Sample the organ's rest surface about every `spacing_mm`. target, reader of matched motion : where known already."""
         points, normals, region, area = sample_surface(problem.organ.rest, spacing_mm)
         deformed = problem.organ.deformed
         return cls(
@@ -64,7 +65,7 @@ class SurfaceObservation:
             target or SignedDistanceField.from_surface(deformed.points, deformed.faces),
             problem.landmarks,
             space.interpolation(problem.landmarks[:, :3], problem.regions),
-            MotionObservation.of(problem.matched, space),
+            MotionObservation.of(problem.matched, space, reader),
         )
 
     @cached_property

@@ -142,7 +142,7 @@ def restored(
 
 def known_geometry(path: Path, state: int) -> KnownGeometry:
     """Geometry of one deformed state from the file of a fit. Raises what a damaged archive raises."""
-    wanted = tuple(f"{_prefix(state)}{part}/" for part in ("target", "walls", "slips"))
+    wanted = tuple(f"{_prefix(state)}{part}" for part in ("target/", "walls/", "slips/", "motion_reader"))
     with np.load(path, allow_pickle=False) as data:
         found = {name: data[name] for name in data.files if name.startswith(wanted)}
     return KnownGeometry.from_arrays(_under(found, _prefix(state)))

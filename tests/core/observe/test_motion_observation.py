@@ -12,8 +12,13 @@ from synthetic_case import problem
 from palpate.core.fem.space import Space
 from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
+from palpate.core.forward.known_geometry import KnownGeometry
 from palpate.core.forward.shared_geometry import SharedGeometry
+from palpate.core.forward.slipping_walls import let_slip
+from palpate.core.inference.starts import middle
 from palpate.core.matched_motion import MatchedMotion
+from palpate.core.observe import motion_rows
 from palpate.core.observe.motion_data import MotionData
 from palpate.core.observe.motion_observation import MotionObservation
 from palpate.core.observe.motion_rows import MotionRows, mode_reader, motion_in_mm
@@ -94,6 +99,43 @@ def test_modes_have_independent_errors_of_unit_size_and_lose_no_smooth_motion(po
     smooth = data.along(np.sin(points[:, [1, 2, 0]] / 12.0))
     whole = smooth @ np.linalg.solve(data.covariance(), smooth)
     assert ((reader @ smooth) ** 2).sum() == pytest.approx(whole, rel=0.02)
+
+
+def test_the_modes_lose_nothing_of_motions_that_they_are_told_to_show(
+    posed: IdentificationProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fewer modes than there are smooth motions, and a motion with a kink: with it, its whole information is kept."""
+    monkeypatch.setattr(motion_rows, "_MOST", 12)
+    random = np.random.default_rng(5)
+    points = random.uniform(-9.0, 9.0, (80, 3))
+    many = MatchedMotion(points, 0.0 * points, np.tile(np.eye(3) / 0.2**2, (80, 1, 1)), 6.0)
+    data = MotionData.of(many)
+    rows = MotionRows.of_points(data)
+    kink = data.along(np.abs(points[:, [1, 2, 0]]) - 4.0)
+    smooth = data.along(np.ones_like(points))
+    whole = kink @ np.linalg.solve(data.covariance(), kink)
+    plain = mode_reader(rows)
+    told = mode_reader(rows, np.stack([kink, smooth, 2.0 * kink, np.zeros_like(kink)], axis=1))
+    assert len(plain) == 12
+    assert ((plain @ kink) ** 2).sum() < 0.8 * whole
+    assert ((told @ kink) ** 2).sum() == pytest.approx(whole, rel=1e-9)
+    assert 13 <= len(told) <= 14
+    np.testing.assert_allclose(told @ data.covariance() @ told.T, np.eye(len(told)), atol=1e-9)
+
+
+def test_a_geometry_reads_the_images_for_what_the_stiffness_moves(posed: IdentificationProblem) -> None:
+    geometry = SharedGeometry.of(posed, "p1p1")
+    let_slip(geometry)
+    motion = geometry.observation.motion
+    scene = CompositionScene(geometry, Composition(posed))
+    theta = middle(scene.parameters.bounds)
+    sensitivities = scene.displacement_sensitivities(theta, scene.settle(theta).equilibrium)
+    rows, C = motion.rows, motion.rows.covariance
+    for moved, read in zip(sensitivities, motion.jacobian(sensitivities).T, strict=True):
+        shown = rows.along(motion.operator @ moved)
+        assert read @ read == pytest.approx(shown @ np.linalg.solve(C, shown), rel=1e-6)
+    again = SharedGeometry.of(posed, "p1p1", known=KnownGeometry.from_arrays(geometry.known.arrays()))
+    np.testing.assert_array_equal(again.observation.motion.reader, motion.reader)
 
 
 def test_modes_are_read_back_as_motion_in_mm(posed: IdentificationProblem) -> None:
