@@ -118,7 +118,8 @@ def _linear_within(values: NumberArray, place: FloatArray, at: IntArray, weight:
         for j in range(2):
             w = weight[0, i] * weight[1, j]
             total += w * (
-                weight[2, 0] * values[at[0, i], at[1, j], at[2, 0]] + weight[2, 1] * values[at[0, i], at[1, j], at[2, 1]]
+                weight[2, 0] * values[at[0, i], at[1, j], at[2, 0]]
+                + weight[2, 1] * values[at[0, i], at[1, j], at[2, 1]]
             )
     return total
 

@@ -68,7 +68,8 @@ class SignedDistanceField:
         made_from.update(np.ascontiguousarray(points))
         made_from.update(np.ascontiguousarray(faces))
         return _kept(
-            made_from.digest(), lambda: cls.from_samples(_sample(tree, low, coarse, spacing_mm, band_mm), low, spacing_mm)
+            made_from.digest(),
+            lambda: cls.from_samples(_sample(tree, low, coarse, spacing_mm, band_mm), low, spacing_mm),
         )
 
     @classmethod
