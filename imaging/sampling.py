@@ -31,7 +31,8 @@ def under_motion(
     `ends` belong to: of each axis, the node below every voxel and the weight of the one above.
     """
     values, seen = np.empty(len(index), dtype=np.float32), np.empty(len(index), dtype=np.float32)
-    below, above = tuple(low for low, _ in ends), tuple(weight for _, weight in ends)
+    x, y, z = ends
+    below, above = (x[0], y[0], z[0]), (x[1], y[1], z[1])
     _under_motion(coefficients, usable, voxels, index, np.ascontiguousarray(nodes), below, above, values, seen)
     return values, seen
 

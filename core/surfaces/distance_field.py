@@ -65,8 +65,8 @@ class SignedDistanceField:
         if np.prod((coarse - 1) * _STRIDE + 1, dtype=np.float64) > _MOST_GRID_POINTS:
             raise InputError(f"a surface of {np.round(high - low)} mm is too large for a {spacing_mm} mm distance grid")
         made_from = hashlib.sha256(repr((spacing_mm, band_mm, low.tolist(), high.tolist(), points.shape)).encode())
-        made_from.update(np.ascontiguousarray(points))
-        made_from.update(np.ascontiguousarray(faces))
+        made_from.update(np.asarray(points).tobytes())
+        made_from.update(np.asarray(faces).tobytes())
         return _kept(
             made_from.digest(),
             lambda: cls.from_samples(_sample(tree, low, coarse, spacing_mm, band_mm), low, spacing_mm),

@@ -68,8 +68,8 @@ def _carried_again(
     organs = {name: drawn.get(name, grid.with_array(found.mask)) for name, found in segmentation.organs.items()}
     made_from = hashlib.sha256(repr((sorted(organs), sorted(drawn), names)).encode())
     for volume in (*(organs[name] for name in sorted(organs)), *scans):
-        made_from.update(np.ascontiguousarray(volume.array))
-        made_from.update(np.ascontiguousarray(volume.affine))
+        made_from.update(volume.array.tobytes())
+        made_from.update(volume.affine.tobytes())
     key = made_from.hexdigest()
     if key not in _CARRIED:
         _CARRIED[key] = carried_organs(segmentation, drawn, names, scans, progress)
