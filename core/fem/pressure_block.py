@@ -32,6 +32,7 @@ class PressureBlock:
         self.exists = space.n_pressures > 0
         self._solver: SymmetricSolver | None = None
         self._schur: SymmetricSolver | None = None
+        self._factorised = False
         if self.exists:
             self._pattern = Pattern.of([space.cell_pressures], np.arange(space.n_pressures))
             self._solver = make_direct(self._pattern, self._solver_name)
@@ -52,10 +53,7 @@ class PressureBlock:
         if self._solver is None:
             return
         self.compliance = self._compliance_of(kappa, shear)
-        values = np.zeros(len(self._pattern.indices))
-        scatter(self.compliance, self._pattern.slots[0], values)
-        self._solver.factorise(values)
-        self._shear, self._schur = shear, None
+        self._shear, self._schur, self._factorised = shear, None, False
 
     def unfactorised_on(self, space: Space, weight: FloatArray, kappa: FloatArray, shear: FloatArray) -> PressureBlock:
         """Block on another shape with these moduli, which applies C and does not solve with it."""
@@ -77,7 +75,14 @@ class PressureBlock:
 
     def solve(self, b: FloatArray) -> FloatArray:
         """C^-1 b (n_p,)."""
-        return np.zeros(0) if self._solver is None else self._solver.solve(b)
+        if self._solver is None:
+            return np.zeros(0)
+        if not self._factorised:  # here: what is only linearised needs no factor
+            values = np.zeros(len(self._pattern.indices))
+            scatter(self.compliance, self._pattern.slots[0], values)
+            self._solver.factorise(values)
+            self._factorised = True
+        return self._solver.solve(b)
 
     def schur(self, b: FloatArray) -> FloatArray:
         """About (C + B' K^-1 B)^-1 b (n_p,): B' K^-1 B acts as the mass over 4/3 G, K's modulus against a change of volume."""

@@ -14,6 +14,8 @@ from palpate.core.fem.tangent import Tangent
 
 # Region id -> rate of change of that region's law parameters, (k,) or (cells, k), per unit of the parameter theta.
 Direction = Mapping[int, FloatArray]
+# Right-hand sides that are solved at once: a dozen copies of all of them took a gigabyte.
+_AT_ONCE = 32
 
 
 def direct(tangent: Tangent, directions: Sequence[Direction]) -> FloatArray:
@@ -27,9 +29,13 @@ def response_to_forces(tangent: Tangent, forces: FloatArray) -> FloatArray:
     each.
     """
     space = tangent.assembler.space
-    rhs = np.zeros((space.n_displacements + space.n_pressures, len(forces)))
-    rhs[: space.n_displacements] = np.asarray(forces, dtype=float).reshape(len(forces), -1).T
-    return tangent.displacements(rhs[tangent.assembler.kept])
+    out = np.empty((len(forces), space.n_displacements // 3, 3))
+    for first in range(0, len(forces), _AT_ONCE):
+        some = np.asarray(forces[first : first + _AT_ONCE], dtype=float)
+        rhs = np.zeros((space.n_displacements + space.n_pressures, len(some)))
+        rhs[: space.n_displacements] = some.reshape(len(some), -1).T
+        out[first : first + _AT_ONCE] = tangent.displacements(rhs[tangent.assembler.kept])
+    return out
 
 
 def parameter_force(tangent: Tangent, direction: Direction) -> FloatArray:

@@ -13,7 +13,7 @@ from scipy import stats
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import log_ndtr, logsumexp
 
-from palpate.core.arrays import BoolArray, FloatArray
+from palpate.core.arrays import BoolArray, FloatArray, IntArray
 
 # Bounds farther from 0 than so many of the prior's standard deviations cut off nothing.
 _FAR = 3.0
@@ -41,6 +41,25 @@ class Directions:
         return cls.at_zero(np.zeros((n, 0)), np.zeros(0))
 
 
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Scalar products of whitened data: squares (d,) of residuals r (n, d), right (p, d) = X'r and gram (p, p) = X'X, X (n, p) derivatives.
+    Several hypotheses are looked at with those of all their derivatives together."""
+
+    squares: FloatArray
+    right: FloatArray
+    gram: FloatArray
+
+    @classmethod
+    def of(cls, r: FloatArray, X: FloatArray) -> Products:
+        """Of residuals r (n, d) and derivatives X (n, p)."""
+        return cls(np.einsum("nd,nd->d", r, r), X.T @ r, X.T @ X)
+
+    def only(self, columns: IntArray) -> Products:
+        """With some of the derivatives."""
+        return Products(self.squares, self.right[columns], self.gram[np.ix_(columns, columns)])
+
+
 def log_evidence(
     r: FloatArray, J: FloatArray, precision: FloatArray, added: Directions, free: BoolArray | None = None
 ) -> FloatArray:
@@ -51,14 +70,21 @@ def log_evidence(
     model is linear, for the noise that r is whitened by: a hypothesis at its optimum and one that is only looked at from the plain fit
     are weighed by the same integral.
     """
-    t, z = J.shape[1], added.phi / added.scales
-    X = np.hstack([J, added.S * added.scales])
-    H = X.T @ X + np.diag(np.concatenate([precision, np.ones(len(z))]))
-    slope = X.T @ r + np.concatenate([np.zeros(t), z])[:, None]
+    return log_evidence_of(Products.of(r, np.hstack([J, added.S])), precision, added, free)
+
+
+def log_evidence_of(
+    products: Products, precision: FloatArray, added: Directions, free: BoolArray | None = None
+) -> FloatArray:
+    """The same from the products of r with J and S, whose columns come in this order; `added.S` is not read."""
+    t, z = len(precision), added.phi / added.scales
+    scale = np.concatenate([np.ones(t), added.scales])
+    H = products.gram * np.outer(scale, scale) + np.diag(np.concatenate([precision, np.ones(len(z))]))
+    slope = products.right * scale[:, None] + np.concatenate([np.zeros(t), z])[:, None]
     moving = np.ones(len(H), dtype=bool) if free is None else free
     step = np.zeros_like(slope)
     step[moving] = -cho_solve(cho_factor(H[np.ix_(moving, moving)], lower=True), slope[moving])
-    out = -0.5 * np.square(r).sum(axis=0) - 0.5 * float(z @ z) - 0.5 * np.einsum("pd,pd->d", slope, step)
+    out = -0.5 * products.squares - 0.5 * float(z @ z) - 0.5 * np.einsum("pd,pd->d", slope, step)
     out += 0.5 * float(np.log(precision).sum()) - 0.5 * float(np.linalg.slogdet(H)[1])
     if not len(z):
         return np.asarray(out)

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
 from palpate.core.arrays import BoolArray, FloatArray
-from palpate.core.inference.evidence import Directions, log_evidence
+from palpate.core.inference.evidence import Directions, Products, log_evidence_of
 from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.image_errors import ImageErrorSizes
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
@@ -91,15 +92,18 @@ class NoiseGrid:
 
         J (n, t), precision (t,), added, free : see `evidence.log_evidence`, in mm. Every hypothesis has the same r and J.
         """
-        t, columns = J.shape[1], np.hstack([r, J, *(one.S for one in added)])
-        ends = np.cumsum([r.shape[1], t, *(one.S.shape[1] for one in added)])
-        total = np.full((len(added), r.shape[1]), -np.inf)
+        d, t = r.shape[1], J.shape[1]
+        columns = np.hstack([r, J, *(one.S for one in added)])
+        ends = np.cumsum([t, *(one.S.shape[1] for one in added)])
+        each = [np.concatenate([np.arange(t), np.arange(a, b)]) for a, b in pairwise(ends)]
+        total = np.full((len(added), d), -np.inf)
         for C, log_prior in zip(self.covariances, self.log_prior, strict=True):
             L = np.linalg.cholesky(C)
-            rw, Jw, *each = np.split(solve_triangular(L, columns, lower=True, check_finite=False), ends[:-1], axis=1)
+            white = solve_triangular(L, columns, lower=True, check_finite=False)
+            products = Products.of(white[:, :d], white[:, d:])
             noise = float(log_prior) - float(np.log(np.diag(L)).sum())
-            for k, (one, S) in enumerate(zip(added, each, strict=True)):
-                here = log_evidence(rw, Jw, precision, replace(one, S=S), free)
+            for k, (one, own) in enumerate(zip(added, each, strict=True)):
+                here = log_evidence_of(products.only(own), precision, one, free)
                 total[k] = np.logaddexp(total[k], here + noise)
         return total
 

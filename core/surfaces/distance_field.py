@@ -6,7 +6,9 @@ converges on it; a distance taken straight from triangles has neither.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +25,8 @@ from palpate.core.surfaces.triangle_tree import TriangleTree
 # Far from the surface every third grid point is exact and the others follow by splines: 27 times less work.
 _STRIDE = 3
 _MOST_GRID_POINTS = 30_000_000
+# Surfaces whose fields are kept: those of a case, which every element, reduced model and refit asks for anew.
+_KEPT = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +64,13 @@ class SignedDistanceField:
         coarse = np.maximum(np.ceil((high - low) / (_STRIDE * spacing_mm) - 1e-9), 1.0).astype(np.int64) + 1
         if np.prod((coarse - 1) * _STRIDE + 1, dtype=np.float64) > _MOST_GRID_POINTS:
             raise InputError(f"a surface of {np.round(high - low)} mm is too large for a {spacing_mm} mm distance grid")
-        return cls.from_samples(_sample(tree, low, coarse, spacing_mm, band_mm), low, spacing_mm)
+        made_from = hashlib.sha256(repr((spacing_mm, band_mm, low.tolist(), high.tolist(), points.shape)).encode())
+        made_from.update(np.asarray(points).tobytes())
+        made_from.update(np.asarray(faces).tobytes())
+        return _kept(
+            made_from.digest(),
+            lambda: cls.from_samples(_sample(tree, low, coarse, spacing_mm, band_mm), low, spacing_mm),
+        )
 
     @classmethod
     def from_samples(cls, samples: FloatArray, origin: FloatArray, spacing_mm: float) -> SignedDistanceField:
@@ -92,6 +102,18 @@ class SignedDistanceField:
         """The field that `arrays` described."""
         c, origin, spacing = (np.asarray(data[k], dtype=np.float64) for k in ("coefficients", "origin", "spacing"))
         return cls(np.ascontiguousarray(c), origin, float(spacing))
+
+
+_FIELDS: OrderedDict[bytes, SignedDistanceField] = OrderedDict()
+
+
+def _kept(key: bytes, make: Callable[[], SignedDistanceField]) -> SignedDistanceField:
+    """The field that was made under a key before, or a new one; the one that was asked for longest ago is dropped."""
+    field = _FIELDS.pop(key, None) or make()
+    _FIELDS[key] = field
+    while len(_FIELDS) > _KEPT:
+        _FIELDS.popitem(last=False)
+    return field
 
 
 def signed_distance(tree: TriangleTree, x: FloatArray) -> FloatArray:

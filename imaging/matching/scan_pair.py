@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from palpate.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from palpate.imaging.matching.window_sums import Windows
-from palpate.imaging.sampling import cubic
+from palpate.imaging.sampling import under_motion
 from palpate.imaging.volume import Volume
 
 # Displacements (n, 3) mm at points (n, 3) mm.
@@ -25,7 +25,7 @@ class ScanPair:
     """Both scans at one resolution.
 
     first : (ni, nj, nk) HU. usable : voxels of it that have a counterpart. active (a, 3) : indices of those voxels and
-    their neighbours; places (a, 3) mm, where the second scan shows them by the prediction. second : coefficients of its
+    their neighbours; index (a, 3), where the second scan's grid shows them by the prediction. second : coefficients of its
     cubic spline. other_usable : share of usable voxels.
     """
 
@@ -34,7 +34,7 @@ class ScanPair:
     first: Float32Array
     usable: BoolArray
     active: IntArray
-    places: FloatArray
+    index: FloatArray
     second: Volume
     other_usable: Volume
 
@@ -58,7 +58,7 @@ class ScanPair:
         active = np.argwhere(ndimage.binary_dilation(counts, iterations=1))
         places = grid.to_lps(active.astype(float))
         return cls(
-            grid, Windows.of(grid, window_mm), smooth, counts, active, places + predicted(places),
+            grid, Windows.of(grid, window_mm), smooth, counts, active, second.to_index(places + predicted(places)),
             second.with_array(ndimage.spline_filter(other, order=3, output=np.float32, mode="nearest")),
             second.with_array(usable[1].astype(np.float32)),
         )  # fmt: skip
@@ -66,13 +66,14 @@ class ScanPair:
     def moved(self, beyond: FloatArray) -> tuple[Float32Array, Float32Array]:
         """The second scan as it lies under the prediction and a motion beyond it (mi, mj, mk, 3) mm of the windows' nodes, and
         the weight of every voxel: 1 where both scans are usable."""
-        index = tuple(self.active.T)
-        along = np.stack([self.windows.spread(beyond[..., a])[index] for a in range(3)], axis=-1)
-        at = self.second.to_index(self.places + along)
+        turned = beyond @ np.linalg.inv(self.second.affine[:3, :3]).T
+        there, seen = under_motion(
+            self.second.array, self.other_usable.array, self.active, self.index, turned, self.windows.ends
+        )
+        voxels = tuple(self.active.T)
         values, weight = self.first.copy(), np.zeros_like(self.first)
-        values[index] = cubic(self.second.array, at)
-        seen = ndimage.map_coordinates(self.other_usable.array, at.T, order=1, mode="constant")
-        weight[index] = (seen > _USABLE) & self.usable[index]
+        values[voxels] = there
+        weight[voxels] = (seen > _USABLE) & self.usable[voxels]
         return values, weight
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.core.arrays import Float32Array, FloatArray
+from palpate.core.arrays import Float32Array, FloatArray, IntArray
 from palpate.imaging.volume import Volume
 
 # A window ends at so many of its standard deviations.
@@ -51,6 +51,16 @@ class Windows:
         shape = self.lattice.array.shape
         index = np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 3).astype(float)
         return self.lattice.to_lps(index).reshape(*shape, 3)
+
+    @property
+    def ends(self) -> tuple[tuple[IntArray, FloatArray], ...]:
+        """Of each axis, the node (n,) below every voxel, and the weight (n,) of the one above it."""
+        out = []
+        for hats in self.hats:
+            below = np.minimum(np.argmax(hats > 0.0, axis=1), max(hats.shape[1] - 2, 0))
+            above = np.minimum(below + 1, hats.shape[1] - 1)
+            out.append((below, hats[np.arange(len(hats)), above].astype(np.float64)))
+        return tuple(out)
 
     def sum(self, field: Float32Array) -> Float32Array:
         """Weighted mean (mi, mj, mk) of a field (ni, nj, nk); weights add up to 1 away from the grid's faces."""

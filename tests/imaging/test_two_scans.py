@@ -123,6 +123,7 @@ def test_scans_without_any_noise_are_matched() -> None:
     assert np.linalg.eigvalsh(found.scores.covariance).min() > 0.0
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not LUNG.exists(), reason=f"{LUNG} is not there")
 def test_a_real_lung_is_matched_to_about_the_rounding_of_its_landmarks(tmp_path: Path) -> None:
     """From a shift alone, 10 landmarks given as whole voxels of 1.4 x 1.4 x 2.5 mm, whose rounding is 1.3 mm rms."""

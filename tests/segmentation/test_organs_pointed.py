@@ -164,6 +164,7 @@ def _shifted(mask: Volume, by: int) -> Volume:
     return mask.with_array(np.roll(mask.array, by, axis=0))
 
 
+@pytest.mark.nightly
 def test_a_real_pelvis_from_six_points(pelvis_small: Path) -> None:
     """Points off by 1.5 mm; the full table is `palpate validate segmentation`."""
     given = contoured_scan(pelvis_small / "CT", pelvis_small / "RTstructs.dcm", "scan 1")

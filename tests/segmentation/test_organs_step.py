@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,7 @@ from scipy import ndimage
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.labels_on_scan import labels_on_scan
-from palpate.case.steps import segment_state
+from palpate.case.steps import carried_over, segment_state
 from palpate.case.steps.segment import run_segment
 from palpate.case.steps.segment_options import SegmentOptions
 from palpate.case.surface_errors import StatedErrors
@@ -26,6 +28,7 @@ from palpate.imaging.labels import BLADDER
 from palpate.imaging.volume import Volume
 from palpate.segmentation.pelvis import Segmentation
 from palpate.segmentation.prompts import Prompts
+from palpate.segmentation.propagation import CarriedOrgan, carried_organs
 from palpate.segmentation.search_region import Found, Scene
 from palpate.segmentation.surface_error import SurfaceErrors
 from palpate.segmentation.working_grid import mask_on
@@ -46,7 +49,31 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CaseFolder:
     monkeypatch.setattr(CaseFolder, "ct", lambda self, state: scan())
     monkeypatch.setattr(segment_state, "segment_pelvis", _segment_again)
     monkeypatch.setattr(segment_state, "surface_errors", _errors)
+    monkeypatch.setattr(carried_over, "carried_organs", _carried_again)
     return made
+
+
+_CARRIED: dict[str, dict[str, CarriedOrgan] | None] = {}
+
+
+def _carried_again(
+    segmentation: Segmentation,
+    drawn: Mapping[str, Volume],
+    names: Sequence[str],
+    scans: tuple[Volume, Volume],
+    progress: Any,
+) -> dict[str, CarriedOrgan] | None:
+    """As `carried_organs`, which is asked once for the same scans, contours and names."""
+    grid = segmentation.scene.grid
+    organs = {name: drawn.get(name, grid.with_array(found.mask)) for name, found in segmentation.organs.items()}
+    made_from = hashlib.sha256(repr((sorted(organs), sorted(drawn), names)).encode())
+    for volume in (*(organs[name] for name in sorted(organs)), *scans):
+        made_from.update(volume.array.tobytes())
+        made_from.update(volume.affine.tobytes())
+    key = made_from.hexdigest()
+    if key not in _CARRIED:
+        _CARRIED[key] = carried_organs(segmentation, drawn, names, scans, progress)
+    return _CARRIED[key]
 
 
 def dying(folder: str, state: str, drawn: bool) -> None:

@@ -6,12 +6,14 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from palpate.validate.forward.random_scenes import ELEMENT_SHARES, random_scene
 from palpate.validate.forward.robustness import RobustnessOptions, robustness
 from palpate.validate.forward.scene_log import append_rows, read_rows
 
 
+@pytest.mark.nightly
 def test_random_particles_end_in_a_stable_equilibrium_or_a_reason() -> None:
     found = robustness(RobustnessOptions(n=120, seed=20_000))
     assert found["not_finite"] == 0 and found["raised"] == 0 and found["hanging"] == 0

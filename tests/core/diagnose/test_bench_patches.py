@@ -106,6 +106,7 @@ def test_a_force_tells_the_stiffness_that_displacements_alone_do_not() -> None:
     assert not diagnose_body(told.problem, {}, "bar")[0].flags
 
 
+@pytest.mark.nightly
 def test_a_block_without_an_effect_has_no_gap_on_a_mesh_that_is_not_the_truths() -> None:
     """Its disc is made of other faces than the true one's: that error is counted."""
     problem = seen(block(), 15.0)
@@ -115,6 +116,7 @@ def test_a_block_without_an_effect_has_no_gap_on_a_mesh_that_is_not_the_truths()
     assert abs(posterior.mean[0] - np.log(15.0)) < 3.0 * posterior.sd[0]
 
 
+@pytest.mark.nightly
 def test_a_stiff_focus_ranks_first_by_markers_in_a_plane_moves_and_forces() -> None:
     centre = (22.0, 9.0, 20.0)
     found, maps = diagnose_body(seen(block(), 15.0, with_focus(centre, 8.0, 4.0)), library(), "block")
