@@ -75,8 +75,11 @@ class Controller:
 
     # Opening
 
-    def open_case(self, path: Path) -> None:
-        """Opens a case folder; its scans are read by the worker. Raises InputError."""
+    def open_case(self, path: Path, then: tuple[str, ...] = ()) -> None:
+        """Opens a case folder; its scans are read by the worker. then : steps that are run where the case lacks their result.
+
+        Raises InputError.
+        """
         if self.case is not None and path.exists() and path.samefile(self.case.folder.path):
             self.say(f"{path.name} is open already")
             return
@@ -85,6 +88,9 @@ class Controller:
         self._take(opened)
         folder = opened.folder
         self._opening.read({state: folder.file(f"{state}_ct") for state in STATES if folder.has(f"{state}_ct")})
+        lacking = tuple(name for name in then if not folder.has(steps.BY_COMMAND[name].declared.result))
+        if lacking:
+            self._running.start(lacking)
 
     def open_pair(
         self, rest: Path, deformed: Path, case: Path, labels: Labels = (None, None), then: tuple[str, ...] = ()
