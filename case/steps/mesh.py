@@ -48,7 +48,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     for state in ("rest", "deformed"):
         if state == "deformed" and case.has("import.json") and holds_rest_alone(case):
             raise InputError(
-                f"{case.path} holds the scan at rest alone; `palpate plan` works on it, or import both scans"
+                f"{case.path} contains only the scan at rest; `palpate plan` works on it, or import both scans"
             )
         if not case.has_labels(state):
             raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")

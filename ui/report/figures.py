@@ -31,7 +31,7 @@ from palpate.ui.words.number_words import three_figures
 
 _PLANES_CAPTION = (
     "Slices through the organ ({ground}). Above, dotted lines show where the other slices lie; below, the shear modulus "
-    "in colour; hatched or grey where this pair does not tell it. The sagittal slice goes through the region of the highest value. "
+    "in colour; hatched or grey where this pair does not determine it. The sagittal slice goes through the region of the highest value. "
     "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS).{bar}{doubt}"
 )
 
@@ -110,7 +110,7 @@ def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume]) 
 
 def _slices(figures: Figures, images: CaseImages, folder: Path, same: bool) -> None:
     doubt = (
-        " The difference of the colours is within the error: this pair does not tell which half is stiffer."
+        " The difference of the colours is within the error: this pair does not show which half is stiffer."
         if same
         else ""
     )

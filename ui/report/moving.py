@@ -16,7 +16,7 @@ from palpate.ui.pictures.solids import AROUND
 from palpate.ui.report.document import Interactive
 
 _CAPTION = (
-    "The organ coloured by shear modulus (grey where this pair does not tell it), with the walls that push it; drag to turn, wheel "
+    "The organ coloured by shear modulus (grey where this pair does not determine it), with the walls that push it; drag to turn, wheel "
     "to zoom, a click in the legend hides a body. Play moves everything along straight lines from rest to the identified "
     "model's deformed state, in true size; what happened between the two scans is not known. R right, L left, A anterior, P "
     "posterior, S superior, I inferior of the patient."

@@ -15,7 +15,7 @@ from palpate.ui.words.number_words import three_figures
 # About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
 MISFIT_TOLERANCE = 1.26
 MISSING = "Missing: "
-NOTHING_TOLD = "Nothing can be told from this pair about the stiffness of the prostate."
+NOTHING_TOLD = "This pair does not determine the stiffness of the prostate."
 WAY_OUT = (
     "Contours that a person or a trained model has drawn are the way to a stiffness: give them to `palpate analyze` with --rest-labels and "
     "--deformed-labels."
@@ -83,7 +83,7 @@ def what_lacks(record: CaseRecord) -> list[str]:
 
 def stands_on(record: CaseRecord) -> str:
     """Which error of the contours the intervals stand on, and whether on the images' motion too."""
-    beside = " They also stand on the motion that both scans' images show." if record.used_image else ""
+    beside = " They also use the motion that both scans' images show." if record.used_image else ""
     return _contours_stood_on(record) + beside
 
 
@@ -93,7 +93,7 @@ def _contours_stood_on(record: CaseRecord) -> str:
         stated = record.facts.boundary_noise_sd_mm
         sd = record.noise_sd_mm if stated is None else stated
         size = "an unknown error" if sd is None else f"an error of {sd:.2f} mm"
-        return f"The intervals stand on {size} of each contour, {record.noise_from}."
+        return f"The intervals assume {size} of each contour, {record.noise_from}."
     names = {"organ": "prostate", "bladder": "bladder", "rectum": "rectum"}
     said = []
     for surface, name in names.items():
@@ -101,7 +101,7 @@ def _contours_stood_on(record: CaseRecord) -> str:
         if each:
             said.append(f"{name} {' and '.join(f'{mm:.1f}' for mm in each)} mm")
     return (
-        f"The intervals stand on contour errors estimated from the images: {', '.join(said)} rms. Contours of a person or a "
+        f"The intervals assume contour errors estimated from the images: {', '.join(said)} rms. Contours of a person or a "
         "trained model are better."
     )
 
@@ -145,7 +145,7 @@ def _found(regions: list[RegionStiffness], record: CaseRecord) -> str:
         return f"The {stiff.words} came out stiffer than the {soft.words}: {values}; how certain this is is not known."
     if not tells_apart(record):
         return (
-            f"This pair does not tell which is stiffer, the {stiff.words} or the {soft.words}: "
+            f"This pair does not show which is stiffer, the {stiff.words} or the {soft.words}: "
             f"{values}; the difference is within the error. The {stiff.words} is the stiffer one with a chance of about "
             f"{_percent(ln_ratio / sd)} %, short of the 97.5 % asked for."
         )
@@ -166,8 +166,6 @@ def _untold(region: RegionStiffness, record: CaseRecord) -> str:
     if region.at_bound:
         return (
             f"The {region.words} ended at the edge of what was allowed (G = {three_figures(region.G)} kPa of {low:g} to "
-            f"{high:g}): it is no measurement, and may stand for something that the model leaves out."
+            f"{high:g}): it is no measurement, and may reflect something that the model leaves out."
         )
-    return (
-        f"This pair does not tell the stiffness of the {region.words}: it is hardly better known than before the scans."
-    )
+    return f"This pair does not determine the stiffness of the {region.words}: it is hardly better known than before the scans."

@@ -15,7 +15,7 @@ from palpate.ui.cli.console import Console
 if TYPE_CHECKING:
     from palpate.case.steps.plan import NoRow, PredictedRow
 
-NAME, HELP = "plan", "what a planned deformation would tell"
+NAME, HELP = "plan", "how well a planned deformation would determine the stiffness"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -129,7 +129,7 @@ def _gap(case: OpenCase) -> list[str]:
     names = ", ".join(escape(name.replace("_", " ").replace("-", " ")) for name in found.candidates)
     said = {"none": "no gap beyond the noise" + (", but a stiffness is at its bound" if says_little(found) else ""),
             "unknown": "a gap of a kind that is not known",
-            "ambiguous": f"a gap, by one of: {names}" if names else "the scans tell too little to see one"}  # fmt: skip
+            "ambiguous": f"a gap, by one of: {names}" if names else "the scans show too little to see one"}  # fmt: skip
     out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
     if gap.detected:
         out.append(f"{gap.rms_mm:.2f} mm rms, noise floor {gap.noise_floor_mm:.2f} mm; may be a false alarm")

@@ -55,7 +55,7 @@ def _map_words(case: OpenCase, label: int, at: FloatArray, factor: float | None,
     half = np.array([label])
     (G,), (told,) = map_at(arrays, at, factor, half)
     if not told:
-        return ["the map does not tell G here"]
+        return ["the map does not determine G here"]
     spread = float(np.exp(1.96 * np.asarray(arrays["sd"])[nearest_patch(arrays, at)][0]))
     interval = f"{three_figures(G / spread)}\N{EN DASH}{three_figures(G * spread)}"
     here = f"G here = {three_figures(G)} kPa (95 % {interval}), E = {three_figures(YOUNG * G)} kPa"

@@ -165,7 +165,7 @@ class SolidView(QWidget):
         """What colours of the organ mean that no bar tells."""
         display = self.controller.display
         words = ["blue: organ deformed"] if display.mode in ("side by side", "blend") else []
-        words += ["grey: not told by the map"] if display.overlay == "map" and display.mode != "deformed" else []
+        words += ["grey: not determined by the map"] if display.overlay == "map" and display.mode != "deformed" else []
         return "; ".join([*words, *filter(None, [overlay.only_at_rest(display.overlay, display.mode)])])
 
     def _camera(self) -> Camera:

@@ -26,7 +26,7 @@ _HEADS = (
     "CT sd, HU",
     "G of the region",
     "map: median (5 to 95 %), kPa",
-    "map tells",
+    "map determines",
 )
 _COLUMNS = (
     *("scan", "label", "volume_cc", "ct_mean_hu", "ct_sd_hu", "G_kpa", "G_low_kpa", "G_high_kpa"),
