@@ -189,7 +189,9 @@ def _words(figure: Figure, fit: Fit, frames: list[KeyframeRecord], G: float | No
         ratio = float(np.exp(fit.theta[k - 2]))
         told = f"part {k} is {ratio:.3g} times as stiff as part 1 (standard deviation {100 * sd:.0f} %)"
         words.append(
-            told if sd < UNTOLD_SD else f"the keyframes do not determine how stiff part {k} is: other forces give the same shapes"
+            told
+            if sd < UNTOLD_SD
+            else f"the keyframes do not determine how stiff part {k} is: other forces give the same shapes"
         )
     if fit.goals is not None:
         words.append("smooth forces alone do not hit the keyframes: forces from point to point of the rim were added")

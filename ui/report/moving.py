@@ -9,7 +9,7 @@ from palpate.case.meshed import load_meshed
 from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import LABELS
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.ui.pictures.colours import STIFFNESS_SCALE, UNTOLD
+from palpate.ui.pictures.colours import STIFFNESS_SCALE, UNDETERMINED
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.interactive import MovingBody, deformation_page
 from palpate.ui.pictures.solids import AROUND
@@ -28,7 +28,7 @@ def moving_view(case: CaseFolder, images: CaseImages) -> Interactive:
     meshed = load_meshed(case)
     move = case.read_npz("identify/fields.npz")["mesh_displacement"]
     bodies = _organ(meshed, move, images) + _walls(meshed, move)
-    return Interactive(deformation_page(bodies, STIFFNESS_SCALE if images.told else None), _CAPTION)
+    return Interactive(deformation_page(bodies, STIFFNESS_SCALE if images.determined else None), _CAPTION)
 
 
 def _organ(meshed: MeshedCase, move: FloatArray, images: CaseImages) -> list[MovingBody]:
@@ -39,7 +39,7 @@ def _organ(meshed: MeshedCase, move: FloatArray, images: CaseImages) -> list[Mov
     bodies = []
     for region in regions:
         here = faces[mesh.regions[owners] == region]
-        colour = STIFFNESS_SCALE.rgb(images.told[region]) if region in images.told else UNTOLD
+        colour = STIFFNESS_SCALE.rgb(images.determined[region]) if region in images.determined else UNDETERMINED
         name = LABELS[region].replace("_", " ")
         bodies.append(MovingBody.of(name, mesh.points, move, here, np.tile(colour, (len(here), 1)), 1.0))
     return bodies

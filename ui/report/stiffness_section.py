@@ -94,7 +94,7 @@ def _values(regions: Sequence[RegionStiffness], with_mu: bool) -> Table:
 
 def _row(region: RegionStiffness, with_mu: bool) -> tuple[str, ...]:
     ci = _DASH if region.ci is None else f"{three_figures(region.ci[0])} to {three_figures(region.ci[1])}"
-    note = "at bound" if region.at_bound else "" if region.told else "not determined"
+    note = "at bound" if region.at_bound else "" if region.determined else "not determined"
     sd = _DASH if region.sd is None else three_figures(region.sd)
     mu = [three_figures(value) for value in (region.mu1, region.mu2, region.mu_mean)] if with_mu else []
     return region.words, three_figures(region.G), sd, ci, *mu, note

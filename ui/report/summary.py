@@ -15,7 +15,7 @@ from palpate.ui.words.number_words import three_figures
 # About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
 MISFIT_TOLERANCE = 1.26
 MISSING = "Missing: "
-NOTHING_TOLD = "This pair does not determine the stiffness of the prostate."
+NOTHING_DETERMINED = "This pair does not determine the stiffness of the prostate."
 WAY_OUT = (
     "Contours that a person or a trained model has drawn are the way to a stiffness: give them to `palpate analyze` with --rest-labels and "
     "--deformed-labels."
@@ -35,11 +35,11 @@ def stiffness_text(region: RegionStiffness) -> str:
 
 def summary(record: CaseRecord) -> list[str]:
     """What is missing, what was found, relative to what, on which error of the contours, and whether to believe it."""
-    regions = [region for region in record.regions if region.told]
+    regions = [region for region in record.regions if region.determined]
     sentences = first_sentences(record)
     if too_rough(record):
         return [*sentences, diagnosis_sentence(record)] if record.diagnosis else sentences
-    sentences += [_untold(region, record) for region in record.regions if not region.told]
+    sentences += [_untold(region, record) for region in record.regions if not region.determined]
     sentences += [stands_on(record)] if regions else []
     if regions:
         G = record.facts.tissue_shear_modulus_kpa
@@ -55,21 +55,21 @@ def summary(record: CaseRecord) -> list[str]:
 
 def first_sentences(record: CaseRecord) -> list[str]:
     """What must be read first: that the pair tells nothing, what is missing; then what was found."""
-    nothing = not any(region.told for region in record.regions)
-    sentences = [NOTHING_TOLD] * nothing + [f"{MISSING}{line}." for line in what_lacks(record)]
+    nothing = not any(region.determined for region in record.regions)
+    sentences = [NOTHING_DETERMINED] * nothing + [f"{MISSING}{line}." for line in what_lacks(record)]
     sentences += [WAY_OUT] if too_rough(record) else []
     return sentences if nothing else [*sentences, headline(record)]
 
 
 def headline(record: CaseRecord) -> str:
     """What was found, in one sentence."""
-    regions = [region for region in record.regions if region.told]
-    return _found(regions, record) if regions else NOTHING_TOLD
+    regions = [region for region in record.regions if region.determined]
+    return _found(regions, record) if regions else NOTHING_DETERMINED
 
 
 def too_rough(record: CaseRecord) -> bool:
     """Whether contours that were found automatically tell no stiffness by themselves: a misfit then says nothing of the model."""
-    told = any(region.told for region in record.regions)
+    told = any(region.determined for region in record.regions)
     return (
         not told and not record.used_image and any(line.startswith(AUTOMATIC_CONTOURS) for line in what_lacks(record))
     )
@@ -127,7 +127,7 @@ def misfit_verdict(record: CaseRecord) -> str:
 
 def tells_apart(record: CaseRecord) -> bool:
     """Whether the pair tells which region is the stiffest; True where there is nothing to tell apart."""
-    regions = [region for region in record.regions if region.told]
+    regions = [region for region in record.regions if region.determined]
     if len(regions) < 2:
         return True
     soft, stiff = (f(regions, key=lambda region: region.G) for f in (min, max))

@@ -129,7 +129,9 @@ def test_a_case_without_a_result_says_what_to_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"result\.json is not there; run `palpate identify` first"):
         report_step.run(case)
     case.file("deformed.nii.gz").rename(tmp_path / "away")
-    with pytest.raises(InputError, match=r"is not there; it contains only the scan at rest: `palpate plan` works on it"):
+    with pytest.raises(
+        InputError, match=r"is not there; it contains only the scan at rest: `palpate plan` works on it"
+    ):
         report_step.run(case)
     (tmp_path / "away").rename(case.file("deformed.nii.gz"))
     case.write_json("result.json", {"parameters": {}})

@@ -20,7 +20,7 @@ from palpate.ui.report.quality import without_paths
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
 from palpate.ui.report.stiffness_section import limits, stiffness_section, told
-from palpate.ui.report.summary import NOTHING_TOLD, WAY_OUT, summary
+from palpate.ui.report.summary import NOTHING_DETERMINED, WAY_OUT, summary
 from palpate.ui.words.number_words import measured, three_figures
 
 
@@ -131,7 +131,9 @@ def test_one_region_is_told_as_one() -> None:
 
 def test_a_colour_bar_stands_beside_colours_only() -> None:
     volume = labels(affine())
-    known, unknown = (CaseImages(volume, stiffness_kpa={1: 20.0, 2: 60.0}, untold=frozenset(u)) for u in ((1,), (1, 2)))
+    known, unknown = (
+        CaseImages(volume, stiffness_kpa={1: 20.0, 2: 60.0}, undetermined=frozenset(u)) for u in ((1,), (1, 2))
+    )
     for draw in (stiffness_planes, stiffness_series):
         assert len(draw(known).axes) == len(draw(unknown).axes) + 1
 
@@ -163,7 +165,7 @@ def test_what_is_missing_and_that_nothing_is_told_come_first() -> None:
     for region in found["parameters"].values():
         region["ci95_kpa"] = [5.0, 500.0]
     untold = summary(record(found))
-    assert untold[:2] == [NOTHING_TOLD, f"Missing: {line}."]
+    assert untold[:2] == [NOTHING_DETERMINED, f"Missing: {line}."]
     assert not any("intervals assume" in sentence for sentence in untold)
 
 
@@ -176,7 +178,7 @@ def test_contours_too_rough_to_fit_anything_blame_no_model_and_tell_the_way_out(
     assert any("something is left out of the model" in sentence for sentence in told) and WAY_OUT not in told
     for region in found["parameters"].values():
         region["ci95_kpa"] = [5.0, 500.0]
-    assert summary(record(found)) == [NOTHING_TOLD, f"Missing: {line}.", WAY_OUT]
+    assert summary(record(found)) == [NOTHING_DETERMINED, f"Missing: {line}.", WAY_OUT]
 
 
 def test_the_summary_says_which_error_the_intervals_stand_on() -> None:

@@ -62,7 +62,7 @@ class MeasurePanel(QWidget):
         form.addRow(note)
         column.addWidget(box)
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what in ("case", "view", "tools"):
             self.on_map.select(self._controller.display.tool)

@@ -68,7 +68,7 @@ class SliceView(QWidget):
         """Of the slice along its normal, mm."""
         return self.controller.display.crosshair[self.plane.normal]
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what in ("case", "labels"):
             self._picture.labels_version += 1
