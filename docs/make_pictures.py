@@ -29,7 +29,7 @@ DOCS = Path(__file__).resolve().parent
 TOP, TUTORIAL = DOCS.parent, DOCS / "tutorial"
 PICTURES = TUTORIAL / "pictures"
 # The film of the fall: the organ as found, and one this many times softer; the picture is taken some milliseconds after the start.
-SOFTER, FALLEN_MS = 4.0, 92.0
+SOFTER, FALLEN_MS = 3.0, 92.0
 _LATER = ("result.json", "diagnosis.json", "matched_motion.npz", "identify", "diagnose", "report", "touch", "desktop")
 
 
