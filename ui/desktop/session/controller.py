@@ -76,7 +76,7 @@ class Controller:
     # Opening
 
     def open_case(self, path: Path, then: tuple[str, ...] = ()) -> None:
-        """Opens a case folder; its scans are read by the worker. then : steps that are run where the case lacks their result.
+        """Opens a case folder; its scans are read by the worker. then : steps that are run after that where the case lacks their result.
 
         Raises InputError.
         """
@@ -88,9 +88,7 @@ class Controller:
         self._take(opened)
         folder = opened.folder
         self._opening.read({state: folder.file(f"{state}_ct") for state in STATES if folder.has(f"{state}_ct")})
-        lacking = tuple(name for name in then if not folder.has(steps.BY_COMMAND[name].declared.result))
-        if lacking:
-            self._running.start(lacking)
+        self._then = tuple(name for name in then if not folder.has(steps.BY_COMMAND[name].declared.result))
 
     def open_pair(
         self, rest: Path, deformed: Path, case: Path, labels: Labels = (None, None), then: tuple[str, ...] = ()
@@ -130,7 +128,7 @@ class Controller:
             self.case.save_session()
             self.case.close()
         self._opening.forget()
-        self._running.names = ()
+        self._running.names, self._then = (), ()
         self.case = None
         self.display = Display()
         self.editing.reset()
@@ -204,9 +202,9 @@ class Controller:
         self._running.start(names)
 
     def go_on(self) -> None:
-        """Runs the steps that were asked for with the import, once."""
+        """Runs the steps that were asked for when the case was opened, once; not where a person has started one meanwhile."""
         names, self._then = self._then, ()
-        if names and self.case is not None:
+        if names and self.case is not None and not self.jobs.running:
             self._running.start(names)
 
     def export(self, form: str, folder: Path) -> None:

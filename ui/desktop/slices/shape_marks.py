@@ -19,6 +19,8 @@ TOOLS = {
     **{"window": "Window", "ruler": "Ruler", "angle": "Angle", "ellipse": "Ellipse", "region": "Free region"},
 }
 _WORDS_WIDE, _WORDS_HIGH = 180.0, 18.0
+# Rows beside its shape that a value may stand in, the best first.
+_ROWS = (0, -1, 1, -2, 2, -3, 3)
 # Room of the letter at the right edge, pixels.
 _LETTER = 24.0
 
@@ -40,8 +42,13 @@ def tool_words(painter: QPainter, screen: Screen, display: Display) -> str:
     return ""
 
 
-def measurement(painter: QPainter, screen: Screen, one: Measurement, words: str, position: float) -> None:
-    """A kept measurement with its value, where all of it lies near the slice; of regions, where they lie in this plane."""
+def measurement(
+    painter: QPainter, screen: Screen, one: Measurement, words: str, position: float, written: list[QRectF]
+) -> None:
+    """A kept measurement with its value, where all of it lies near the slice; of regions, where they lie in this plane.
+
+    written : where values of other measurements are; this one keeps off them, and is added.
+    """
     if one.kind in REGIONS and one.plane != screen.plane.name:
         return
     pixels = _near(screen, one.points, position)
@@ -49,9 +56,14 @@ def measurement(painter: QPainter, screen: Screen, one: Measurement, words: str,
         return
     _lines(painter, pixels, closed=one.kind in REGIONS, ends=one.kind not in REGIONS)
     at = pixels[1] if one.kind == "angle" else max(pixels, key=lambda pixel: pixel.x())
-    left = max(8.0, min(at.x() + 8.0, screen.size.width() - slice_marks.wide(painter, words) - _LETTER))
+    wide = slice_marks.wide(painter, words)
+    left = max(8.0, min(at.x() + 8.0, screen.size.width() - wide - _LETTER))
+    rows = (QRectF(left, at.y() + _WORDS_HIGH * (row - 0.5), wide, _WORDS_HIGH) for row in _ROWS)
+    free = [row for row in rows if not any(row.intersects(other) for other in written)]
+    ink = free[0] if free else QRectF(left, at.y() - 0.5 * _WORDS_HIGH, wide, _WORDS_HIGH)
+    written.append(ink)
     side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
-    slice_marks.text(painter, QRectF(left, at.y() - 9, _WORDS_WIDE, _WORDS_HIGH), words, side, style.RULER)
+    slice_marks.text(painter, QRectF(left, ink.top(), _WORDS_WIDE, _WORDS_HIGH), words, side, style.RULER)
 
 
 def begun(painter: QPainter, screen: Screen, tool: str, points: Sequence[Sequence[float]], position: float) -> None:

@@ -114,9 +114,10 @@ class SlicePicture:
     def _shapes(self, painter: QPainter, screen: Screen, position: float) -> None:
         """What is measured on this slice, and what is being drawn on it."""
         measuring, drawing = self._controller.measuring, self._controller.drawing
+        written: list[QRectF] = []
         for one in measuring.kept:
             if one.kind not in REGIONS or self._state != "deformed":
-                shape_marks.measurement(painter, screen, one, measuring.short_words(one), position)
+                shape_marks.measurement(painter, screen, one, measuring.short_words(one), position, written)
         if drawing.plane is self._plane and (drawing.state == "deformed") == (self._state == "deformed"):
             shape_marks.begun(painter, screen, drawing.tool, drawing.outline, position)
 

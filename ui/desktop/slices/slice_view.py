@@ -22,7 +22,8 @@ from palpate.ui.pictures.planes import Plane
 
 _LEFT, _RIGHT, _MIDDLE = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton, Qt.MouseButton.MiddleButton
 _DRAWS = ("brush", "eraser")
-_ENLARGES = ("look", "window")
+# Tools by which a double click would do nothing else: those that look, and those that measure by a drag.
+_ENLARGES = ("look", "window", "ruler", "ellipse", "region")
 # Right drag: pixels up that double the magnification. Window tool: HU a pixel.
 DOUBLES_PIXELS, _HU_PIXEL = 120.0, 2.0
 # Voxels across and down the screen, and slices, that a key moves the crosshair by; five times that with shift.
