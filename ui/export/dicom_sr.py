@@ -139,6 +139,6 @@ def _remark(record: CaseRecord, made: Making) -> sr.TextContentItem:
     what = "G" if options is not None and options.other_law else "G = 2 (mu1 + mu2)"
     text = (
         f"{made.note} {what} is relative to an assumed shear modulus of {tissue:g} kPa of the surrounding "
-        f"tissue. What this pair can tell: {record.result.identifiability.verdict}."
+        f"tissue. What this pair determines: {record.result.identifiability.verdict}."
     )
     return sr.TextContentItem(codes.DCM.Comment, text, sr.RelationshipTypeValues.CONTAINS)
