@@ -31,7 +31,7 @@ class OrganPages:
         """Whether the probe's window shows the organ as it is felt."""
         return self.touching is not None and self.touching.model.ready and self.touching.view.settled
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed: what a job has made is shown, once."""
         case = self._controller.case
         if what == "case" and case is None:

@@ -12,6 +12,7 @@ import numpy as np
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_files import CaseFiles, file_sha256, require_case
 from palpate.case.landmarks import Landmarks, read_landmarks
+from palpate.case.slimmed import whole_sha256
 from palpate.case.step_records import StepRecord
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
@@ -124,7 +125,7 @@ class CaseFolder(CaseFiles):
     def inputs_sha256(
         self, names: Iterable[str], options: object = None, hash_of: Callable[[Path], str] | None = None
     ) -> str:
-        """One hash of the named files and folders (absent ones count as absent) and of JSON-able options.
+        """One hash of the named files and folders (absent ones count as absent, slimmed ones as whole) and of JSON-able options.
 
         hash_of : the hash of one file, for who keeps them.
         """
@@ -134,8 +135,9 @@ class CaseFolder(CaseFiles):
             path = self.file(name)
             members = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
             for member in members:
-                content = hash_of(member) if member.is_file() else "absent"
-                digest.update(f"{member.relative_to(self.path).as_posix()}\0{content}\0".encode())
+                name = member.relative_to(self.path).as_posix()
+                content = whole_sha256(self, name, hash_of(member)) if member.is_file() else "absent"
+                digest.update(f"{name}\0{content}\0".encode())
         digest.update(as_json(options).encode())
         return digest.hexdigest()
 

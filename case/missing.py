@@ -22,7 +22,7 @@ CARRIED_OVER = (
 )
 # The same where the fit stands on the images themselves.
 CARRIED_BY_IMAGES = (
-    "contours of the prostate that were drawn in both scans: the stiffness stands on what the images show about the prostate, and its "
+    "contours of the prostate that were drawn in both scans: the stiffness comes from what the images show about the prostate, and its "
     "interval is wide. Contours in the other scan would narrow it"
 )
 _WALLS = {"rectum": RECTUM, "bladder": BLADDER}
@@ -62,11 +62,13 @@ def automatic_contours(case: CaseFolder, image: bool) -> list[str]:
     sizes = [f"{said[state][ORGAN_NAME]:.1f} mm" for state in found if ORGAN_NAME in said.get(state, {})]
     where = "both scans" if len(found) == len(STATES) else _SCANS[found[0]]
     came = "were found automatically and carried over to the other" if carried else "were found automatically"
-    use = (
-        "only where the prostate is; how it moved, the images tell" if image else "how it moved, which they hardly can"
+    motion = (
+        "They only locate the prostate; its motion comes from the images"
+        if image
+        else "Its motion comes from them alone, and they hardly show it"
     )
     off = f", and may be off by {' and '.join(sizes)} rms" if sizes else ""
-    return [f"{AUTOMATIC_CONTOURS}: those of {where} {came}{off}. They tell {use}"]
+    return [f"{AUTOMATIC_CONTOURS}: those of {where} {came}{off}. {motion}"]
 
 
 def at_bounds(parameters: Mapping[str, RegionRecord]) -> list[str]:

@@ -9,9 +9,11 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.deformed_states import state_labels, state_landmarks
+from palpate.case.matched import FILE as MATCHED
 from palpate.case.matched import read_matched_motion
 from palpate.case.measured_noise import measured_noise
 from palpate.case.meshed import ORGAN_NAME, load_meshed, load_surfaces, rigid_offset_of
+from palpate.case.slimmed import require_whole
 from palpate.case.stated_files import further_states
 from palpate.case.surface_errors import StatedErrors
 from palpate.core.errors import InputError
@@ -36,8 +38,10 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
     image : with the motion that the images tell, where the match step has found it. A deformed prostate that nobody drew is no
     datum beside it.
 
-    Raises InputError when an earlier step has not been run, or when a state shows no organ.
+    Raises InputError when an earlier step has not been run, when a state shows no organ, or in a slimmed case.
     """
+    for name in ("surfaces.npz", MATCHED) if image else ("surfaces.npz",):
+        require_whole(case, name)
     meshed = load_meshed(case)
     rest, deformed = load_surfaces(case, "rest"), load_surfaces(case, "deformed")
     for state, surfaces in (("rest", rest), ("deformed", deformed)):

@@ -118,7 +118,7 @@ def _check_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; choose a new folder with -o")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / SUMMARY).exists():
-        raise InputError(f"{folder} is not empty and holds no sketch; choose a new folder with -o")
+        raise InputError(f"{folder} is not empty and contains no sketch; choose a new folder with -o")
 
 
 def _positive(text: str) -> float:

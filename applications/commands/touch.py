@@ -1,7 +1,7 @@
 """Feels the organ of a case: its identified stiffness under a rigid spherical probe, pressed and pulled with the mouse in a window.
 
 Force in newton and indentation in millimetres are shown as one works; the curve is saved as CSV and picture. The organ is touched alone:
---support says what holds it. `--headless --script FILE` does what a script says, without a screen; its commands are told in docs/touch.md.
+--support says what holds it. `--headless --script FILE` does what a script says, without a screen; docs/touch.md lists its commands.
 """
 
 from __future__ import annotations

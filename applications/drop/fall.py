@@ -44,7 +44,7 @@ def organ_of(case: CaseFolder, name: str) -> IdentifiedOrgan:
     try:
         mesh = TetMesh(arrays["points"], arrays["cells"], arrays["regions"])
     except (KeyError, InputError) as error:
-        raise InputError(f"{path} holds no good mesh ({error}); remove it and run `palpate mesh` again") from error
+        raise InputError(f"{path} contains no valid mesh ({error}); remove it and run `palpate mesh` again") from error
     regions = tuple(r for r in ORGAN_LABELS if (mesh.regions == r).any())
     if not regions:
         raise InputError(f"{path} has no cell in the organ (regions 1, 2); run `palpate mesh` again")

@@ -138,7 +138,7 @@ def _modulus(pull_n_per_mm: float, frame: KeyframeRecord, key: Path) -> float:
     """kPa of the first part, from the known total force. Raises InputError where the figure is pulled by none."""
     if not frame["force_per_mm_over_G"] > 0.0:
         raise InputError(
-            f"{key} shows the figure under no force in all, so a known one tells no stiffness; leave --pull out"
+            f"{key} shows the figure under no force in all, so a known one determines no stiffness; leave --pull out"
         )
     return 1000.0 * pull_n_per_mm / frame["force_per_mm_over_G"]
 
@@ -180,7 +180,9 @@ def _parts(figure: Figure, fit: Fit, first: Drawing, G: float | None) -> list[Pa
 def _words(figure: Figure, fit: Fit, frames: list[KeyframeRecord], G: float | None) -> list[str]:
     words = []
     if G is None:
-        words.append("shapes tell forces over stiffness only: twice as stiff under twice the forces draws the same")
+        words.append(
+            "shapes determine forces over stiffness only: twice the stiffness under twice the forces gives the same shapes"
+        )
     else:
         words.append(f"with the force that was given, the first part has G = {G:.3g} kPa")
     if len(figure.parts) == 1:
@@ -189,7 +191,9 @@ def _words(figure: Figure, fit: Fit, frames: list[KeyframeRecord], G: float | No
         ratio = float(np.exp(fit.theta[k - 2]))
         told = f"part {k} is {ratio:.3g} times as stiff as part 1 (standard deviation {100 * sd:.0f} %)"
         words.append(
-            told if sd < UNTOLD_SD else f"the keyframes do not tell how stiff part {k} is: other forces draw the same"
+            told
+            if sd < UNTOLD_SD
+            else f"the keyframes do not determine how stiff part {k} is: other forces give the same shapes"
         )
     if fit.goals is not None:
         words.append("smooth forces alone do not hit the keyframes: forces from point to point of the rim were added")

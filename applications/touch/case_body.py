@@ -71,7 +71,7 @@ def organ_in_tissue(labels: Volume) -> Volume:
     """
     organ = np.isin(labels.array, ORGAN_LABELS)
     if not organ.any():
-        raise InputError("the labels at rest hold no organ voxel (labels 1, 2); segment the scan at rest again")
+        raise InputError("the labels at rest contain no organ voxel (labels 1, 2); segment the scan at rest again")
     margin = np.ceil(_AROUND_MM / labels.spacing).astype(int) + 2
     index = np.argwhere(organ)
     low, high = index.min(axis=0), index.max(axis=0) + 1

@@ -21,6 +21,7 @@ from palpate.case.missing import missing_structures
 from palpate.case.stated_files import further_states, is_body
 from palpate.case.steps import match, mesh
 from palpate.case.steps.declarations import DIAGNOSE
+from palpate.case.steps.whole import make_whole
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import ConvergenceError
@@ -87,6 +88,7 @@ def run(
     made_from = DIAGNOSE.made_from(case, _chosen(options, image, law))
     if DIAGNOSE.is_done(case, made_from):
         return read_diagnosis(case)
+    make_whole(case, part(progress, 0.2, 0.3))
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
     if body:
         given = body_problem(case).arrays()

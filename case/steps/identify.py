@@ -18,6 +18,7 @@ from palpate.case.missing import at_bounds, missing_structures
 from palpate.case.problem import noise_source
 from palpate.case.steps import match, mesh
 from palpate.case.steps.declarations import IDENTIFY
+from palpate.case.steps.whole import make_whole
 from palpate.case.surface_errors import StatedErrors
 from palpate.core.files.json_types import typed
 from palpate.core.identify.options import IdentifyOptions
@@ -68,6 +69,7 @@ def run(
     made_from = IDENTIFY.made_from(case, chosen)
     if IDENTIFY.is_done(case, made_from):
         return read_result(case)
+    make_whole(case, part(progress, 0.0, 0.1))
     folder = case.file("identify")
     paths = _write_problems(case, folder, options)
     answer = do_job(_job(case, options, paths), lambda m: _tell(m, progress))

@@ -11,6 +11,7 @@ from palpate.case.case_folder import CaseFolder, file_sha256
 from palpate.case.imported import holds_rest_alone
 from palpate.case.meshed import ORGAN_NAME, MeshReport, load_meshed
 from palpate.case.rigid_offset import rigid_offset_in
+from palpate.case.slimmed import slim_files
 from palpate.case.steps.declarations import MESH
 from palpate.core.arrays import NumberArray
 from palpate.core.errors import InputError
@@ -26,7 +27,7 @@ from palpate.meshing.partition import HOLE_NAMES, HOLLOW_NAMES
 from palpate.meshing.voxel_errors import organ_voxel_errors, wall_voxel_errors
 
 # Number of the form of surfaces.npz: those of another one are made again.
-SURFACES = 2
+SURFACES, SURFACES_FILE = 2, "surfaces.npz"
 
 
 def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress = silent) -> MeshReport:
@@ -41,13 +42,13 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     """
     options = options or MeshOptions()
     made_from = MESH.made_from(case, chosen(options))
-    if MESH.is_done(case, made_from):
+    if MESH.is_done(case, made_from) and SURFACES_FILE not in slim_files(case):
         kept: MeshReport = case.read_json("mesh.json")
         return kept
     for state in ("rest", "deformed"):
         if state == "deformed" and case.has("import.json") and holds_rest_alone(case):
             raise InputError(
-                f"{case.path} holds the scan at rest alone; `palpate plan` works on it, or import both scans"
+                f"{case.path} contains only the scan at rest; `palpate plan` works on it, or import both scans"
             )
         if not case.has_labels(state):
             raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")
@@ -62,7 +63,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         arrays = {name: array for state in surfaces() for name, array in state.items()}
     progress(0.9, "writing the mesh")
     case.write_npz("mesh.npz", **mesh_arrays(meshed.mesh, meshed.boundary))
-    case.write_npz("surfaces.npz", **arrays)
+    case.write_npz(SURFACES_FILE, **arrays)
     with case.atomic_path("mesh.vtu") as path:
         _view(meshed.mesh).save(path)
     report: MeshReport = {

@@ -28,6 +28,7 @@ from PalpateStiffnessLib.mrml import MrmlScene  # noqa: E402
 from PalpateStiffnessLib.nodes import ResultNodes  # noqa: E402
 
 SIZE, FIELD_MM = 480, 150.0
+_TICKS_KPA = (5, 10, 20, 50, 100, 200)
 # Slicer's colours of its views.
 VIEWS = {"Axial": "#f34a33", "3D": "#7481c9", "Coronal": "#6db04a", "Sagittal": "#edd54c"}
 SIDES = {"Axial": "RL", "Coronal": "RL", "Sagittal": "AP"}
@@ -37,10 +38,9 @@ def main(case: Path) -> None:
     """Exports the case, loads it as the module does, draws."""
     found = loaded(case)
     scene, nodes = found.scene, found.nodes
-    G = array_of(nodes.stiffness)
-    centre = middle(nodes.stiffness, G > 0)
-    images = {name: slice_view(scene, nodes, name, centre) for name in SIDES}
-    images["3D"] = solid_view(nodes, G, centre)
+    centres = centres_of(nodes)
+    images = {name: slice_view(scene, nodes, name, centres[name]) for name in SIDES}
+    images["3D"] = solid_view(nodes, array_of(nodes.stiffness), centres["Axial"])
     compose(images, nodes, HERE / "PalpateStiffness.png")
     found.logic.clean()
 
@@ -96,6 +96,15 @@ def middle(volume: Any, inside: np.ndarray) -> np.ndarray:
     matrix = vtk.vtkMatrix4x4()
     volume.GetIJKToRASMatrix(matrix)
     return np.array(matrix.MultiplyPoint([*np.argwhere(inside).mean(axis=0), 1.0])[:3])
+
+
+def centres_of(nodes: ResultNodes) -> dict[str, np.ndarray]:
+    """Where each view is cut, RAS mm: through the middle of the organ; the sagittal one through the stiffer half, for both meet in the
+    middle.
+    """
+    G = array_of(nodes.stiffness)
+    organ, stiffest = middle(nodes.stiffness, G > 0), middle(nodes.stiffness, 0.99 * G.max() < G)
+    return {"Axial": organ, "Coronal": organ, "Sagittal": np.array([stiffest[0], *organ[1:]])}
 
 
 def slice_view(scene: Any, nodes: ResultNodes, name: str, centre: np.ndarray, opacity: float = 0.6) -> np.ndarray:
@@ -213,8 +222,11 @@ def compose(images: dict[str, np.ndarray], nodes: ResultNodes, path: Path) -> No
             axis.text(x, SIZE / 2, letter, color="white", fontsize=13, path_effects=outline)
     figure.subplots_adjust(0.01, 0.10, 0.99, 0.99, 0.02, 0.02)
     bar = figure.add_axes((0.25, 0.062, 0.5, 0.016))
-    shown = mpl.cm.ScalarMappable(range_of(nodes), stiffness_colours(nodes))
-    figure.colorbar(shown, cax=bar, orientation="horizontal")
+    between = range_of(nodes)
+    kpa = np.geomspace(between.vmin, between.vmax, 257)
+    bar.pcolormesh(kpa, (0, 1), stiffness_colours(nodes)(between(kpa[:-1]))[None], rasterized=True)
+    bar.set(xscale="log", xticks=_TICKS_KPA, xticklabels=_TICKS_KPA, yticks=[])
+    bar.minorticks_off()
     bar.tick_params(colors="white", labelsize=8)
     bar.set_xlabel("Shear modulus G, kPa.  Simulated pair.  Research use only, not for diagnosis.", color="white")
     figure.savefig(path, dpi=100, facecolor=figure.get_facecolor())

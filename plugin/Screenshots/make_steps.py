@@ -13,14 +13,16 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import slicer
-from make import SIDES, SIZE, array_of, loaded, middle, slice_view
-from matplotlib.colors import to_rgb
+from make import SIDES, SIZE, centres_of, loaded, slice_view
 from matplotlib.patheffects import withStroke
 from PalpateStiffnessLib.nodes import ResultNodes
 from PalpateStiffnessLib.words import RESEARCH_USE, summary
 from panel import panel_picture
 
-_ORGANS = {1: "#d55e00", 2: "#0072b2", 4: "#e3dacd", 5: "#f0e442", 6: "#cc79a7"}
+from palpate.ui.pictures.colours import label_rgb
+
+# Labels whose outlines are drawn, in the colours of the window and the exports.
+_ORGANS = (1, 2, 4, 5, 6)
 _HIGHEST = 7  # of the labels
 _DPI = 100
 _DONE = {"progressBar": "", "statusLabel": "done", "researchLabel": RESEARCH_USE}
@@ -35,9 +37,8 @@ def main(case: Path, folder: Path) -> None:
     """Exports the case, loads it as the module does, draws each step."""
     found = loaded(case)
     nodes = found.nodes
-    centre = middle(nodes.stiffness, array_of(nodes.stiffness) > 0)
     told = {name: json.loads((case / f"{file}.json").read_text()) for name, file in _FILES.items()}
-    views = _Views(found.scene, nodes, centre, found.folder)
+    views = _Views(found.scene, nodes, found.folder)
     for name, picture in _steps(views, told).items():
         _save(*picture, folder / f"slicer_{name}.png")
     found.logic.clean()
@@ -78,28 +79,28 @@ _SO_FAR = (("import",), ("import", "segment"), ("mesh", "identify", "diagnose"))
 class _Views:
     """Slices of a loaded case through the middle of its organ."""
 
-    def __init__(self, scene: Any, nodes: ResultNodes, centre: np.ndarray, folder: Path) -> None:
-        self._scene, self._nodes, self._centre = scene, nodes, centre
+    def __init__(self, scene: Any, nodes: ResultNodes, folder: Path) -> None:
+        self._scene, self._nodes, self._centres = scene, nodes, centres_of(nodes)
         self._map = _label_volume(scene, folder / "rest_labels.seg.nrrd")
 
     def scan(self, state: str, name: str = "Axial") -> np.ndarray:
         """A scan alone, (rows, columns, 3)."""
         shown = ResultNodes(volumes={"rest": self._nodes.volumes[state]}, stiffness=self._map)
-        return slice_view(self._scene, shown, name, self._centre, opacity=0.0)
+        return slice_view(self._scene, shown, name, self._centres[name], opacity=0.0)
 
     def labels(self, name: str) -> np.ndarray:
         """The scan at rest with the outlines of its segments, (rows, columns, 3)."""
         drawn = self.scan("rest", name).copy()
         as_grey = ResultNodes(volumes={"rest": self._map}, stiffness=self._map)
-        grey = slice_view(self._scene, as_grey, name, self._centre, opacity=0.0)
+        grey = slice_view(self._scene, as_grey, name, self._centres[name], opacity=0.0)
         value = np.rint(grey[..., 0].astype(float) / 255.0 * _HIGHEST).astype(int)
-        for label, colour in _ORGANS.items():
+        for label in _ORGANS:
             inside = value == label
             inner = inside.copy()
             for axis in (0, 1):
                 for shift in (-2, 2):
                     inner &= np.roll(inside, shift, axis)
-            drawn[inside & ~inner] = np.rint(255 * np.array(to_rgb(colour)))
+            drawn[inside & ~inner] = np.rint(255 * np.array(label_rgb(label)))
         return drawn
 
 

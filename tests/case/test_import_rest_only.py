@@ -36,7 +36,7 @@ def test_a_label_volume_alone_is_enough_for_segment_and_tells_mesh_what_it_is(
     assert list(summary["sources_sha256"]) == ["rest"]
     np.testing.assert_array_equal(case.labels("rest").array, scans.labels("rest").array)
     assert run_segment(case)["states"] == {"rest": {"source": "label volumes"}}
-    with pytest.raises(InputError, match="holds the scan at rest alone; `palpate plan` works on it"):
+    with pytest.raises(InputError, match="contains only the scan at rest; `palpate plan` works on it"):
         mesh.run(case)
 
 

@@ -67,6 +67,7 @@ def test_a_wheel_holds_every_module_the_files_beside_them_and_the_sample(wheel: 
     for state in ("rest", "deformed"):
         there = {f"palpate/sample_dicom/{state}/{path.name}" for path in (TOP / "sample_dicom" / state).iterdir()}
         assert there and there <= names
+    assert "palpate/sample_dicom/finished_case.zip" in names
     (scripts,) = (name for name in names if name.endswith("entry_points.txt"))
     assert "palpate = palpate.ui.cli.main:entry" in wheel.read(scripts).decode()
 
@@ -74,7 +75,8 @@ def test_a_wheel_holds_every_module_the_files_beside_them_and_the_sample(wheel: 
 def test_an_unpacked_wheel_runs_from_anywhere(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
     """Its own modules, not those of this checkout, which an editable install would find."""
     wheel.extractall(tmp_path / "site")
-    code = "import sys; sys.path.insert(0, sys.argv[1]); import palpate, palpate.ui.cli.main as main, palpate.case.sample as sample\n" \
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import palpate, palpate.ui.cli.main as main\n" \
+           "import palpate.case.sample.scans as sample\n" \
            "assert palpate.__file__.startswith(sys.argv[1]), palpate.__file__\n" \
            "assert all(str(p).startswith(sys.argv[1]) for p in sample.sample_scans()); sys.exit(main.main(['demo', '--help']))"  # fmt: skip
     done = subprocess.run(

@@ -17,6 +17,7 @@ from phantoms import affine, labels, result
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
+from palpate.ui.cli.commands.validate import STUDIES
 from palpate.ui.cli.main import COMMANDS
 from palpate.ui.desktop.scripting.commands_script import parse
 from palpate.ui.export import names
@@ -24,6 +25,8 @@ from palpate.ui.export import names
 TOP = Path(__file__).parents[2]
 DOCS = TOP / "docs"
 PAGES = [TOP / "README.md", TOP / "KNOWN_ISSUES.md", *sorted(DOCS.rglob("*.md"))]
+OF_THE_CODE = [TOP / "ARCHITECTURE.md", TOP / "CONTRIBUTING.md"]
+SPOKEN = [*PAGES, *OF_THE_CODE, TOP / "sample_dicom" / "README.md", TOP / "plugin" / "README.md"]
 # Made at every build of the site (docs/site_hooks.py), so they lie in no folder.
 MADE = {DOCS / "reference" / "commands.md", DOCS / "reference" / "diagnosis_numbers.md"}
 
@@ -87,6 +90,51 @@ def test_known_issues_are_few() -> None:
     for entry in re.split(r"^\d+\. ", text, flags=re.MULTILINE)[1:]:
         issue, way = re.fullmatch(r"\*\*(.+?)\*\* \*Way round:\* (.+)", " ".join(entry.split())).groups()  # type: ignore[union-attr]
         assert len(re.findall(r"[.!?](?=\s|$)", issue)) == 1 and way.endswith("."), "one sentence, and a way round"
+
+
+def spoken(page: Path) -> list[str]:
+    """Lines of code that a page shows, in blocks and in the text; a line that goes on is one."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    blocks = re.findall(r"^```(?:sh|text)?\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    rest = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    indented = re.findall(r"^    (palpate .+)$", rest, re.MULTILINE)
+    return [line for block in blocks for line in block.splitlines()] + indented + re.findall(r"`([^`\n]+)`", rest)
+
+
+def unknown_in(line: str) -> str:
+    """What of a command is not there: the command, an option, a study, a file of the repository; "" where all is."""
+    command = re.match(r"(?:\./run )?palpate (?!\.)([a-z]+)\b(.*)", line.partition("#")[0])
+    if command is None:
+        files = re.findall(r"(?:python|\./run test) ((?:docs|plugin|tests)/[\w/.]+)", line)
+        return next((name for name in files if not (TOP / name).exists()), "")
+    name, words = command.groups()
+    if name not in COMMANDS:
+        return name
+    parser = script("commands_page")._parser_of(name)
+    known = {flag for action in parser._actions for flag in action.option_strings}
+    missing = [flag for flag in re.findall(r"(?<![\w-])--[a-z][\w-]*", words) if flag not in known]
+    study = re.match(r" ([a-z]\w+)", words)
+    missing += [study[1]] if name == "validate" and study is not None and study[1] not in STUDIES else []
+    return " ".join(missing)
+
+
+@pytest.mark.parametrize("page", SPOKEN, ids=lambda page: page.relative_to(TOP).as_posix())
+def test_every_command_on_a_page_exists(page: Path) -> None:
+    unknown = {line: found for line in spoken(page) if (found := unknown_in(line))}
+    assert not unknown
+
+
+def test_a_command_that_is_gone_is_seen() -> None:
+    assert unknown_in("./run palpate analyse A B -o CASE") == "analyse"
+    assert unknown_in("palpate identify CASE --againn x") == "--againn"
+    assert unknown_in("palpate validate gapp --cases 3") == "gapp"
+    assert unknown_in(".venv/bin/python docs/write_sampel.py") == "docs/write_sampel.py"
+    assert not unknown_in("./run palpate validate gap --cases 3 --seed 4 --workers 1")
+
+
+def test_the_pages_are_short() -> None:
+    """What a person may read to the end: the pages of docs, README, known issues, and the two for who changes the code."""
+    assert sum(len(page.read_text(encoding="utf-8").split()) for page in [*PAGES, *OF_THE_CODE]) <= 15_000
 
 
 def anchors(page: Path) -> set[str]:

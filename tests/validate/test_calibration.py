@@ -155,7 +155,7 @@ def test_the_program_s_own_files_are_read(tmp_path: Path) -> None:
     case.write_json("diagnosis.json", {"stiffness": {"without_effect": plain, "with_effect": with_effect}})
     assert posteriors_of(case.path, "diagnosis.json")["prostate_left"].sd == 0.5
     case.write_json("diagnosis.json", {"stiffness": {"without_effect": None}})
-    with pytest.raises(InputError, match="holds no stiffness"):
+    with pytest.raises(InputError, match="contains no stiffness"):
         posteriors_of(case.path, "diagnosis.json")
 
 

@@ -11,9 +11,7 @@ from typing import NoReturn, TypeVar
 
 N = TypeVar("N", int, float)
 # What `--image` does, and when it is done unasked.
-IMAGE_HELP = (
-    "use the motion that the two CTs' images tell, beside the contours (default: where the case holds both CTs)"
-)
+IMAGE_HELP = "use the motion that the two CTs' images show, beside the contours (default: where the case has both CTs)"
 
 
 class UsageError(Exception):

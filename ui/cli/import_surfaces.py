@@ -39,4 +39,4 @@ def text_of(summary: SurfacesRecord) -> list[str]:
     lines += [f"found   {words}" for words in summary["in_words"]]
     if given is not None:
         lines.append(f"found   as the files have them, the landmarks are {given:.2f} mm rms apart")
-    return [*lines, f"says    no stiffness can be told: {summary['cannot_tell']}", f"says    {summary['next']}"]
+    return [*lines, f"says    no stiffness can be determined: {summary['cannot_tell']}", f"says    {summary['next']}"]

@@ -33,8 +33,8 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
     frames = {state: str(scan.header.FrameOfReferenceUID) for state, scan in scans.items()}
     if frames["rest"] == frames["deformed"] and not np.allclose(case.deformed_to_rest(), np.eye(4), atol=1e-6):
         raise InputError(
-            f"{case.path}: both scans state one frame of reference, within which a DICOM registration cannot tell them "
-            "apart; take --to transform"
+            f"{case.path}: both scans state one frame of reference, within which a DICOM registration cannot distinguish "
+            "them; use --to transform"
         )
     made = making(case, "reg", scans["rest"], [_ALIGNMENT])
     data = _registration(scans["rest"], made)

@@ -101,7 +101,9 @@ def _group(
         measurements=[
             sr.Measurement(name, float(f"{value:.4g}"), own.KILOPASCAL, derivation=how) for value, how, name in values
         ],
-        qualitative_evaluations=[sr.QualitativeEvaluation(own.TOLD, own.TOLD_YES if region.told else own.TOLD_NO)],
+        qualitative_evaluations=[
+            sr.QualitativeEvaluation(own.DETERMINED, own.DETERMINED_YES if region.determined else own.DETERMINED_NO)
+        ],
     )
 
 
@@ -127,7 +129,7 @@ def _drawn_group(
             sr.Measurement(name, float(f"{value:.4g}"), unit, derivation=how) for value, how, name, unit in values
         ],
         qualitative_evaluations=[
-            sr.QualitativeEvaluation(own.TOLD, own.TOLD_NO if mean.G_kpa is None else own.TOLD_YES)
+            sr.QualitativeEvaluation(own.DETERMINED, own.DETERMINED_NO if mean.G_kpa is None else own.DETERMINED_YES)
         ],
     )
 
@@ -137,6 +139,6 @@ def _remark(record: CaseRecord, made: Making) -> sr.TextContentItem:
     what = "G" if options is not None and options.other_law else "G = 2 (mu1 + mu2)"
     text = (
         f"{made.note} {what} is relative to an assumed shear modulus of {tissue:g} kPa of the surrounding "
-        f"tissue. What this pair can tell: {record.result.identifiability.verdict}."
+        f"tissue. What this pair determines: {record.result.identifiability.verdict}."
     )
     return sr.TextContentItem(codes.DCM.Comment, text, sr.RelationshipTypeValues.CONTAINS)

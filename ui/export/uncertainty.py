@@ -20,7 +20,7 @@ from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.export.stiffness import interval_volumes
 
-WRITES = "NIfTI: each half's 95 % limits in kPa, and the smooth map with its factor and where the scans tell it"
+WRITES = "NIfTI: each half's 95 % limits in kPa, and the smooth map with its factor and where the scans determine it"
 _MAP = "identify/stiffness_map.npz"
 # Voxels painted at a time: each asks for its distance to every patch.
 _CHUNK = 50_000

@@ -23,7 +23,7 @@ DISTANCE_MAP = "RdBu_r"
 # What stands around the organ in 3D is seen through; shares.
 AROUND_OPACITY: Mapping[int, float] = {BONE: 0.25, BLADDER: 0.3, RECTUM: 0.35}
 # Of an organ in 3D whose stiffness is not told, or not shown.
-UNTOLD: RGB = (0.6, 0.6, 0.6)
+UNDETERMINED: RGB = (0.6, 0.6, 0.6)
 
 
 def label_rgb(label: int) -> RGB:

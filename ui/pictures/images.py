@@ -20,19 +20,19 @@ AIR_HU = -1024.0
 class CaseImages:
     """rest, deformed : label volumes in the rest frame. ct : the CT at rest, HU; None where the case has labels only.
 
-    stiffness_kpa : organ label -> G in kPa. untold : organ labels whose stiffness the pair does not determine.
+    stiffness_kpa : organ label -> G in kPa. undetermined : organ labels whose stiffness the pair does not determine.
     """
 
     rest: Volume
     deformed: Volume | None = None
     ct: Volume | None = None
     stiffness_kpa: Mapping[int, float] = field(default_factory=dict)
-    untold: frozenset[int] = frozenset()
+    undetermined: frozenset[int] = frozenset()
 
     @property
-    def told(self) -> Mapping[int, float]:
-        """Organ label -> G in kPa of those that the pair tells."""
-        return {label: G for label, G in self.stiffness_kpa.items() if label not in self.untold}
+    def determined(self) -> Mapping[int, float]:
+        """Organ label -> G in kPa of those that the pair determines."""
+        return {label: G for label, G in self.stiffness_kpa.items() if label not in self.undetermined}
 
     @property
     def organ(self) -> tuple[int, ...]:
@@ -70,7 +70,7 @@ def stiffness_slice(images: CaseImages, plane: Plane, window: Window) -> tuple[S
     winner = np.array(images.organ)[np.argmax(stack, axis=0)]
     inside = stack.sum(axis=0) >= 0.5
     value = np.full(winner.shape, np.nan)
-    for label, G in images.told.items():
+    for label, G in images.determined.items():
         value[inside & (winner == label)] = G
     return Slice(value, extent), Slice((inside & np.isnan(value)).astype(float), extent)
 

@@ -134,10 +134,10 @@ def _outlines(images: CaseImages) -> tuple[Outline, ...]:
 
 
 def _colour_bar(figure: Figure, images: CaseImages, axes: list[Axes]) -> None:
-    if not images.told:
+    if not images.determined:
         return  # nothing is coloured
     bar = stiffness_bar(figure, axes, 0.95)
-    for G in images.told.values():
+    for G in images.determined.values():
         bar.ax.axhline(G, color="white", linewidth=2.4)
         bar.ax.axhline(G, color="black", linewidth=1.2)
 

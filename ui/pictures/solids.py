@@ -17,7 +17,7 @@ from palpate.core.arrays import FloatArray, IntArray, LabelArray
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.pictures.colours import AROUND_OPACITY, DISTANCE_MAP, STIFFNESS_SCALE, UNTOLD, label_rgb
+from palpate.ui.pictures.colours import AROUND_OPACITY, DISTANCE_MAP, STIFFNESS_SCALE, UNDETERMINED, label_rgb
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
 from palpate.ui.pictures.offscreen import begin
 from palpate.ui.pictures.scene import ANTERIOR, LEFT, OBLIQUE, POSTERIOR, RIGHT, Body, Scene, View
@@ -54,7 +54,7 @@ def anatomy(surfaces: Mapping[str, Surface], stiffness: Mapping[int, float], reg
     """
     organ = surfaces["organ"]
     colour = {label: STIFFNESS_SCALE.rgb(G) for label, G in stiffness.items()}
-    rgb = np.array([colour.get(int(region), UNTOLD) for region in organ.region])
+    rgb = np.array([colour.get(int(region), UNDETERMINED) for region in organ.region])
     bodies = {"organ": Body(organ.points, organ.faces, rgb)}
     for name, (r, g, b, opacity) in AROUND.items():
         if name in surfaces:

@@ -49,7 +49,7 @@ def diagnosis_sentence(record: CaseRecord) -> str:
         if expected is not None and record.result.misfit.rms_mm <= expected:
             return f"The diagnosis {said}: {_SEE}."
     elif not gap.detected and not found.candidates:
-        said, doubt = "could not see whether the model leaves anything out, for these scans tell too little", ""
+        said, doubt = "could not see whether the model leaves anything out, because these scans show too little", ""
     else:
         size = f"{gap.rms_mm:.2f} mm rms where noise would leave {gap.noise_floor_mm:.2f} mm"
         # The size alone would contradict the verdict where it is below the noise's: then the pattern is what was found.

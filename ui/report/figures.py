@@ -31,7 +31,7 @@ from palpate.ui.words.number_words import three_figures
 
 _PLANES_CAPTION = (
     "Slices through the organ ({ground}). Above, dotted lines show where the other slices lie; below, the shear modulus "
-    "in colour; hatched or grey where this pair does not tell it. The sagittal slice goes through the region of the highest value. "
+    "in colour; hatched or grey where this pair does not determine it. The sagittal slice goes through the region of the highest value. "
     "R right, L left, A anterior, P posterior, S superior, I inferior of the patient; positions in DICOM coordinates (LPS).{bar}{doubt}"
 )
 
@@ -104,17 +104,17 @@ def _published(figures: Figures, record: CaseRecord, folder: Path) -> None:
 def _images(case: CaseFolder, record: CaseRecord, labels: Mapping[str, Volume]) -> CaseImages:
     ct = case.ct("rest") if case.has("rest_ct") else None
     stiffness = {region.label: region.G for region in record.regions}
-    untold = frozenset(region.label for region in record.regions if not region.told)
-    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, untold)
+    undetermined = frozenset(region.label for region in record.regions if not region.determined)
+    return CaseImages(labels["rest"], labels.get("deformed"), ct, stiffness, undetermined)
 
 
 def _slices(figures: Figures, images: CaseImages, folder: Path, same: bool) -> None:
     doubt = (
-        " The difference of the colours is within the error: this pair does not tell which half is stiffer."
+        " The difference of the colours is within the error: this pair does not show which half is stiffer."
         if same
         else ""
     )
-    bar = " Lines in the colour bar: the values found." if images.told else ""
+    bar = " Lines in the colour bar: the values found." if images.determined else ""
     ground = "CT at rest, W 400 L 40" if images.ct is not None else "no CT: labels at rest in grey and colour"
     told = ", ".join(f"label {label}: {three_figures(G)} kPa" for label, G in images.stiffness_kpa.items())
     says = f"Slices in three planes with the organ coloured by shear modulus ({told})."
@@ -146,7 +146,7 @@ def _map(figures: Figures, mapped: Arrays, record: CaseRecord, images: CaseImage
 
 
 def _anatomy(case: CaseFolder, images: CaseImages) -> solids.Drawn:
-    return solids.anatomy(load_surfaces(case, "rest"), images.told, images.rest)
+    return solids.anatomy(load_surfaces(case, "rest"), images.determined, images.rest)
 
 
 def _misfit(case: CaseFolder, record: CaseRecord) -> solids.Drawn:

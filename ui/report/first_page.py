@@ -82,7 +82,7 @@ def found(record: CaseRecord) -> Table:
     halves = [volumes[region.name] for region in record.regions if region.name in volumes]
     if len(halves) > 1:
         # Parallel and series averages bound what a whole of two parts can have (Voigt 1889, Reuss 1929).
-        told = all(region.told for region in record.regions) and len(halves) == len(record.regions)
+        told = all(region.determined for region in record.regions) and len(halves) == len(record.regions)
         rows.append(
             ("whole prostate", _cc(sum(halves)), _between(record.regions, halves) if told else _DASH, _DASH, "")
         )
@@ -100,7 +100,9 @@ def minute(record: CaseRecord) -> list[Block]:
 
 def scale_rows(record: CaseRecord) -> list[Row]:
     """What this pair tells, then what others have measured."""
-    names = [(f"here: {region.words.removesuffix(_OF_THE_ORGAN)}", region) for region in record.regions if region.told]
+    names = [
+        (f"here: {region.words.removesuffix(_OF_THE_ORGAN)}", region) for region in record.regions if region.determined
+    ]
     ours = [Row(words, region.G, region.ci, found=True) for words, region in names]
     return ours + [one.row for one in PUBLISHED]
 
@@ -112,7 +114,7 @@ def scale_caption(rows: Sequence[Row]) -> str:
 
 
 def _value(region: RegionStiffness) -> tuple[str, str]:
-    if not region.told:
+    if not region.determined:
         return _DASH, _DASH
     interval = _DASH if region.ci is None else f"{three_figures(region.ci[0])} to {three_figures(region.ci[1])}"
     return three_figures(region.G), interval

@@ -16,7 +16,7 @@ def map_caption(facts: MapRecord, names: Mapping[str, object]) -> str:
     return (
         f"The shear modulus within the organ: each half's own value and what the data say of deviations from it, on {facts.patches} "
         f"patches. Averaged over a half it is the half's value in the table. {_uniform(facts, names)}"
-        "Outlined where a place is told to differ from most of its half: solid where stiffer, dashed where softer. "
+        "Outlined where a place differs significantly from most of its half: solid where stiffer, dashed where softer. "
         f"Hatched where the data say less of a deviation than the prior does: {untold:.0f} % of the organ; nothing is seen there but the "
         "half's value. Below: the factor within which the true value lies in two cases of three."
     )
@@ -30,7 +30,7 @@ def told_places(facts: MapRecord, names: Mapping[str, object]) -> str:
     found = known(facts.places)
     if not found:
         return (
-            f"No place is told to be stiffer or softer than its half (asked: {100 * level:.0f} % for all places at once). That rules no "
+            f"No place is significantly stiffer or softer than its half (asked: {100 * level:.0f} % for all places at once). That rules no "
             "focus out: most of 12 mm and less stay hidden."
         )
     each = "; ".join(_place(place, names) for place in found)

@@ -38,7 +38,7 @@ def motion_section(matched: MatchedMotion, pictures: Mapping[str, Picture], used
     counts = np.bincount(matched.rejected_for, minlength=len(REASONS))
     rows = [
         ("points matched", str(len(matched.points))),
-        ("directions that they tell", str(len(data.sd))),
+        ("directions measured", str(len(data.sd))),
         ("standard deviation of such a direction, median", f"{np.median(data.sd):.2f} mm" if len(data.sd) else "none"),
         *((f"rejected: {why}", str(n)) for why, n in zip(REASONS[1:], counts[1:], strict=True) if n),
     ]

@@ -9,14 +9,14 @@ from palpate.case.meshed import load_meshed
 from palpate.core.arrays import FloatArray
 from palpate.imaging.labels import LABELS
 from palpate.meshing.mesh_labels import MeshedCase
-from palpate.ui.pictures.colours import STIFFNESS_SCALE, UNTOLD
+from palpate.ui.pictures.colours import STIFFNESS_SCALE, UNDETERMINED
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.interactive import MovingBody, deformation_page
 from palpate.ui.pictures.solids import AROUND
 from palpate.ui.report.document import Interactive
 
 _CAPTION = (
-    "The organ coloured by shear modulus (grey where this pair does not tell it), with the walls that push it; drag to turn, wheel "
+    "The organ coloured by shear modulus (grey where this pair does not determine it), with the walls that push it; drag to turn, wheel "
     "to zoom, a click in the legend hides a body. Play moves everything along straight lines from rest to the identified "
     "model's deformed state, in true size; what happened between the two scans is not known. R right, L left, A anterior, P "
     "posterior, S superior, I inferior of the patient."
@@ -28,7 +28,7 @@ def moving_view(case: CaseFolder, images: CaseImages) -> Interactive:
     meshed = load_meshed(case)
     move = case.read_npz("identify/fields.npz")["mesh_displacement"]
     bodies = _organ(meshed, move, images) + _walls(meshed, move)
-    return Interactive(deformation_page(bodies, STIFFNESS_SCALE if images.told else None), _CAPTION)
+    return Interactive(deformation_page(bodies, STIFFNESS_SCALE if images.determined else None), _CAPTION)
 
 
 def _organ(meshed: MeshedCase, move: FloatArray, images: CaseImages) -> list[MovingBody]:
@@ -39,7 +39,7 @@ def _organ(meshed: MeshedCase, move: FloatArray, images: CaseImages) -> list[Mov
     bodies = []
     for region in regions:
         here = faces[mesh.regions[owners] == region]
-        colour = STIFFNESS_SCALE.rgb(images.told[region]) if region in images.told else UNTOLD
+        colour = STIFFNESS_SCALE.rgb(images.determined[region]) if region in images.determined else UNDETERMINED
         name = LABELS[region].replace("_", " ")
         bodies.append(MovingBody.of(name, mesh.points, move, here, np.tile(colour, (len(here), 1)), 1.0))
     return bodies

@@ -157,7 +157,7 @@ def read_record(case: CaseFolder, labels: Mapping[str, Volume]) -> CaseRecord:
     if not case.has("result.json"):
         alone = case.has_labels("rest") and not case.has_labels("deformed") and not case.has("deformed_ct")
         todo = (
-            "it holds the scan at rest alone: `palpate plan` works on it, or import both scans"
+            "it contains only the scan at rest: `palpate plan` works on it, or import both scans"
             if alone
             else "run `palpate identify` first"
         )
@@ -235,7 +235,7 @@ def _optional(case: CaseFolder, name: str, kind: type[T]) -> T:
     """A JSON object of the case, empty where absent. kind : which form it has; it is not checked."""
     found: T = case.read_json(name) if case.has(name) else kind()
     if not isinstance(found, Mapping):
-        raise InputError(f"{case.file(name)} holds no JSON object; run the step that writes it again")
+        raise InputError(f"{case.file(name)} contains no JSON object; run the step that writes it again")
     return found
 
 

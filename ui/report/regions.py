@@ -18,7 +18,7 @@ class RegionStiffness:
     """One region of result.json: G, sd, mu in kPa; ci is the 95 % interval. None where unknown.
 
     words : the name as a person says it.
-    told : whether the pair tells this stiffness at all: not at a bound, and known better than before the scans.
+    determined : whether the pair determines this stiffness at all: not at a bound, and known better than before the scans.
     """
 
     name: str
@@ -30,7 +30,7 @@ class RegionStiffness:
     mu2: float
     mu_mean: float
     at_bound: bool
-    told: bool
+    determined: bool
 
     @property
     def label(self) -> int:
@@ -53,7 +53,7 @@ def region_of(name: str, p: RegionRecord, facts: CaseFacts, alone: bool) -> Regi
         name, region_words(name, alone), p.G_kpa, p.sd_kpa, ci, p.mu1_kpa, p.mu2_kpa, p.mu_mean_kpa, p.at_bound, not p.at_bound
     )  # fmt: skip
     nothing_new = found.ln_sd is not None and as_before(np.array([found.ln_sd]), np.log([[low, high]]))[0]
-    return replace(found, told=False) if nothing_new else found
+    return replace(found, determined=False) if nothing_new else found
 
 
 def regions_of(result: ResultRecord, facts: CaseFacts) -> tuple[RegionStiffness, ...]:

@@ -41,7 +41,7 @@ def limits(record: CaseRecord) -> str:
     beyond = ", beyond the places that the map outlines" if told_somewhere else ""
     places = f"{'each half' if many else 'the organ'} has one value, over which a focus within it is spread"
     return (
-        "What this does not tell: stiffness in absolute terms, which needs a known force; what the stiff tissue is, a tumour or anything "
+        "What this does not show: stiffness in absolute terms, which needs a known force; what the stiff tissue is, a tumour or anything "
         f"else; where within {'a half' if many else 'the organ'} it lies{beyond}: {places}. Left and right are the patient's. G is the "
         "shear modulus: Young's modulus, which elastography often gives, is three times that."
     )
@@ -54,7 +54,7 @@ def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
     blocks: list[Block] = [
         _values(record.regions, not law),
         Paragraph(_OTHER_LAW.format(law) if law else MU_NOTE, "small"),
-        Paragraph("What this pair can tell:"),
+        Paragraph("What this pair determines:"),
         Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
         *_places(record),
         *_shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
@@ -94,7 +94,7 @@ def _values(regions: Sequence[RegionStiffness], with_mu: bool) -> Table:
 
 def _row(region: RegionStiffness, with_mu: bool) -> tuple[str, ...]:
     ci = _DASH if region.ci is None else f"{three_figures(region.ci[0])} to {three_figures(region.ci[1])}"
-    note = "at bound" if region.at_bound else "" if region.told else "not told"
+    note = "at bound" if region.at_bound else "" if region.determined else "not determined"
     sd = _DASH if region.sd is None else three_figures(region.sd)
     mu = [three_figures(value) for value in (region.mu1, region.mu2, region.mu_mean)] if with_mu else []
     return region.words, three_figures(region.G), sd, ci, *mu, note

@@ -15,7 +15,7 @@ from palpate.ui.words.number_words import three_figures
 # About thirty independent looks at the surface: the rms misfit scatters by 13 %, and this is two of that.
 MISFIT_TOLERANCE = 1.26
 MISSING = "Missing: "
-NOTHING_TOLD = "Nothing can be told from this pair about the stiffness of the prostate."
+NOTHING_DETERMINED = "This pair does not determine the stiffness of the prostate."
 WAY_OUT = (
     "Contours that a person or a trained model has drawn are the way to a stiffness: give them to `palpate analyze` with --rest-labels and "
     "--deformed-labels."
@@ -35,11 +35,11 @@ def stiffness_text(region: RegionStiffness) -> str:
 
 def summary(record: CaseRecord) -> list[str]:
     """What is missing, what was found, relative to what, on which error of the contours, and whether to believe it."""
-    regions = [region for region in record.regions if region.told]
+    regions = [region for region in record.regions if region.determined]
     sentences = first_sentences(record)
     if too_rough(record):
         return [*sentences, diagnosis_sentence(record)] if record.diagnosis else sentences
-    sentences += [_untold(region, record) for region in record.regions if not region.told]
+    sentences += [_untold(region, record) for region in record.regions if not region.determined]
     sentences += [stands_on(record)] if regions else []
     if regions:
         G = record.facts.tissue_shear_modulus_kpa
@@ -55,21 +55,21 @@ def summary(record: CaseRecord) -> list[str]:
 
 def first_sentences(record: CaseRecord) -> list[str]:
     """What must be read first: that the pair tells nothing, what is missing; then what was found."""
-    nothing = not any(region.told for region in record.regions)
-    sentences = [NOTHING_TOLD] * nothing + [f"{MISSING}{line}." for line in what_lacks(record)]
+    nothing = not any(region.determined for region in record.regions)
+    sentences = [NOTHING_DETERMINED] * nothing + [f"{MISSING}{line}." for line in what_lacks(record)]
     sentences += [WAY_OUT] if too_rough(record) else []
     return sentences if nothing else [*sentences, headline(record)]
 
 
 def headline(record: CaseRecord) -> str:
     """What was found, in one sentence."""
-    regions = [region for region in record.regions if region.told]
-    return _found(regions, record) if regions else NOTHING_TOLD
+    regions = [region for region in record.regions if region.determined]
+    return _found(regions, record) if regions else NOTHING_DETERMINED
 
 
 def too_rough(record: CaseRecord) -> bool:
     """Whether contours that were found automatically tell no stiffness by themselves: a misfit then says nothing of the model."""
-    told = any(region.told for region in record.regions)
+    told = any(region.determined for region in record.regions)
     return (
         not told and not record.used_image and any(line.startswith(AUTOMATIC_CONTOURS) for line in what_lacks(record))
     )
@@ -83,7 +83,7 @@ def what_lacks(record: CaseRecord) -> list[str]:
 
 def stands_on(record: CaseRecord) -> str:
     """Which error of the contours the intervals stand on, and whether on the images' motion too."""
-    beside = " They also stand on the motion that both scans' images show." if record.used_image else ""
+    beside = " They also use the motion that both scans' images show." if record.used_image else ""
     return _contours_stood_on(record) + beside
 
 
@@ -93,7 +93,7 @@ def _contours_stood_on(record: CaseRecord) -> str:
         stated = record.facts.boundary_noise_sd_mm
         sd = record.noise_sd_mm if stated is None else stated
         size = "an unknown error" if sd is None else f"an error of {sd:.2f} mm"
-        return f"The intervals stand on {size} of each contour, {record.noise_from}."
+        return f"The intervals assume {size} of each contour, {record.noise_from}."
     names = {"organ": "prostate", "bladder": "bladder", "rectum": "rectum"}
     said = []
     for surface, name in names.items():
@@ -101,7 +101,7 @@ def _contours_stood_on(record: CaseRecord) -> str:
         if each:
             said.append(f"{name} {' and '.join(f'{mm:.1f}' for mm in each)} mm")
     return (
-        f"The intervals stand on contour errors estimated from the images: {', '.join(said)} rms. Contours of a person or a "
+        f"The intervals assume contour errors estimated from the images: {', '.join(said)} rms. Contours of a person or a "
         "trained model are better."
     )
 
@@ -127,7 +127,7 @@ def misfit_verdict(record: CaseRecord) -> str:
 
 def tells_apart(record: CaseRecord) -> bool:
     """Whether the pair tells which region is the stiffest; True where there is nothing to tell apart."""
-    regions = [region for region in record.regions if region.told]
+    regions = [region for region in record.regions if region.determined]
     if len(regions) < 2:
         return True
     soft, stiff = (f(regions, key=lambda region: region.G) for f in (min, max))
@@ -145,7 +145,7 @@ def _found(regions: list[RegionStiffness], record: CaseRecord) -> str:
         return f"The {stiff.words} came out stiffer than the {soft.words}: {values}; how certain this is is not known."
     if not tells_apart(record):
         return (
-            f"This pair does not tell which is stiffer, the {stiff.words} or the {soft.words}: "
+            f"This pair does not show which is stiffer, the {stiff.words} or the {soft.words}: "
             f"{values}; the difference is within the error. The {stiff.words} is the stiffer one with a chance of about "
             f"{_percent(ln_ratio / sd)} %, short of the 97.5 % asked for."
         )
@@ -166,8 +166,6 @@ def _untold(region: RegionStiffness, record: CaseRecord) -> str:
     if region.at_bound:
         return (
             f"The {region.words} ended at the edge of what was allowed (G = {three_figures(region.G)} kPa of {low:g} to "
-            f"{high:g}): it is no measurement, and may stand for something that the model leaves out."
+            f"{high:g}): it is no measurement, and may reflect something that the model leaves out."
         )
-    return (
-        f"This pair does not tell the stiffness of the {region.words}: it is hardly better known than before the scans."
-    )
+    return f"This pair does not determine the stiffness of the {region.words}: it is hardly better known than before the scans."

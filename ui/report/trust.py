@@ -44,7 +44,7 @@ class Trust:
 
 def trust(region: RegionStiffness, record: CaseRecord) -> Trust:
     """How sure one region's stiffness is: from its interval, the misfit and the origin of the contours."""
-    if not region.told:
+    if not region.determined:
         return Trust(NONE, "the scans cannot determine it")
     factor = np.inf if region.ln_sd is None else float(np.exp(1.96 * region.ln_sd))
     place = next((k for k, (most, _) in enumerate(SURE) if factor <= most), len(SURE))

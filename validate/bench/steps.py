@@ -18,7 +18,7 @@ import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.problem import problem_of
-from palpate.case.sample import sample_scans
+from palpate.case.sample.scans import sample_scans
 from palpate.core.errors import PalpateError
 from palpate.core.fem.state import State
 from palpate.core.forward.composition_scene import plain_scene

@@ -101,7 +101,7 @@ def posteriors_of(case: Path, result: str) -> dict[str, Marginal]:
     else:
         stiffness = found.get("parameters")
     if not stiffness:
-        raise InputError(f"{case / result} holds no stiffness; run `palpate diagnose {case}` again")
+        raise InputError(f"{case / result} contains no stiffness; run `palpate diagnose {case}` again")
     return {name: _marginal(of, float(low), float(high)) for name, of in stiffness.items()}
 
 

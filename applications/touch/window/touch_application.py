@@ -14,7 +14,7 @@ import numpy as np
 from palpate.applications.touch.body import Body
 from palpate.applications.touch.window.touch_script import Driver, TouchEvent
 from palpate.core.errors import Cancelled, InputError
-from palpate.ui.desktop.scripting.script_runner import Command, Told, play
+from palpate.ui.desktop.scripting.script_runner import Command, CommandFacts, play
 from palpate.ui.pictures.colours import StiffnessScale
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class WindowDriver(Driver):
 
         synthetic_input.press(self.window, " ".join(words))
 
-    def do_screenshot(self, file: str) -> Told:
+    def do_screenshot(self, file: str) -> CommandFacts:
         """The window as a picture, once everything that was asked has come."""
         from palpate.ui.desktop.scripting import synthetic_input
 

@@ -36,7 +36,7 @@ from palpate.applications.touch.window.protocol import Felt, Saved
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.ui.desktop.scripting import script_runner
-from palpate.ui.desktop.scripting.script_runner import Command, Done, Told
+from palpate.ui.desktop.scripting.script_runner import Command, CommandFacts, Done
 
 # These need the window; a script without them runs without one.
 OF_THE_WINDOW = frozenset({"resize", "turn", "pause", "hold", "lift", "click", "screenshot"})
@@ -118,7 +118,7 @@ class Driver:
         """The curve begins anew."""
         self.feeling.forget()
 
-    def do_save(self, name: str) -> Told:
+    def do_save(self, name: str) -> CommandFacts:
         """The curve as a table and a picture."""
         return {"files": self.feeling.save(self._folder / name)["files"]}
 

@@ -51,7 +51,7 @@ def _found(result: Mapping[str, Any]) -> list[str]:
         edge = ", at the edge of what was allowed: no measurement" if region.get("at_bound") else ""
         lines.append(f"{name.replace('_', ' ')}: G = {_three(region['G_kpa'])} kPa, {sure}{edge}")
     lines.append(f"Misfit: {result['misfit']['rms_mm']:.2f} mm (rms)")
-    return [*lines, f"What this pair can tell: {result['identifiability']['verdict']}", *_notes(result)]
+    return [*lines, f"What this pair determines: {result['identifiability']['verdict']}", *_notes(result)]
 
 
 def _diagnosed(result: Mapping[str, Any]) -> list[str]:
@@ -59,7 +59,7 @@ def _diagnosed(result: Mapping[str, Any]) -> list[str]:
     verdict = str(result.get("verdict", "unknown"))
     said = {
         "none": "no gap beyond the noise", "unknown": "a gap of a kind that is not known",
-        "ambiguous": f"a gap, by one of: {names}" if names else "the scans tell too little to see one",
+        "ambiguous": f"a gap, by one of: {names}" if names else "the scans show too little to see one",
     }.get(verdict, verdict.replace("_", " ").replace("-", " "))  # fmt: skip
     following = str(result.get("next_measurement") or "")
     return [f"Gap between model and scan: {said}", *([f"What would settle it: {following}"] if following else [])]

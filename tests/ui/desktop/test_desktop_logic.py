@@ -201,9 +201,9 @@ def test_the_map_says_where_it_tells_nothing(controller: Controller, tmp_path: P
     opened = controller.case
     assert opened is not None and opened.stiffness_map is not None
     controller.show(surest_factor=1.1)
-    assert words_at_crosshair(controller) == "prostate left, the map does not tell G here"
+    assert words_at_crosshair(controller) == "prostate left, the map does not determine G here"
     controller.show(surest_factor=None, crosshair=(ORGAN[0], ORGAN[1], ORGAN[2] + 9.0))
-    assert words_at_crosshair(controller) == "prostate left, the map does not tell G here"
+    assert words_at_crosshair(controller) == "prostate left, the map does not determine G here"
     controller.show(mode="deformed")
     assert words_at_crosshair(controller) == "prostate left, G of the half = 120 kPa (95 % 100\N{EN DASH}144)"
 

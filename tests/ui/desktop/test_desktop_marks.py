@@ -83,8 +83,23 @@ def test_a_measurement_is_written_where_its_slice_is_shown(written: list[tuple[s
     axial, coronal = Measurement("B", "region", "axial", outline), Measurement("C", "region", "coronal", outline)
     for one, position, shown in ((angle, 5.0, 1), (angle, 40.0, 0), (axial, 5.0, 1), (coronal, 5.0, 0)):
         written.clear()
-        shape_marks.measurement(MagicMock(), screen, one, one.name, position)
+        shape_marks.measurements(MagicMock(), screen, [(one, one.name)], position)
         assert [word for word, _ in written] == [one.name] * shown
+
+
+def test_values_of_measurements_keep_off_each_other(written: list[tuple[str, QRectF]]) -> None:
+    """A ruler through an ellipse: both values would begin at one height, beside their rightmost points."""
+    screen = Screen(PLANES[0], Viewport(np.zeros(3), 0.5), QSize(400, 400))
+    ends = {"A": 2.0, "B": 12.0, "C": 4.0}
+    kept = [Measurement(n, "distance", "axial", ((-10.0, 0.0, 0.0), (x, 0.0, 0.0))) for n, x in ends.items()]
+    painter = MagicMock()
+    painter.drawPolyline.side_effect = lambda *_: written.append(("line", QRectF()))
+    shape_marks.measurements(painter, screen, [(one, f"{one.name}: G = 53.3 kPa") for one in kept], 0.0)
+    words = [name for name, _ in written]
+    assert words == [*["line"] * 6, *(f"{name}: G = 53.3 kPa" for name in ends)], "no line over a value"
+    del written[:6]
+    assert len(written) == 3
+    assert not any(one.intersects(other) for (_, one), (_, other) in combinations(written, 2))
 
 
 def test_missed_motion_is_an_arrow_five_times_as_long_where_it_is_near_the_slice() -> None:

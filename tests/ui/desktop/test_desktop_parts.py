@@ -70,11 +70,11 @@ def test_a_long_step_that_ends_is_told_once(seconds: float, outcome: str, error:
     controller = Controller()
     notices = Notices(controller, told.append)
     controller.jobs.state = JobState("x", 0.0, step="identify")
-    notices.told("job")
+    notices.on_change("job")
     assert not told
     controller.jobs.state = JobState("x", 0.0, step="identify", outcome=outcome, error=error, seconds_taken=seconds)
     for what in ("view", "job", "job"):
-        notices.told(what)
+        notices.on_change(what)
     assert told == words
 
 

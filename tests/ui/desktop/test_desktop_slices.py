@@ -100,9 +100,9 @@ def test_outlines_run_along_the_voxels_edges() -> None:
     assert overlay.outlines(sampled, 2) == []
 
 
-def region(label: int, G: float, ci: tuple[float, float], told: bool = True) -> RegionStiffness:
+def region(label: int, G: float, ci: tuple[float, float], determined: bool = True) -> RegionStiffness:
     name = {1: "prostate_left", 2: "prostate_right"}[label]
-    return RegionStiffness(name, name, G, None, ci, G / 4, G / 4, G / 4, False, told)
+    return RegionStiffness(name, name, G, None, ci, G / 4, G / 4, G / 4, False, determined)
 
 
 def test_stiffness_outside_the_threshold_is_clear_and_unsure_stiffness_is_hatched() -> None:
@@ -114,7 +114,7 @@ def test_stiffness_outside_the_threshold_is_clear_and_unsure_stiffness_is_hatche
     assert set(masked.table) == {1} and masked.hatched == {2}
     limited = overlay.painted_stiffness(Display(low_kpa=50.0), [sure, unsure], scale)
     assert set(limited.table) == {1} and not limited.hatched
-    untold = overlay.painted_stiffness(Display(), [region(1, 80.0, (70.0, 91.0), told=False)], scale)
+    untold = overlay.painted_stiffness(Display(), [region(1, 80.0, (70.0, 91.0), determined=False)], scale)
     assert untold.hatched == {1} and not untold.table
 
 

@@ -136,7 +136,15 @@ def test_the_ruler_measures_what_was_dragged(told: dict[str, Any]) -> None:
 
 def test_the_menu_has_what_a_person_looks_for(told: dict[str, Any]) -> None:
     file = " | ".join(told["menus"]["File"])
-    for words in ("Open scans", "Open recent", "Open the sample", "Export", "Report", "Save picture"):
+    for words in (
+        "Open scans",
+        "Open recent",
+        "Open the finished sample",
+        "Run the sample",
+        "Export",
+        "Report",
+        "Save picture",
+    ):
         assert words in file
     assert any("About" in entry for entry in told["menus"]["Help"]) and "Mouse and keys" in told["menus"]["Help"]
 

@@ -174,6 +174,12 @@ process(0.1)
 told["kept"] = [[one.kind, *controller.measuring.value_words(one)] for one in controller.measuring.kept]
 told["listed"] = window.measure.list.count()
 driver.do_screenshot("measured.png")
+QTest.keyClick(window, "6")
+QTest.mouseDClick(view, left, plain, here)
+process(0.2)
+told["alone by the ruler"] = [view.width() / window.views.width(), len(controller.measuring.kept)]
+QTest.mouseDClick(view, left, plain, view.rect().center())
+process(0.2)
 window.measure.list.setCurrentRow(2)
 window.measure.delete.click()
 told["deleted"] = [one.kind for one in controller.measuring.kept]
@@ -268,6 +274,7 @@ def test_a_double_click_gives_a_view_all_the_room(told: dict[str, Any]) -> None:
     wide, high, seen = told["alone"]
     assert wide > 0.95 and high > 0.95 and seen == pytest.approx(1.0, rel=0.02)
     assert told["again"][0] == 3 and told["again"][1] == pytest.approx(1.0, rel=0.02)
+    assert told["alone by the ruler"][0] > 0.95 and told["alone by the ruler"][1] == 3, "and nothing is measured"
 
 
 def test_f_goes_to_the_organ_and_page_up_works_wherever_the_focus_is(told: dict[str, Any]) -> None:

@@ -45,7 +45,7 @@ def test_the_section_counts_what_was_matched_and_why_points_were_not_used() -> N
     section = motion_section(matched(), {}, used=False)
     table = next(block for block in section.blocks if isinstance(block, Table))
     rows = {row[0]: row[1] for row in table.rows}
-    assert rows["points matched"] == "2" and rows["directions that they tell"] == "6"
+    assert rows["points matched"] == "2" and rows["directions measured"] == "6"
     assert rows[f"rejected: {REASONS[1]}"] == "1"
 
 

@@ -129,7 +129,9 @@ def test_a_case_without_a_result_says_what_to_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"result\.json is not there; run `palpate identify` first"):
         report_step.run(case)
     case.file("deformed.nii.gz").rename(tmp_path / "away")
-    with pytest.raises(InputError, match=r"is not there; it holds the scan at rest alone: `palpate plan` works on it"):
+    with pytest.raises(
+        InputError, match=r"is not there; it contains only the scan at rest: `palpate plan` works on it"
+    ):
         report_step.run(case)
     (tmp_path / "away").rename(case.file("deformed.nii.gz"))
     case.write_json("result.json", {"parameters": {}})
@@ -143,7 +145,7 @@ def test_the_first_page_says_what_it_does_not_tell(pages: list[str]) -> None:
         "one sentence, one box, one picture"
     )
     first = re.sub(r"\s+", " ", pages[1])
-    assert "What this does not tell: stiffness in absolute terms" in first
+    assert "What this does not show: stiffness in absolute terms" in first
     assert "Figure 2. Found here" in first and "doi:10.1186/s43055-021-00679-8" in first, "published values beside"
     assert "Young's modulus" in first and "Left and right are the patient's" in first
 

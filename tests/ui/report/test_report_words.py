@@ -20,7 +20,7 @@ from palpate.ui.report.quality import without_paths
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import region_words
 from palpate.ui.report.stiffness_section import limits, stiffness_section, told
-from palpate.ui.report.summary import NOTHING_TOLD, WAY_OUT, summary
+from palpate.ui.report.summary import NOTHING_DETERMINED, WAY_OUT, summary
 from palpate.ui.words.number_words import measured, three_figures
 
 
@@ -42,14 +42,14 @@ def test_summary_names_the_stiffer_half_only_when_the_errors_allow() -> None:
     assert clear.startswith("The left half of the prostate is 3.0 times as stiff as the right half")
     assert summary(record(result(40.0, 120.0)))[0].startswith("The right half of the prostate is 3.0 times")
     unclear = summary(record(result(42.0, 40.0)))[0]
-    assert unclear.startswith("This pair does not tell which is stiffer")
+    assert unclear.startswith("This pair does not show which is stiffer")
     # ln 1.05 over the hypotenuse of two sds of ln 1.2 / 1.96
     assert "The left half of the prostate is the stiffer one with a chance of about 64 %" in unclear
 
 
 def test_errors_that_go_together_make_the_ratio_surer_than_either() -> None:
     together = np.array([[0.0100, 0.0099], [0.0099, 0.0100]])
-    assert summary(record(result(44.0, 40.0)))[0].startswith("This pair does not tell")
+    assert summary(record(result(44.0, 40.0)))[0].startswith("This pair does not show")
     assert summary(record(result(44.0, 40.0), together))[0].startswith("The left half of the prostate is 1.1 times")
 
 
@@ -61,7 +61,7 @@ def test_summary_is_plain_about_what_is_no_measurement() -> None:
     for ends, untold in (([5.2, 480.0], True), ([11.0, 500.0], True), ([40.0, 500.0], False)):
         found = result()
         found["parameters"]["prostate_right"]["ci95_kpa"] = ends
-        assert any("does not tell the stiffness of the right half" in s for s in summary(record(found))) == untold
+        assert any("does not determine the stiffness of the right half" in s for s in summary(record(found))) == untold
 
 
 def test_summary_weighs_the_misfit_against_the_noise() -> None:
@@ -131,7 +131,9 @@ def test_one_region_is_told_as_one() -> None:
 
 def test_a_colour_bar_stands_beside_colours_only() -> None:
     volume = labels(affine())
-    known, unknown = (CaseImages(volume, stiffness_kpa={1: 20.0, 2: 60.0}, untold=frozenset(u)) for u in ((1,), (1, 2)))
+    known, unknown = (
+        CaseImages(volume, stiffness_kpa={1: 20.0, 2: 60.0}, undetermined=frozenset(u)) for u in ((1,), (1, 2))
+    )
     for draw in (stiffness_planes, stiffness_series):
         assert len(draw(known).axes) == len(draw(unknown).axes) + 1
 
@@ -163,8 +165,8 @@ def test_what_is_missing_and_that_nothing_is_told_come_first() -> None:
     for region in found["parameters"].values():
         region["ci95_kpa"] = [5.0, 500.0]
     untold = summary(record(found))
-    assert untold[:2] == [NOTHING_TOLD, f"Missing: {line}."]
-    assert not any("intervals stand on" in sentence for sentence in untold)
+    assert untold[:2] == [NOTHING_DETERMINED, f"Missing: {line}."]
+    assert not any("intervals assume" in sentence for sentence in untold)
 
 
 def test_contours_too_rough_to_fit_anything_blame_no_model_and_tell_the_way_out() -> None:
@@ -176,12 +178,12 @@ def test_contours_too_rough_to_fit_anything_blame_no_model_and_tell_the_way_out(
     assert any("something is left out of the model" in sentence for sentence in told) and WAY_OUT not in told
     for region in found["parameters"].values():
         region["ci95_kpa"] = [5.0, 500.0]
-    assert summary(record(found)) == [NOTHING_TOLD, f"Missing: {line}.", WAY_OUT]
+    assert summary(record(found)) == [NOTHING_DETERMINED, f"Missing: {line}.", WAY_OUT]
 
 
 def test_the_summary_says_which_error_the_intervals_stand_on() -> None:
     stated = summary(record(result(120.0, 40.0)))
-    assert "The intervals stand on an error of 0.40 mm of each contour, as the case states." in stated
+    assert "The intervals assume an error of 0.40 mm of each contour, as the case states." in stated
     found = result(120.0, 40.0)
     found["misfit"].update(contour_noise_from="image", contour_noise_sd_mm=2.1)
     found["contour_errors_mm"] = {"rest": {"organ": 1.9, "bladder": 1.1}, "deformed": {"organ": 2.25}}

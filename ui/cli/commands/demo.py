@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Runs every step; see `analyze`. Raises InputError where the sample pair is absent."""
-    from palpate.case.sample import sample_scans  # here, as all that takes long to load: help comes at once
+    from palpate.case.sample.scans import sample_scans  # here, as all that takes long to load: help comes at once
 
     usual = argparse.ArgumentParser()
     import_scans.add_arguments(usual, alone=False)

@@ -47,7 +47,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     from palpate.core.files.json_types import plain
 
     if args.effects is not None and not args.effects.is_dir():
-        raise InputError(f"{args.effects} is no folder; give the folder that holds your effects' *.py files")
+        raise InputError(f"{args.effects} is no folder; give the folder with your effects' *.py files")
     case = CaseFolder(args.case)
     options = diagnose.DiagnoseOptions(args.effects, random_seed(args), args.meshes, image=args.image)
     with recorded(case, args), console.progress(NAME) as progress:

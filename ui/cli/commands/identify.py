@@ -41,7 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("identification")
     group.add_argument("--method", choices=METHODS, default=default.method, help="search (default %(default)s)")
     group.add_argument("--boundary", choices=BOUNDARIES, default=default.boundary,
-                       help="what holds and drives the organ (default %(default)s)")  # fmt: skip
+                       help="how the organ is supported and driven (default %(default)s)")  # fmt: skip
     group.add_argument("--element", choices=tuple(ELEMENTS), default=default.element,
                        help="of the forward model; p1 is the paper's, which locks (default %(default)s)")  # fmt: skip
     group.add_argument("--particles", type=whole_number(4, 1000), default=default.particles, metavar="N",
@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--law", default=default.law, metavar="NAME",
                        help="the organ's strain energy: neo-hookean, or a file of your own in core/laws (default %(default)s)")  # fmt: skip
     group.add_argument("--split-mu", action="store_true",
-                       help="look for mu1 and mu2 of every region apart, and say whether this pair tells them")  # fmt: skip
+                       help="look for mu1 and mu2 of every region apart, and say whether this pair separates them")  # fmt: skip
 
 
 def options_of(args: argparse.Namespace) -> IdentifyOptions:

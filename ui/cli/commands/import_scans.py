@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser, alone: bool = True) -> None:
         group.add_argument(f"--{state}-labels", type=Path, metavar="FILE",
                            help=f"labels drawn on the {state} scan, which always win: DICOM RTSTRUCT or SEG, "
                            "NIfTI, NRRD, MetaImage, ITK-SNAP workspace, .seg.nrrd of 3D Slicer")  # fmt: skip
-        group.add_argument(f"--{state}-series", metavar="ID", help="which CT series, where a folder holds several")
+        group.add_argument(f"--{state}-series", metavar="ID", help="which CT series, where a folder contains several")
     group.add_argument(
         "--series", metavar="ID", help="which CT series in both folders: its number in the list, or its UID's end"
     )

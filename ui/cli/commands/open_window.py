@@ -1,7 +1,7 @@
 """Opens the desktop window: two scans to a report by six buttons, with the slices, 3D, corrections and the swarm at work.
 
 Drop two DICOM folders into it, or give a case folder. With --headless --script it does what a script says, without a
-screen; the script's commands are told in docs/desktop.md.
+screen; the script's commands are listed in docs/desktop.md.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from palpate.ui.cli.console import Console
 if TYPE_CHECKING:
     from palpate.case.steps.plan import NoRow, PredictedRow
 
-NAME, HELP = "plan", "what a planned deformation would tell"
+NAME, HELP = "plan", "how well a planned deformation would determine the stiffness"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,5 +76,5 @@ def _stiffness(text: str) -> dict[str, float]:
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} is not like prostate_left=20,prostate_right=60") from error
     if not all(0.1 <= value <= 5000.0 for value in found.values()):
-        raise argparse.ArgumentTypeError(f"{text!r} holds a stiffness outside 0.1 to 5000 kPa")
+        raise argparse.ArgumentTypeError(f"{text!r} contains a stiffness outside 0.1 to 5000 kPa")
     return found

@@ -91,7 +91,7 @@ def text_of(report: SegmentationRecord) -> list[str]:
         found = [f"{name} {_written_cc(name, o, facts):.1f} cc ({_origin(o)})" for name, o in organs.items()]
         lines.append(f"labels  {state}: {', '.join(found) or facts.get('source', 'given')}")
         bones = [f"{name.replace('_', ' ')} {b['confidence']:.2f}" for name, b in facts.get("bones", {}).items()]
-        lines += [f"bones   {state}: told apart with confidence: {', '.join(bones)}"] if bones else []
+        lines += [f"bones   {state}: identified with confidence: {', '.join(bones)}"] if bones else []
     return lines + [f"note    {note}" for note in report["notes"]]
 
 

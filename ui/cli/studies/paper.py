@@ -186,7 +186,7 @@ def coverage(args: argparse.Namespace, progress: Progress) -> CoverageTable:
 
 def coverage_text(found: CoverageTable) -> str:
     """A line a level of noise."""
-    lines = [f"{found['replicates']} pairs each; share of 95 % intervals that hold the truth"]
+    lines = [f"{found['replicates']} pairs each; share of 95 % intervals that contain the truth"]
     for row in found["rows"]:
         lines.append(
             f"{row['noise_sd_mm']:5g} mm {100 * row['covered']:5.1f} % (standard error "

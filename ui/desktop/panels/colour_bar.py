@@ -29,7 +29,7 @@ class ColourBar(QWidget):
     def sizeHint(self) -> QSize:
         return QSize(WIDTH, 300)
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         shown = self._shows()
         self.setVisible(shown)
@@ -68,7 +68,9 @@ class ColourBar(QWidget):
                 ],
             )
         elif display.overlay in ("stiffness", "map"):
-            draw_stiffness_bar(painter, self.height(), self._controller.scale, [r.G for r in case.regions if r.told])
+            draw_stiffness_bar(
+                painter, self.height(), self._controller.scale, [r.G for r in case.regions if r.determined]
+            )
         elif case.gap is not None:
             limit = overlay.residual_limit(case.gap.residual)
             shares = {float(v): (float(v) / limit + 1.0) / 2.0 for v in np.linspace(-limit, limit, 5)}

@@ -119,7 +119,7 @@ class DisplayPanel(QWidget):
     def _choose_sure(self, tenths: int) -> None:
         self._controller.show(surest_factor=None if tenths >= _NO_LIMIT_TENTHS else tenths / 10.0)
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what in ("view", "case", "tools"):
             self.tools.select(self._controller.display.tool)

@@ -162,7 +162,7 @@ class EditPanel(QWidget):
         # The tool stays: a label that is chosen by mistake must not make the next click paint.
         self._controller.show(label=int(self.label.currentData()))
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what not in ("case", "labels", "tools", "view", "job"):
             return

@@ -49,7 +49,7 @@ class JobPanel(QWidget):
         form.addRow(self.left)
         column.addWidget(box)
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what in ("job", "case"):
             self.refresh()

@@ -26,7 +26,7 @@ _ON_SCAN = (
 MEASURES = (*REGIONS, "ruler", "angle")
 _NOTE = (
     "Mean of the map over the part of a region that the scans determine, with its 95 % interval. The map is smoothed: quote "
-    "the half. Measurements are kept with the case; regions stand in the report and the DICOM SR."
+    "the half. Measurements are kept with the case; regions are printed in the report and the DICOM SR."
 )
 
 
@@ -62,7 +62,7 @@ class MeasurePanel(QWidget):
         form.addRow(note)
         column.addWidget(box)
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what in ("case", "view", "tools"):
             self.on_map.select(self._controller.display.tool)

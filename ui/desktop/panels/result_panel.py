@@ -14,7 +14,7 @@ from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.report.diagnosis_words import says_little
 from palpate.ui.report.measured.regions import YOUNG
-from palpate.ui.report.summary import MISSING, NOTHING_TOLD
+from palpate.ui.report.summary import MISSING, NOTHING_DETERMINED
 from palpate.ui.words.number_words import three_figures
 
 _RESEARCH = "Research use only. Not for diagnosis. G is relative to the assumed stiffness of the surrounding tissue."
@@ -50,7 +50,7 @@ class ResultPanel(QWidget):
         form.addRow(self.report)
         column.addWidget(box)
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what not in ("case", "results", "job", "labels", "steps"):
             return
@@ -90,7 +90,7 @@ def _found(case: OpenCase, old: bool) -> str:
     rows = []
     tone = style.FAINT if old else style.TEXT
     for region in case.regions:
-        if region.told:
+        if region.determined:
             interval = (
                 "error not known"
                 if region.ci is None
@@ -117,7 +117,7 @@ def _found(case: OpenCase, old: bool) -> str:
 def _first(sentence: str) -> str:
     """A sentence that stands before the values, which it need not repeat."""
     said = escape(sentence.split(": shear modulus G =")[0].rstrip(".") + ".")
-    warns = sentence == NOTHING_TOLD or sentence.startswith(MISSING)
+    warns = sentence == NOTHING_DETERMINED or sentence.startswith(MISSING)
     return f"<span style='color:{style.WARN}'>{said}</span>" if warns else said
 
 
@@ -129,7 +129,7 @@ def _gap(case: OpenCase) -> list[str]:
     names = ", ".join(escape(name.replace("_", " ").replace("-", " ")) for name in found.candidates)
     said = {"none": "no gap beyond the noise" + (", but a stiffness is at its bound" if says_little(found) else ""),
             "unknown": "a gap of a kind that is not known",
-            "ambiguous": f"a gap, by one of: {names}" if names else "the scans tell too little to see one"}  # fmt: skip
+            "ambiguous": f"a gap, by one of: {names}" if names else "the scans show too little to see one"}  # fmt: skip
     out = [f"<b>Gap:</b> {said.get(verdict, escape(verdict.replace('_', ' ').replace('-', ' ')))}"]
     if gap.detected:
         out.append(f"{gap.rms_mm:.2f} mm rms, noise floor {gap.noise_floor_mm:.2f} mm; may be a false alarm")

@@ -31,7 +31,7 @@ class SearchPanel(QWidget):
         column.addStretch(1)
         tabs.addTab(self, "Search")
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what not in ("job", "case"):
             return

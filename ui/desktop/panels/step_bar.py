@@ -42,13 +42,13 @@ class StepBar(QWidget):
             column.addWidget(note)
             row.addLayout(column, 1)
             self._buttons[step.command], self._notes[step.command] = button, note
-        self.told("case")
+        self.on_change("case")
 
     def button(self, command: str) -> QPushButton:
         """The button of a step."""
         return self._buttons[command]
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what not in ("case", "labels", "job", "results", "steps"):
             return

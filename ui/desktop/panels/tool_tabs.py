@@ -17,7 +17,7 @@ class ToolTabs:
         self._owner = {tool: tab for tab, names in tools.items() for tool in names}
         tabs.currentChanged.connect(self._turned)
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         owner = self._owner.get(self._controller.display.tool)
         if what == "tools" and owner is not None and self._tabs.currentWidget() is not owner:

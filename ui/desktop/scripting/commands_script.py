@@ -18,7 +18,7 @@ from palpate.core.errors import InputError
 from palpate.ui.desktop.scripting import script_runner, synthetic_input
 from palpate.ui.desktop.scripting.script_edits import Correcting
 from palpate.ui.desktop.scripting.script_facts import WindowFacts, expect, facts_of
-from palpate.ui.desktop.scripting.script_runner import Command, Done, Told
+from palpate.ui.desktop.scripting.script_runner import Command, CommandFacts, Done
 from palpate.ui.desktop.session.display import Display
 from palpate.ui.desktop.session.window_level import PRESETS
 
@@ -111,7 +111,7 @@ class Driver(Correcting):
         """Starts steps."""
         self.controller.run(*steps)
 
-    def do_touch(self, file: str = "") -> Told:
+    def do_touch(self, file: str = "") -> CommandFacts:
         """Opens the probe's window on the organ and waits till it is ready; with a file, its picture."""
         self.controller.touch()
         self._until(lambda: not self.controller.jobs.running, _SECONDS)
@@ -130,7 +130,7 @@ class Driver(Correcting):
         self.controller.cancel()
         self._until(lambda: not (self.controller.jobs.running or self.controller.reader.running), 5.0)
 
-    def do_wait(self, seconds: str = str(_SECONDS)) -> Told:
+    def do_wait(self, seconds: str = str(_SECONDS)) -> CommandFacts:
         """Until nothing runs, and it is known which steps are out of date; then for the 3D view, if so much time is
         left.
         """
@@ -150,7 +150,7 @@ class Driver(Correcting):
         """Lets time pass."""
         self.process(float(seconds))
 
-    def do_resize(self, width: str, height: str) -> Told:
+    def do_resize(self, width: str, height: str) -> CommandFacts:
         """Of the window; one that it cannot be is refused."""
         self.process(0.0)  # what is shown now says how small it can be
         least = self.window.minimumSizeHint()
@@ -160,7 +160,7 @@ class Driver(Correcting):
         self.process(0.0)
         return {"width": self.window.width(), "height": self.window.height()}
 
-    def do_screenshot(self, file: str) -> Told:
+    def do_screenshot(self, file: str) -> CommandFacts:
         """The window as a picture, once the 3D view has settled."""
         self.process(0.1)
         settled = self._settle(_SOLID_SECONDS)
@@ -168,10 +168,13 @@ class Driver(Correcting):
         path = synthetic_input.shot(self.window, self._folder / file)
         return {"file": str(path), "solid_settled": settled}
 
-    def do_stalls(self) -> Told:
+    def do_stalls(self) -> CommandFacts:
         """The longest stall since the last time."""
         meter = self.window.responsiveness
-        told: Told = {"longest_stall_ms": round(meter.longest_ms, 1), "longest_own_ms": round(meter.longest_own_ms, 1)}
+        told: CommandFacts = {
+            "longest_stall_ms": round(meter.longest_ms, 1),
+            "longest_own_ms": round(meter.longest_own_ms, 1),
+        }
         meter.reset()
         return told
 

@@ -20,7 +20,7 @@ class Command:
     words: tuple[str, ...]
 
 
-class Told(TypedDict, total=False):
+class CommandFacts(TypedDict, total=False):
     """What commands tell beside the facts: files written, the size of the window, stalls (ms), whether the 3D view has settled."""
 
     files: list[str]
@@ -33,7 +33,7 @@ class Told(TypedDict, total=False):
     settled: bool
 
 
-class Done(Told):
+class Done(CommandFacts):
     """Which command was carried out, and in how many seconds."""
 
     line: int
@@ -100,10 +100,10 @@ def play(commands: list[Command], driver: Driver[Event]) -> list[Event]:
     return events
 
 
-def carried_out(driver: object, command: Command, source: str) -> Told:
+def carried_out(driver: object, command: Command, source: str) -> CommandFacts:
     """Calls the driver's ``do_NAME`` with the command's words; what it tells. Raises InputError naming the script and its line."""
     try:
-        told: Told | None = getattr(driver, f"do_{command.name}")(*command.words)
+        told: CommandFacts | None = getattr(driver, f"do_{command.name}")(*command.words)
         return told or {}
     except (TypeError, ValueError) as error:
         form = f"`{command.name} {' '.join(command.words)}` is not of its form ({error})"

@@ -75,8 +75,11 @@ class Controller:
 
     # Opening
 
-    def open_case(self, path: Path) -> None:
-        """Opens a case folder; its scans are read by the worker. Raises InputError."""
+    def open_case(self, path: Path, then: tuple[str, ...] = ()) -> None:
+        """Opens a case folder; its scans are read by the worker. then : steps that are run after that where the case lacks their result.
+
+        Raises InputError.
+        """
         if self.case is not None and path.exists() and path.samefile(self.case.folder.path):
             self.say(f"{path.name} is open already")
             return
@@ -85,6 +88,7 @@ class Controller:
         self._take(opened)
         folder = opened.folder
         self._opening.read({state: folder.file(f"{state}_ct") for state in STATES if folder.has(f"{state}_ct")})
+        self._then = tuple(name for name in then if not folder.has(steps.BY_COMMAND[name].declared.result))
 
     def open_pair(
         self, rest: Path, deformed: Path, case: Path, labels: Labels = (None, None), then: tuple[str, ...] = ()
@@ -124,7 +128,7 @@ class Controller:
             self.case.save_session()
             self.case.close()
         self._opening.forget()
-        self._running.names = ()
+        self._running.names, self._then = (), ()
         self.case = None
         self.display = Display()
         self.editing.reset()
@@ -198,9 +202,9 @@ class Controller:
         self._running.start(names)
 
     def go_on(self) -> None:
-        """Runs the steps that were asked for with the import, once."""
+        """Runs the steps that were asked for when the case was opened, once; not where a person has started one meanwhile."""
         names, self._then = self._then, ()
-        if names and self.case is not None:
+        if names and self.case is not None and not self.jobs.running:
             self._running.start(names)
 
     def export(self, form: str, folder: Path) -> None:

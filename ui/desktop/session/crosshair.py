@@ -43,7 +43,7 @@ def _stiffness_words(session: Session, label: int, state: str, at: FloatArray) -
         return _map_words(case, label, at, display.surest_factor, old)
     whole = "of the half " if display.overlay == "map" and len(case.regions) > 1 else ""
     found = [r for r in case.regions if r.label == label]
-    return [f"G {whole}= {value_words(r)}" if r.told else "stiffness not determined" for r in found] + (
+    return [f"G {whole}= {value_words(r)}" if r.determined else "stiffness not determined" for r in found] + (
         old if found else []
     )
 
@@ -55,11 +55,11 @@ def _map_words(case: OpenCase, label: int, at: FloatArray, factor: float | None,
     half = np.array([label])
     (G,), (told,) = map_at(arrays, at, factor, half)
     if not told:
-        return ["the map does not tell G here"]
+        return ["the map does not determine G here"]
     spread = float(np.exp(1.96 * np.asarray(arrays["sd"])[nearest_patch(arrays, at)][0]))
     interval = f"{three_figures(G / spread)}\N{EN DASH}{three_figures(G * spread)}"
     here = f"G here = {three_figures(G)} kPa (95 % {interval}), E = {three_figures(YOUNG * G)} kPa"
-    halves = [f"quote the half: {value_words(r)}" for r in case.regions if r.label == label and r.told]
+    halves = [f"quote the half: {value_words(r)}" for r in case.regions if r.label == label and r.determined]
     sense = {1: ["stiffer than its half"], -1: ["softer than its half"]}.get(int(called_at(arrays, at, half)[0]), [])
     return [here, *sense, *old, *halves]
 

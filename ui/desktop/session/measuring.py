@@ -53,7 +53,7 @@ class Measuring:
         if kind in REGIONS:
             region = self.region(new)
             if region is None or region.organ_share == 0.0:
-                raise InputError("that region holds no part of the organ; draw it on the prostate")
+                raise InputError("that region contains no part of the organ; draw it on the prostate")
         self._keep((*self.kept, new))
         return new
 

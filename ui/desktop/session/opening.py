@@ -119,6 +119,8 @@ class Opening:
             self._session.notify("choice")
         elif state.outcome == "done" and unmade is not None:
             self._import(unmade)
+        elif state.outcome == "done":
+            self._session.go_on()
         elif state.outcome in ("failed", "cancelled"):
             self.pair = None if unmade is not None else self.pair
             self._session.say(state.error or "reading was cancelled")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from palpate.case.sample import sample_scans
+from palpate.case.case_files import file_sha256
+from palpate.case.sample.finished import finished_archive, unpack
+from palpate.case.sample.scans import sample_scans
 from palpate.ui.desktop.session.dropped_files import case_beside
 
 # The way after the import.
@@ -17,11 +19,14 @@ def sample_pair() -> tuple[Path, Path, Path]:
     return rest, deformed, case_beside(_folder() / "x")
 
 
-def finished_sample() -> Path | None:
-    """The case of the sample that this person's window finished last; None where there is none."""
-    reports = _folder().glob("case_*/report/report.html")
-    newest = max(reports, key=lambda path: path.stat().st_mtime, default=None)
-    return None if newest is None else newest.parent.parent
+def finished_sample() -> Path:
+    """The finished case that comes with the program, in the person's home; what has been done to it there before is kept.
+
+    Another version's sample is another folder. Raises InputError where the folder cannot be written or the sample is absent.
+    """
+    folder = _folder() / f"finished_{file_sha256(finished_archive())[:8]}"
+    unpack(folder)
+    return folder
 
 
 def _folder() -> Path:

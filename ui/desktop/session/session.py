@@ -46,7 +46,7 @@ class Session(Protocol):
         """Writes corrected labels into the case."""
 
     def go_on(self) -> None:
-        """Runs the steps that were asked for with the import, once."""
+        """Runs the steps that were asked for when the case was opened, once."""
 
     def take_in(self, done: bool, labels: bool) -> str:
         """Reads what a job has written; in words, where there is something to say. Raises InputError for damaged files."""

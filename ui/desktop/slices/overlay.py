@@ -55,8 +55,8 @@ def painted_stiffness(display: Display, regions: Iterable[RegionStiffness], scal
 
 def is_sure(region: RegionStiffness, factor: float | None) -> bool:
     """Whether the pair tells this stiffness, to the factor asked for (95 % interval from G / factor to G times factor)."""
-    if not region.told or factor is None:
-        return region.told
+    if not region.determined or factor is None:
+        return region.determined
     return region.ln_sd is not None and float(np.exp(1.96 * region.ln_sd)) <= factor
 
 

@@ -19,6 +19,8 @@ TOOLS = {
     **{"window": "Window", "ruler": "Ruler", "angle": "Angle", "ellipse": "Ellipse", "region": "Free region"},
 }
 _WORDS_WIDE, _WORDS_HIGH = 180.0, 18.0
+# Rows beside its shape that a value may stand in, the best first.
+_ROWS = (0, -1, 1, -2, 2, -3, 3)
 # Room of the letter at the right edge, pixels.
 _LETTER = 24.0
 
@@ -40,18 +42,34 @@ def tool_words(painter: QPainter, screen: Screen, display: Display) -> str:
     return ""
 
 
-def measurement(painter: QPainter, screen: Screen, one: Measurement, words: str, position: float) -> None:
-    """A kept measurement with its value, where all of it lies near the slice; of regions, where they lie in this plane."""
-    if one.kind in REGIONS and one.plane != screen.plane.name:
-        return
-    pixels = _near(screen, one.points, position)
-    if not pixels:
-        return
-    _lines(painter, pixels, closed=one.kind in REGIONS, ends=one.kind not in REGIONS)
-    at = pixels[1] if one.kind == "angle" else max(pixels, key=lambda pixel: pixel.x())
-    left = max(8.0, min(at.x() + 8.0, screen.size.width() - slice_marks.wide(painter, words) - _LETTER))
+def measurements(painter: QPainter, screen: Screen, kept: Sequence[tuple[Measurement, str]], position: float) -> None:
+    """Kept measurements, where all of one lies near the slice; of regions, where they lie in this plane.
+
+    kept : with their values in words, which are written over all lines, none over another one.
+    """
+    shown = [
+        (one, words, pixels)
+        for one, words in kept
+        if (one.kind not in REGIONS or one.plane == screen.plane.name)
+        and (pixels := _near(screen, one.points, position))
+    ]
+    for one, _, pixels in shown:
+        _lines(painter, pixels, closed=one.kind in REGIONS, ends=one.kind not in REGIONS)
+    written: list[QRectF] = []
+    for one, words, pixels in shown:
+        at = pixels[1] if one.kind == "angle" else max(pixels, key=lambda pixel: pixel.x())
+        written.append(_value(painter, screen, words, at, written))
+
+
+def _value(painter: QPainter, screen: Screen, words: str, at: QPointF, written: Sequence[QRectF]) -> QRectF:
+    """Writes a value beside a point, off what is written already; where."""
+    wide = slice_marks.wide(painter, words)
+    left = max(8.0, min(at.x() + 8.0, screen.size.width() - wide - _LETTER))
+    rows = [QRectF(left, at.y() + _WORDS_HIGH * (row - 0.5), wide, _WORDS_HIGH) for row in _ROWS]
+    ink = next((row for row in rows if not any(row.intersects(other) for other in written)), rows[0])
     side = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
-    slice_marks.text(painter, QRectF(left, at.y() - 9, _WORDS_WIDE, _WORDS_HIGH), words, side, style.RULER)
+    slice_marks.text(painter, QRectF(left, ink.top(), _WORDS_WIDE, _WORDS_HIGH), words, side, style.RULER)
+    return ink
 
 
 def begun(painter: QPainter, screen: Screen, tool: str, points: Sequence[Sequence[float]], position: float) -> None:

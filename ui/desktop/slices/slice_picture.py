@@ -114,9 +114,8 @@ class SlicePicture:
     def _shapes(self, painter: QPainter, screen: Screen, position: float) -> None:
         """What is measured on this slice, and what is being drawn on it."""
         measuring, drawing = self._controller.measuring, self._controller.drawing
-        for one in measuring.kept:
-            if one.kind not in REGIONS or self._state != "deformed":
-                shape_marks.measurement(painter, screen, one, measuring.short_words(one), position)
+        kept = [one for one in measuring.kept if one.kind not in REGIONS or self._state != "deformed"]
+        shape_marks.measurements(painter, screen, [(one, measuring.short_words(one)) for one in kept], position)
         if drawing.plane is self._plane and (drawing.state == "deformed") == (self._state == "deformed"):
             shape_marks.begun(painter, screen, drawing.tool, drawing.outline, position)
 

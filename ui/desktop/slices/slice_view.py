@@ -22,7 +22,8 @@ from palpate.ui.pictures.planes import Plane
 
 _LEFT, _RIGHT, _MIDDLE = Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton, Qt.MouseButton.MiddleButton
 _DRAWS = ("brush", "eraser")
-_ENLARGES = ("look", "window")
+# Tools by which a double click would do nothing else: those that look, and those that measure by a drag.
+_ENLARGES = ("look", "window", "ruler", "ellipse", "region")
 # Right drag: pixels up that double the magnification. Window tool: HU a pixel.
 DOUBLES_PIXELS, _HU_PIXEL = 120.0, 2.0
 # Voxels across and down the screen, and slices, that a key moves the crosshair by; five times that with shift.
@@ -68,7 +69,7 @@ class SliceView(QWidget):
         """Of the slice along its normal, mm."""
         return self.controller.display.crosshair[self.plane.normal]
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what in ("case", "labels"):
             self._picture.labels_version += 1

@@ -22,11 +22,11 @@ from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.renderer_client import SolidClient
 from palpate.ui.desktop.solid.solid_marks import begun, directions, image_of
 from palpate.ui.desktop.solid.view_request import MapRequest, ViewRequest
-from palpate.ui.pictures.colours import AROUND_OPACITY, UNTOLD, label_rgb
+from palpate.ui.pictures.colours import AROUND_OPACITY, UNDETERMINED, label_rgb
 
 _AROUND = {label: (*label_rgb(label), opacity) for label, opacity in AROUND_OPACITY.items()}
 _HALVES = {label: (*label_rgb(label), 1.0) for label in ORGAN_LABELS}
-_UNTOLD, _DEFORMED = (*UNTOLD, 1.0), (0.35, 0.65, 1.0, 0.45)
+_UNTOLD, _DEFORMED = (*UNDETERMINED, 1.0), (0.35, 0.65, 1.0, 0.45)
 
 
 class SolidView(QWidget):
@@ -51,7 +51,7 @@ class SolidView(QWidget):
         self.setMinimumSize(QSize(88, 140))
         self.setAccessibleName("3D view")
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed; it is sent with the next tick."""
         if what in ("case", "labels"):
             self._stale |= {"labels": True, "view": True}
@@ -165,7 +165,7 @@ class SolidView(QWidget):
         """What colours of the organ mean that no bar tells."""
         display = self.controller.display
         words = ["blue: organ deformed"] if display.mode in ("side by side", "blend") else []
-        words += ["grey: not told by the map"] if display.overlay == "map" and display.mode != "deformed" else []
+        words += ["grey: not determined by the map"] if display.overlay == "map" and display.mode != "deformed" else []
         return "; ".join([*words, *filter(None, [overlay.only_at_rest(display.overlay, display.mode)])])
 
     def _camera(self) -> Camera:

@@ -41,7 +41,7 @@ class ChoicePage(QDialog):
         self.series: dict[str, QListWidget] = {}
         self.structures: dict[str, StructureTable] = {}
         for state, entries in offered["series"].items():
-            column.addWidget(QLabel(f"<b>{_WORDS[state]}</b>: the folder holds {len(entries)} series. Which one?"))
+            column.addWidget(QLabel(f"<b>{_WORDS[state]}</b>: the folder contains {len(entries)} series. Which one?"))
             self.series[state] = _series_list(entries)
             column.addWidget(self.series[state])
         for state, structures in offered["structures"].items():

@@ -21,7 +21,7 @@ ROWS = (
     ("1, 2, 3, 4, 5, 6, 7", "look, point, brush, eraser, window and level, ruler, angle"),
     ("8, 9", "lasso, polygon (double click ends it) of a label"),
     ("E, R", "ellipse, free region on the stiffness map"),
-    ("brush, lasso, polygon with Ctrl", "takes the label away"),
+    ("brush, lasso, polygon with Ctrl", "erases the label"),
     ("+, \N{MINUS SIGN}", "radius of the brush"),
     ("Ctrl + Z, Ctrl + Shift + Z, Ctrl + S", "undo, redo, save"),
     ("Ctrl + O", "open scans or a case"),

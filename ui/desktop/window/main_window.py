@@ -75,11 +75,11 @@ class MainWindow(QMainWindow):
         self.menu = Menu(self, parts)
         self.setAcceptDrops(True)
         geometry.fit(self)
-        controller.listeners.append(self.told)
+        controller.listeners.append(self.on_change)
         self._timers()
         self._shortcuts()
         for name in ("case", "view", "tools", "job"):
-            self.told(name)
+            self.on_change(name)
 
     def _lay_out(self) -> None:
         panel = QWidget()
@@ -151,7 +151,7 @@ class MainWindow(QMainWindow):
         ):
             QShortcut(QKeySequence(key), self).activated.connect(lambda t=tool: self.controller.show(tool=t))
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         for part in (
             self.views,
@@ -167,7 +167,7 @@ class MainWindow(QMainWindow):
             self.organ,
             self.notices,
         ):
-            part.told(what)
+            part.on_change(what)
         if what == "said":
             self.statusBar().showMessage(self.controller.said)
             if self.controller.case is None and not self.controller.jobs.running and not self.controller.scans:

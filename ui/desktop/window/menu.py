@@ -11,7 +11,6 @@ from PySide6.QtGui import QAction, QPixmap
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from palpate.core.errors import InputError
-from palpate.ui.desktop.session import sample
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.display import MODES
 from palpate.ui.desktop.session.recent import recent_cases
@@ -63,7 +62,8 @@ class Menu:
         self._entry(file, "Open scans or a case \N{HORIZONTAL ELLIPSIS}", parts.show_open_page, "Ctrl+O")
         self._recent = file.addMenu("Open recent")
         self._recent.aboutToShow.connect(self._list_recent)
-        self._entry(file, "Open the sample", self._open_sample)
+        self._entry(file, "Open the finished sample", parts.page.open_sample)
+        self._entry(file, "Run the sample", parts.page.run_sample_pair)
         file.addSeparator()
         self._of_case = [self._exports(file), self._reports(file)]
         self._picture = self._entry(file, "Save picture \N{HORIZONTAL ELLIPSIS}", self._save_picture)
@@ -122,16 +122,6 @@ class Menu:
             self._entry(self._recent, str(path), partial(self._parts.page.open_case, path))
         if self._recent.isEmpty():
             self._recent.addAction("none yet").setEnabled(False)
-
-    def _open_sample(self) -> None:
-        try:
-            pair = sample.sample_pair()
-        except InputError as error:
-            self._parts.controller.say(str(error))
-            return
-        page = self._parts.page
-        page.pair.rest, page.pair.deformed, page.pair.case = pair
-        self._parts.show_open_page()
 
     def _export(self, name: str) -> None:
         folder = QFileDialog.getExistingDirectory(self._window, f"Folder for the files of {name}")

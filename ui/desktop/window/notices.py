@@ -18,7 +18,7 @@ class Notices:
         self._controller, self._tell = controller, tell
         self._told: JobState | None = None
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         job = self._controller.jobs.state
         if what != "job" or job is None or job.running or job is self._told:

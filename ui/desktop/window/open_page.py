@@ -80,8 +80,11 @@ class OpenPage(QWidget):
         other.clicked.connect(self._choose_case)
         row = QHBoxLayout()
         self.sample, self.run_sample = QPushButton("Open the finished sample"), QPushButton("Run the sample")
-        self.sample.clicked.connect(self._open_sample)
-        self.run_sample.clicked.connect(self._run_sample)
+        self.sample.setToolTip(
+            "The finished case of two simulated CTs, copied to your home folder; its report is drawn while you look"
+        )
+        self.sample.clicked.connect(self.open_sample)
+        self.run_sample.clicked.connect(self.run_sample_pair)
         self.run_sample.setToolTip("Two simulated CTs to a report in one go, in a new case folder; some minutes")
         for button in (other, self.sample, self.run_sample):
             row.addWidget(button)
@@ -127,11 +130,6 @@ class OpenPage(QWidget):
             words = "" if path is None else str(path)
             if name != typing and field.text() != words:
                 field.setText(words)
-        finished = finished_sample()
-        self.sample.setEnabled(finished is not None)
-        self.sample.setToolTip(
-            str(finished) if finished else "It has not been run on this machine yet; press Run the sample"
-        )
         reason = self.pair.why_not()
         self.go.setEnabled(not reason)
         self.go.setToolTip(reason or "Reads both scans and aligns them on bone")
@@ -191,12 +189,12 @@ class OpenPage(QWidget):
                 self.pair.case = case_beside(Path(chosen))
             self.refresh()
 
-    def _open_sample(self) -> None:
-        finished = finished_sample()
-        if finished is not None:
-            self.open_case(finished)
+    def open_sample(self) -> None:
+        """Opens the finished sample; its report, which does not come with it, is drawn meanwhile."""
+        self._try(lambda: self._controller.open_case(finished_sample(), then=("report",)))
 
-    def _run_sample(self) -> None:
+    def run_sample_pair(self) -> None:
+        """Runs the sample pair, from its scans to the report, in a new case folder."""
         self._try(lambda: self._controller.open_pair(*sample_pair(), then=STEPS))
 
     def _choose_case(self) -> None:

@@ -21,7 +21,7 @@ class OrganPages(Protocol):
     def settled(self) -> bool:
         """Whether that window shows the organ as it is felt."""
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed: what a job has made is shown, once."""
 
     def close(self) -> None:

@@ -16,7 +16,7 @@ def may_run(window: QWidget, controller: Controller, command: str) -> bool:
     if command != "segment" or case is None or not (case.corrections.can_undo or case.corrections.unsaved):
         return True
     asked = QMessageBox.question(
-        window, "Segment again?", "The labels hold corrections made by hand. Segmenting again with other points replaces them; "
+        window, "Segment again?", "The labels contain corrections made by hand. Segmenting again with other points replaces them; "
         "a copy is kept in the case folder. Go on?",
     )  # fmt: skip
     return asked == _ASKS.Yes

@@ -26,7 +26,7 @@ _HEADS = (
     "CT sd, HU",
     "G of the region",
     "map: median (5 to 95 %), kPa",
-    "map tells",
+    "map determines",
 )
 _COLUMNS = (
     *("scan", "label", "volume_cc", "ct_mean_hu", "ct_sd_hu", "G_kpa", "G_low_kpa", "G_high_kpa"),
@@ -120,7 +120,7 @@ def _of(controller: Controller, state: str) -> list[LabelStatistics]:
 
 def _values(state: str, one: LabelStatistics) -> tuple[object, ...]:
     """Numbers as numbers."""
-    region = one.region if one.region is not None and one.region.told else None
+    region = one.region if one.region is not None and one.region.determined else None
     ci = (None, None) if region is None or region.ci is None else region.ci
     mapped = one.mapped
     of_map = (None,) * 4 if mapped is None else (mapped.median, mapped.low, mapped.high, mapped.told_share)
@@ -133,7 +133,7 @@ def _cells(state: str, one: LabelStatistics) -> tuple[str, ...]:
     hu = ("", "") if one.mean_hu is None or one.sd_hu is None else (f"{one.mean_hu:.0f}", f"{one.sd_hu:.0f}")
     hu = (hu[0].replace("-", "\N{MINUS SIGN}"), hu[1])
     found = one.region
-    stiff = "" if found is None else value_words(found) if found.told else "not determined"
+    stiff = "" if found is None else value_words(found) if found.determined else "not determined"
     return state, LABELS[one.label].replace("_", " "), f"{one.volume_cc:.1f}", *hu, stiff, *_map_cells(one.mapped)
 
 

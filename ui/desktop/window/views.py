@@ -51,15 +51,15 @@ class Views(QWidget):
         """The slice views that are shown."""
         return (view for view in self.slices.values() if not view.isHidden())
 
-    def told(self, what: str) -> None:
+    def on_change(self, what: str) -> None:
         """Something has changed."""
         if what in ("view", "case"):
             self.arrange(self._controller.display.mode)
         if what == "case":
             self._fit_new()
         for view in self.slices.values():
-            view.told(what)
-        self.solid.told(what)
+            view.on_change(what)
+        self.solid.on_change(what)
 
     def arrange(self, mode: str) -> None:
         """Four views of one state or of the blend; or three of each state with the 3D view beside them."""
