@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -83,9 +82,9 @@ class MotionObservation:
         each = [of_place @ (self.reader * self.rows.as_a_whole[:, a]).T for a in range(3)]
         return np.stack([e.T for e in each], axis=2)
 
-    @cached_property
+    @property
     def per_node(self) -> FloatArray:
-        """Derivative (m, n, 3) of the modes in nodal displacements."""
+        """Derivative (m, n, 3) of the modes in nodal displacements: made for a passing use, hundreds of megabytes on a fine element."""
         onto = self.rows.response @ sp.kron(self.operator, sp.eye(3), format="csr")
         return np.asarray((onto.T @ self.reader.T).T.reshape(self.n, self.operator.shape[1], 3))
 
