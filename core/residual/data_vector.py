@@ -58,7 +58,7 @@ class DataVector:
         return self.motion.stop + (6 if self.bone else 0)
 
     @property
-    def wider(self) -> FloatArray:
+    def dilation(self) -> FloatArray:
         """Change (n,) of the residual when the whole contour is 1 mm wider."""
         out = np.zeros(self.n)
         out[: self.n_modes] = self.modes.sum(axis=0)

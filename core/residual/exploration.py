@@ -25,7 +25,7 @@ _SOLVED = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class Whitened:
     """A solved model. residual (n,) and gradient (n, t) : weighted, of what is to be explored."""
 
     at: JointLinearisation
@@ -34,7 +34,7 @@ class Seen:
 
 
 # The model at theta (t,), started from the equilibria of another one; None where it has none.
-Solve = Callable[[FloatArray, JointLinearisation], Seen | None]
+Solve = Callable[[FloatArray, JointLinearisation], Whitened | None]
 
 
 def posterior_of(
@@ -42,10 +42,10 @@ def posterior_of(
 ) -> Posterior:
     """Posterior of theta (t,) of the plain model over its bounds (t, 2); see `explored`. fit : its optimum."""
 
-    def seen(at: JointLinearisation) -> Seen:
-        return Seen(at, weighting.whiten(at.residual), weighting.whiten(at.in_theta))
+    def seen(at: JointLinearisation) -> Whitened:
+        return Whitened(at, weighting.whiten(at.residual), weighting.whiten(at.in_theta))
 
-    def solve(theta: FloatArray, near: JointLinearisation) -> Seen | None:
+    def solve(theta: FloatArray, near: JointLinearisation) -> Whitened | None:
         there = model.plain(theta, near)
         return None if there is None else seen(there)
 
@@ -53,7 +53,7 @@ def posterior_of(
 
 
 def explored(
-    solve: Solve, optimum: Seen, bounds: FloatArray, progress: Progress = silent, words: str = "model"
+    solve: Solve, optimum: Whitened, bounds: FloatArray, progress: Progress = silent, words: str = "model"
 ) -> Posterior:
     """Posterior of theta (t,) over its bounds (t, 2), on a grid.
 
@@ -73,7 +73,7 @@ def explored(
     return normal
 
 
-def _surface(solve: Solve, optimum: Seen, box: FloatArray, progress: Progress, words: str) -> ResponseSurface | None:
+def _surface(solve: Solve, optimum: Whitened, box: FloatArray, progress: Progress, words: str) -> ResponseSurface | None:
     """Weighted residual over a box; None where too few points have an equilibrium."""
     nodes = chebyshev_nodes(box, _NODES[len(box)])
     solved, here = [optimum], optimum

@@ -116,7 +116,7 @@ class NoiseParts:
             _read_twice(_of_modes(data_vectors)),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
             apart([_floor(s) for s in data_vectors]) + _voxels(contours, rows, options.voxel_length_mm),
-            _read_twice([s.wider[:, None] for s in data_vectors]),
+            _read_twice([s.dilation[:, None] for s in data_vectors]),
             ImageErrors.of(linearisations, data_vectors, options),
             options,
         )

@@ -296,7 +296,7 @@ def _of_the_model(gap: UnknownDiscrepancy, differences: Sequence[FloatArray], op
 def _free(data: DataVector, options: NoiseModelOptions) -> list[FloatArray]:
     """Columns (n, k) of what may move a state's data besides noise and a discrepancy: an offset of the contour, the
     bones."""
-    offset = options.free_offset_mm * data.wider[:, None]
+    offset = options.free_offset_mm * data.dilation[:, None]
     bones = np.zeros((data.n, 6))
     if data.bone is not None:
         bones[-6:] = options.free_bones * np.eye(6)

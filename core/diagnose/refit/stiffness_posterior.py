@@ -13,7 +13,7 @@ import numpy as np
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.inference.grid_posterior import GridPosterior
-from palpate.core.residual.exploration import Seen, explored
+from palpate.core.residual.exploration import Whitened, explored
 from palpate.core.residual.joint_states import JointLinearisation
 from palpate.core.residual.plain_fit import PlainFit
 from palpate.core.worker.progress import Progress, silent
@@ -31,15 +31,15 @@ def with_posterior(fit: PlainFit, refit: Refit, progress: Progress = silent) -> 
     model = fit.model.corrected(refit.correction)
     free, phi = _free(refit), refit.phi
 
-    def seen(at: JointLinearisation, in_phi: FloatArray) -> Seen:
+    def seen(at: JointLinearisation, in_phi: FloatArray) -> Whitened:
         """With what the effect's free parameters can take up, taken out."""
         scaled = fit.weighting.whiten(in_phi) * effect.scales
         r = np.concatenate([fit.weighting.whiten(at.residual), phi / effect.scales])
         J = np.vstack([fit.weighting.whiten(at.in_theta), np.zeros((len(phi), len(at.theta)))])
         Q = np.linalg.qr(np.vstack([scaled, np.eye(len(phi))])[:, free])[0]
-        return Seen(at, r - Q @ (Q.T @ r), J - Q @ (Q.T @ J))
+        return Whitened(at, r - Q @ (Q.T @ r), J - Q @ (Q.T @ J))
 
-    def solve(theta: FloatArray, near: JointLinearisation) -> Seen | None:
+    def solve(theta: FloatArray, near: JointLinearisation) -> Whitened | None:
         there = model.solve(hypothesis, theta, phi, near)
         return None if there is None else seen(there, model.directions(hypothesis, there))
 
