@@ -12,7 +12,6 @@ from palpate.core.arrays import FloatArray
 from palpate.imaging.propagation.motion_prior import MotionPrior, Sizes, Walls
 from palpate.imaging.propagation.options import PropagationOptions
 from palpate.imaging.propagation.window_motions import WindowMotions
-from palpate.imaging.volume import Volume
 
 # Points that are asked at once, rounds in which sizes are chosen one after the other, and standard deviations from which on a
 # window contradicts the others.
@@ -41,14 +40,6 @@ class TissueMotion:
         shared = self.prior.along(points, directions, d.points, d.directions)
         told = np.einsum("nm,mn->n", shared, cho_solve(self._factor, shared.T))
         return np.sqrt(np.maximum(self.prior.variance(points, directions) - told, 0.0))
-
-    def on_lattice(self, low: FloatArray, high: FloatArray, step_mm: float) -> Volume:
-        """The displacements (mi, mj, mk, 3) mm on a lattice over a box, quickly asked."""
-        shape = tuple(np.ceil((high - low) / step_mm).astype(int) + 1)
-        points = low + step_mm * np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 3)
-        affine = np.diag([step_mm, step_mm, step_mm, 1.0])
-        affine[:3, 3] = low
-        return Volume(self.at(points).reshape(*shape, 3), affine)
 
     @cached_property
     def unlike(self) -> FloatArray:
