@@ -78,18 +78,6 @@ def refit_corrected(
     return _fitted(corrected, screened, which, uncorrected.linearisation, uncorrected.phi / scales, tolerance)
 
 
-def refit_at(
-    fit: PlainFit, screened: Screened, which: int, theta: FloatArray, phi: FloatArray, near: JointLinearisation
-) -> Refit | None:
-    """A variant at (theta (t,), phi (k,)) as it is, started from the equilibria of `near`; None where it has none."""
-    hypothesis = Hypothesis(screened.effect, screened.variants[which])
-    linearisation = fit.model.solve(hypothesis, theta, phi, near)
-    if linearisation is None:
-        return None
-    S = fit.model.directions(hypothesis, linearisation)
-    return _weighed(fit, screened, which, hypothesis, linearisation, S)
-
-
 def _fitted(
     fit: PlainFit, screened: Screened, which: int, near: JointLinearisation, start: FloatArray, tolerance: float
 ) -> Refit | None:
