@@ -73,7 +73,9 @@ def explored(
     return normal
 
 
-def _surface(solve: Solve, optimum: Whitened, box: FloatArray, progress: Progress, words: str) -> ResponseSurface | None:
+def _surface(
+    solve: Solve, optimum: Whitened, box: FloatArray, progress: Progress, words: str
+) -> ResponseSurface | None:
     """Weighted residual over a box; None where too few points have an equilibrium."""
     nodes = chebyshev_nodes(box, _NODES[len(box)])
     solved, here = [optimum], optimum
