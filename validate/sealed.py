@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from palpate.case.case_folder import file_sha256
-from palpate.core.errors import InputError
+from palpate.core.errors import Cancelled, InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import Progress
 
@@ -121,9 +121,15 @@ class SealedStudy:
 
 
 def run_alone(command: Sequence[str], case: Path, log_name: str, timeout_s: float) -> None:
-    """Run a command in a case's folder, in a process of its own; what it says goes to log_name in the case."""
+    """Run a command in a case's folder, in a process of its own; what it says goes to log_name in the case.
+
+    Raises Cancelled where somebody stopped the command: that is no answer, and the study stops too.
+    """
     with (case / log_name).open("a", encoding="utf-8") as log:
         try:
-            subprocess.run(command, cwd=case, stdout=log, stderr=log, timeout=timeout_s, check=False)
+            ended = subprocess.run(command, cwd=case, stdout=log, stderr=log, timeout=timeout_s, check=False)
         except subprocess.TimeoutExpired:
             log.write("timed out\n")
+            return
+    if ended.returncode == Cancelled.exit_code:
+        raise Cancelled("a command of the study was stopped; run the study again to go on")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps.simulate.spec import parse_spec
-from palpate.core.errors import ConvergenceError, InputError
+from palpate.core.errors import Cancelled, ConvergenceError, InputError
 from palpate.ui.cli import main as cli
 from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.main import arguments
@@ -22,6 +23,7 @@ from palpate.validate.images.pairs import STIFFNESS_KPA, drawn_spec, make_pair, 
 from palpate.validate.images.records import ImagesOptions
 from palpate.validate.images.study import images_text, run
 from palpate.validate.images.ways import WAYS, Run
+from palpate.validate.sealed import run_alone
 
 SCANS = ((Path("/a/ct"), Path("/a/contours.dcm")), (Path("/b/ct"), Path("/b/contours.dcm")))
 TRUE = {"prostate_left": 20.0, "prostate_right": 60.0}
@@ -309,3 +311,15 @@ def test_scans_that_cannot_be_read_begin_no_study(tmp_path: Path) -> None:
 def test_the_command_wants_real_scans(capfd: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["validate", "images", "--quiet"]) == 2
     assert "give --scan CT CONTOURS" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("status", [0, 3, 130])
+def test_a_command_that_somebody_stopped_is_no_answer(tmp_path: Path, status: int) -> None:
+    """What the command says of its case is one; a stop ends the study, which goes on from there the next time."""
+    command = [sys.executable, "-c", f"import sys; print('said'); sys.exit({status})"]
+    if status == 130:
+        with pytest.raises(Cancelled, match="run the study again"):
+            run_alone(command, tmp_path, "log", 60.0)
+    else:
+        run_alone(command, tmp_path, "log", 60.0)
+    assert (tmp_path / "log").read_text() == "said\n"
