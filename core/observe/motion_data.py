@@ -49,7 +49,7 @@ class MotionData:
         direction, sd = vector[point, :, axis], 1.0 / np.sqrt(value[point, axis])
         return cls(matched.points[usable], matched.moved[usable], point, direction, sd, matched.correlation_mm)
 
-    def along(self, vectors: FloatArray) -> FloatArray:
+    def components(self, vectors: FloatArray) -> FloatArray:
         """Components (d,) of vectors (p, 3) at the points in the data's directions."""
         return np.asarray(np.einsum("di,di->d", vectors[self.point], self.direction))
 

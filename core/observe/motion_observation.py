@@ -58,7 +58,7 @@ class MotionObservation:
         """The same data, read so that nothing that they show of nodal motions (k, n, 3) mm is lost."""
         if not self.n:
             return self
-        shown = np.stack([self.rows.along(self.operator @ motion) for motion in motions], axis=1)
+        shown = np.stack([self.rows.predicted(self.operator @ motion) for motion in motions], axis=1)
         return replace(self, reader=mode_reader(self.rows, shown))
 
     def residual(self, u: FloatArray) -> FloatArray:
@@ -67,11 +67,11 @@ class MotionObservation:
 
     def residual_of(self, v: FloatArray) -> FloatArray:
         """The same (m,) for displacements v (p, 3) mm of the rows' nodes."""
-        return self.along(v) - np.asarray(self.reader @ self.rows.value)
+        return self.modes_of(v) - np.asarray(self.reader @ self.rows.value)
 
-    def along(self, v: FloatArray) -> FloatArray:
+    def modes_of(self, v: FloatArray) -> FloatArray:
         """Modes (m,) of displacements v (p, 3) mm of the rows' nodes."""
-        return np.asarray(self.reader @ self.rows.along(v))
+        return np.asarray(self.reader @ self.rows.predicted(v))
 
     @property
     def per_place(self) -> FloatArray:
@@ -92,7 +92,7 @@ class MotionObservation:
         """Derivative (m, t) of the residual, per unit of theta, for sensitivities du/dtheta (t, n, 3)."""
         if not len(sensitivities):
             return np.zeros((self.n, 0))
-        return np.stack([self.along(self.operator @ s) for s in sensitivities], axis=1)
+        return np.stack([self.modes_of(self.operator @ s) for s in sensitivities], axis=1)
 
 
 def _in_mesh(space: Space, points: FloatArray) -> BoolArray:

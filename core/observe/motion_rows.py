@@ -61,7 +61,7 @@ class MotionRows:
         columns = (3 * data.point[:, None] + np.arange(3)).ravel()
         rows = np.repeat(np.arange(d), 3)
         response = sp.csr_matrix((data.direction.ravel(), (rows, columns)), shape=(d, 3 * p))
-        return cls(data.points, data.point, data.points, response, data.along(data.moved), data.covariance())
+        return cls(data.points, data.point, data.points, response, data.components(data.moved), data.covariance())
 
     @classmethod
     def none(cls) -> MotionRows:
@@ -75,7 +75,7 @@ class MotionRows:
         """Response (d, 3) to a displacement that is the same everywhere."""
         return np.stack([np.asarray(self.response[:, a::3].sum(axis=1)).ravel() for a in range(3)], axis=1)
 
-    def along(self, v: FloatArray) -> FloatArray:
+    def predicted(self, v: FloatArray) -> FloatArray:
         """Values (d,) for displacements v (p, 3) mm of the nodes."""
         return np.asarray(self.response @ v.ravel())
 

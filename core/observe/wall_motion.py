@@ -118,7 +118,7 @@ class WallMotion:
 
     def likeliest_at(self, x: FloatArray) -> FloatArray:
         """Where a wall is drawn to: the posterior mean (n, 3) mm at x (n, 3) mm and as much of the slip as is likely."""
-        return self.at(x) if self.slip is None else self.at(x) + self.slip.halves * self.slip.at(x)
+        return self.at(x) if self.slip is None else self.at(x) + self.slip.factor * self.slip.at(x)
 
     def _motions(self, x: FloatArray) -> FloatArray:
         """Motions (n, 3, a) mm at x (n, 3) mm for unit amplitudes."""

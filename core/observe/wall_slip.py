@@ -23,12 +23,12 @@ _NEIGHBOURS = 4
 class WallSlip:
     """points (q, 3) mm of the wall at rest. half (q, 3) mm : half of the difference there, along the wall.
 
-    halves : how many of them the wall is taken to slide, 1 before the data are asked.
+    factor : how many of them the wall is taken to slide, 1 before the data are asked.
     """
 
     points: FloatArray
     half: FloatArray
-    halves: float = 1.0
+    factor: float = 1.0
 
     def at(self, x: FloatArray) -> FloatArray:
         """Half of the difference (n, 3) mm at x (n, 3) mm."""

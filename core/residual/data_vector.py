@@ -118,7 +118,7 @@ class DataVector:
             surface, marks, motion = observation.parts_of(move)
             out[: self.n_modes, j] = self.modes.T @ (surface * normal).sum(axis=1)
             out[self.marks, j] = marks.ravel()
-            out[self.motion, j] = observation.motion.along(motion)
+            out[self.motion, j] = observation.motion.modes_of(motion)
         return out
 
     def in_theta(

@@ -34,7 +34,7 @@ def likely_slips(fit: PlainFit, state: int) -> dict[str, WallMotion]:
             continue
         half = motion.slip.at(wall.rest - wall.points.displacements(scene.shift))
         amplitude = -float(np.dot(slide_responses(scene, per_force, wall, half[None])[:, 0], weighted))
-        slip = replace(motion.slip, halves=motion.slip.halves + amplitude)
+        slip = replace(motion.slip, factor=motion.slip.factor + amplitude)
         out[name] = replace(motion, slip=slip)
     return out
 

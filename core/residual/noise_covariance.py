@@ -31,7 +31,7 @@ from palpate.core.residual.noise_model_options import NoiseModelOptions
 class NoiseSizes:
     """Sizes of the noise's parts: standard deviations in mm, or factors.
 
-    along : factor on the uncertainty of the walls' motion along themselves (`WallMotion`). own : of every surface mode
+    sliding : factor on the uncertainty of the walls' motion along themselves (`WallMotion`). per_mode : of every surface mode
     (extraction, voxels), mm. landmark : per axis, mm. contour : factor on the contour noise that the case states.
     length : correlation length of contour noise, mm. long : share of its variance with the length `long_mm`.
     mesh : share of the difference between two elements that the
@@ -40,8 +40,8 @@ class NoiseSizes:
     image : of what the model errs by where images show the motion.
     """
 
-    along: float
-    own: float
+    sliding: float
+    per_mode: float
     landmark: float
     contour: float
     length: float
@@ -55,8 +55,8 @@ class NoiseSizes:
     def of(cls, options: NoiseModelOptions) -> NoiseSizes:
         """Sizes before the case's own are estimated."""
         return cls(
-            along=options.along,
-            own=options.own_mm,
+            sliding=options.along,
+            per_mode=options.own_mm,
             landmark=options.landmark_mm,
             contour=options.contour,
             length=options.length_mm,
@@ -73,7 +73,7 @@ class NoiseParts:
     """Parts of the covariance (n, n) mm2 of the data of all deformed states.
 
     contour : of contours as wide as the case states, one for each of `options.lengths_mm`. long : the same with
-    `options.long_mm`. along : of the walls' motion along themselves. own, marks : of unit variances. floor : of bone
+    `options.long_mm`. sliding : of the walls' motion along themselves. per_mode, marks : of unit variances. floor : of bone
     registration, of the motion that the images tell, and of the voxels that organ and walls were drawn in. offset : of 1 mm of
     the whole contour. image : see `ImageErrors`. The scan at rest was read once: half of the variance of two readings is
     common to all states.
@@ -81,8 +81,8 @@ class NoiseParts:
 
     contour: tuple[FloatArray, ...]
     long: FloatArray
-    along: FloatArray
-    own: FloatArray
+    sliding: FloatArray
+    per_mode: FloatArray
     marks: FloatArray
     floor: FloatArray
     offset: FloatArray
@@ -112,7 +112,7 @@ class NoiseParts:
         return cls(
             tuple(_contours(contours, rows, length) for length in options.lengths_mm),
             _contours(contours, rows, options.long_mm),
-            apart([r.along for r in responses]),
+            apart([r.sliding for r in responses]),
             _read_twice(_of_modes(data_vectors)),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
             apart([_floor(s) for s in data_vectors]) + _voxels(contours, rows, options.voxel_length_mm),
@@ -130,7 +130,7 @@ class NoiseParts:
         """
         contour = self.contour[self._nearest(sizes.length)]
         contour = (1.0 - sizes.long) * contour + sizes.long * self.long
-        out = sizes.contour**2 * contour + sizes.along**2 * self.along + sizes.own**2 * self.own
+        out = sizes.contour**2 * contour + sizes.sliding**2 * self.sliding + sizes.per_mode**2 * self.per_mode
         out = out + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
         return out + self.floor + self.image.covariance(sizes.image) + discretisation @ discretisation.T
 
@@ -138,13 +138,13 @@ class NoiseParts:
         self, start: NoiseSizes, sizes: Sequence[NoiseSizes], discretisation: FloatArray
     ) -> CovarianceFamily:
         """`covariance` of all sizes, which differ from `start` in what a case's own data choose: length, share of the long
-        length, contour factor and own size."""
-        fixed = self.covariance(replace(start, contour=0.0, own=0.0), discretisation)
+        length, contour factor and error of every mode."""
+        fixed = self.covariance(replace(start, contour=0.0, per_mode=0.0), discretisation)
         coefficients = np.zeros((len(sizes), len(self.contour) + 3))
         for row, one in zip(coefficients, sizes, strict=True):
             row[self._nearest(one.length)] = (1.0 - one.long) * one.contour**2
-            row[-3:] = one.long * one.contour**2, one.own**2, 1.0
-        return CovarianceFamily(np.stack([*self.contour, self.long, self.own, fixed]), coefficients)
+            row[-3:] = one.long * one.contour**2, one.per_mode**2, 1.0
+        return CovarianceFamily(np.stack([*self.contour, self.long, self.per_mode, fixed]), coefficients)
 
     def _nearest(self, length: float) -> int:
         return int(np.argmin(np.abs(np.array(self.options.lengths_mm) - length)))
@@ -191,12 +191,12 @@ class _Contour:
 class ContourResponses:
     """What errors of one state's contours do to its data, with the element of a scene.
 
-    contours : of organ, walls and bones. along (n, n) mm2 : covariance for the walls' motion along themselves. Where the
+    contours : of organ, walls and bones. sliding (n, n) mm2 : covariance for the walls' motion along themselves. Where the
     tissue beside a wall is thin, linear elements pass on half as much of a wall's errors as quadratic ones.
     """
 
     contours: Mapping[str, _Contour]
-    along: FloatArray
+    sliding: FloatArray
 
     @classmethod
     def of(cls, scene: CompositionScene, data: DataVector, u: FloatArray, tangent: Tangent) -> ContourResponses:
@@ -322,12 +322,12 @@ def organ_noise(
     if shapes:
         read = [{"organ": replace(one["organ"], shape=shape)} for one, shape in zip(read, shapes, strict=True)]
     of_length = {length: _contours(read, rows, length) for length in (*options.lengths_mm, options.long_mm)}
-    voxels, own = _voxels(read, rows, options.voxel_length_mm), _read_twice(_of_modes(data_vectors))
+    voxels, per_mode = _voxels(read, rows, options.voxel_length_mm), _read_twice(_of_modes(data_vectors))
 
     def covariance(sizes: NoiseSizes) -> FloatArray:
         length = min(options.lengths_mm, key=lambda x: abs(x - sizes.length))
         contour = (1.0 - sizes.long) * of_length[length] + sizes.long * of_length[options.long_mm]
-        return np.asarray(sizes.contour**2 * contour + sizes.own**2 * own + voxels)
+        return np.asarray(sizes.contour**2 * contour + sizes.per_mode**2 * per_mode + voxels)
 
     return covariance
 

@@ -41,17 +41,17 @@ class NoiseGrid:
 
     @classmethod
     def of(cls, parts: NoiseParts, start: NoiseSizes, discretisation: FloatArray) -> NoiseGrid:
-        """Grid over correlation lengths, shares of the long one, contour factors and own sizes.
+        """Grid over correlation lengths, shares of the long one, contour factors and errors of every mode.
 
         discretisation (n, m) mm : see `NoiseParts.covariance`.
         """
         options = parts.options
         sizes = [
-            replace(start, length=length, long=long, contour=factor, own=own)
+            replace(start, length=length, long=long, contour=factor, per_mode=per_mode)
             for length in options.lengths_mm
             for long in options.long_shares
             for factor in options.contour_factors
-            for own in options.own_sizes_mm
+            for per_mode in options.own_sizes_mm
         ]
         prior = np.array([_prior(s.contour, options.contour_prior) for s in sizes])
         return cls(sizes, parts.covariances(start, sizes, discretisation), prior - logsumexp(prior), options)
@@ -129,9 +129,11 @@ def fit_noise(
     weight = np.exp(logsumexp(logs, axis=0) + grid.log_prior - logsumexp(logs + grid.log_prior))
     likely = weight > _NEGLIGIBLE * weight.max()
     covariance = grid.covariances.mean(np.where(likely, weight, 0.0) / weight[likely].sum())
-    contour, own = (float(np.sqrt(weight @ np.square([getattr(s, k) for s in grid.sizes]))) for k in ("contour", "own"))
+    contour, per_mode = (
+        float(np.sqrt(weight @ np.square([getattr(s, k) for s in grid.sizes]))) for k in ("contour", "per_mode")
+    )
     length, long = (float(weight @ np.array([getattr(s, k) for s in grid.sizes])) for k in ("length", "long"))
-    return FittedNoise(replace(grid.sizes[0], contour=contour, own=own, length=length, long=long), covariance)
+    return FittedNoise(replace(grid.sizes[0], contour=contour, per_mode=per_mode, length=length, long=long), covariance)
 
 
 def fit_image_errors(

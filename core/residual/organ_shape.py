@@ -78,7 +78,7 @@ def shape_response(
         surface, marks, motion = observation.parts_of(observation.all_points @ moved)
         out[: data.n_modes, k] = data.modes.T @ (surface * normal).sum(axis=1)
         out[data.marks, k] = marks.ravel()
-        out[data.motion, k] = observation.motion.along(motion - carried.by(move))
+        out[data.motion, k] = observation.motion.modes_of(motion - carried.by(move))
     return np.asarray(out @ modes.vectors.T)
 
 

@@ -110,7 +110,7 @@ class PlainFit:
                 out.append(float(np.sqrt(variance[rows.start : rows.start + data.n_modes].sum() / len(data.modes))))
             else:
                 errors = organ_errors(at.scene, at.equilibrium.u)
-                out.append(rms(np.hypot(errors.difference, self.sizes.own)))
+                out.append(rms(np.hypot(errors.difference, self.sizes.per_mode)))
         return out
 
     @cached_property

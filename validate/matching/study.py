@@ -82,7 +82,7 @@ def matching_study(scans: Sequence[ContouredScan], count: int, seed: int, progre
         found = matched_motion(pair.rest, pair.deformed, pair.start.at)
         seconds = time.process_time() - began
         data = MotionData.of(found)
-        error = data.along(pair.motion.at(data.points) - data.moved)
+        error = data.components(pair.motion.at(data.points) - data.moved)
         rows += _rows(scan.name, number, pair, data, error)
         each.append(_pair_row(scan.name, number, pair, found, seconds))
         told.append((error / data.sd, _is_normal(pair, data)))
@@ -126,7 +126,7 @@ def _is_normal(pair: KnownPair, data: MotionData) -> FloatArray:
 
 
 def _rows(name: str, number: int, pair: KnownPair, data: MotionData, error: FloatArray) -> list[MatchRow]:
-    before = data.along(pair.start.at(data.points) - pair.motion.at(data.points))
+    before = data.components(pair.start.at(data.points) - pair.motion.at(data.points))
     distance, normal = pair.distance.at(data.points)[data.point], _is_normal(pair, data) > 0.5
     rows: list[MatchRow] = []
     for place, (low, high) in SHELLS.items():
@@ -162,7 +162,7 @@ def _of_scores(pair: KnownPair, found: MatchedMotion) -> tuple[float, float]:
     if found.scores is None:
         return 0.0, 0.0
     rows = MotionRows.of_scores(found.scores, np.ones(len(found.scores.nodes), dtype=bool))
-    error = rows.value - rows.along(pair.motion.at(rows.nodes))
+    error = rows.value - rows.predicted(pair.motion.at(rows.nodes))
     all_of_them = solve_triangular(cholesky(rows.covariance, lower=True), error, lower=True)
     return round(rms(all_of_them), 3), round(rms(mode_reader(rows) @ error), 3)
 

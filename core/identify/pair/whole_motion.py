@@ -55,7 +55,7 @@ def _of_images(fit: PlainFit) -> str:
     if not motion.n:
         return ""
     pivot = organ.mean(axis=0)
-    moves = np.stack([motion.along(rigid_motion(motion.rows.nodes, pivot, unit)) for unit in np.eye(6)], axis=1)
+    moves = np.stack([motion.modes_of(rigid_motion(motion.rows.nodes, pivot, unit)) for unit in np.eye(6)], axis=1)
     seen = motion.reader @ motion.rows.value
     found, *_ = np.linalg.lstsq(moves, seen, rcond=None)
     left = seen - moves @ found

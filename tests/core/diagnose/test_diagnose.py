@@ -407,7 +407,7 @@ def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Di
     noise = NoiseModelOptions(own_sizes_mm=(0.6,), contour_factors=(1.0,))
     fit = fit_plain([(posed, None)], options=noise, walls=WallMotionOptions(slide_share=0.8))
     assert len(fit.noise.sizes) == len(noise.lengths_mm) * len(noise.long_shares) < len(none.fit.noise.sizes)
-    assert fit.sizes.own == pytest.approx(0.6)
+    assert fit.sizes.per_mode == pytest.approx(0.6)
     k = none.fit.model.first.data.n_modes
     wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))
     assert wider > 1.1 * usual

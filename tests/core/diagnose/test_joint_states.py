@@ -105,11 +105,11 @@ def test_the_scan_at_rest_was_read_once(two: Diagnosis) -> None:
     k = fit.model.first.data.n_modes
     a, b = slice(first.start, first.start + k), slice(second.start, second.start + k)
     parts = NoiseParts.of(fit.linearisation.each, fit.model.data_vectors, fit.options)
-    for same in (parts.own, parts.offset):
+    for same in (parts.per_mode, parts.offset):
         np.testing.assert_allclose(same[a, b], 0.5 * same[a, a], atol=1e-12)
     alike = np.trace(parts.contour[2][a, b]) / np.trace(parts.contour[2][a, a])
     assert 0.3 < alike < 0.6  # the wall's part goes through two tangents
-    assert parts.along[a, a].any() and not parts.along[a, b].any()
+    assert parts.sliding[a, a].any() and not parts.sliding[a, b].any()
     np.linalg.cholesky(fit.weighting.covariance)
     # Members of the grid, which are kept as coefficients of a few matrices, are what the parts add up to.
     grid, left = fit.noise, np.zeros((fit.model.rows[-1].stop, 1))

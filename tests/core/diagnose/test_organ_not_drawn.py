@@ -50,4 +50,4 @@ def test_a_contour_that_nobody_drew_is_no_cause_and_no_yardstick() -> None:
     assert "the images" in written["in_words"]
     assert "contour" not in written["in_words"]
     # Two contours of 0.3 mm and their extraction.
-    np.testing.assert_allclose(found.fit.noise_rms_mm, np.hypot(np.sqrt(2.0) * 0.3, found.fit.sizes.own))
+    np.testing.assert_allclose(found.fit.noise_rms_mm, np.hypot(np.sqrt(2.0) * 0.3, found.fit.sizes.per_mode))

@@ -84,7 +84,7 @@ def test_images_alone_do_not_slide_the_walls_of_the_state_that_is_shown(contours
         residual = at.residual.copy()
         residual[rows] += by * np.linspace(-1.0, 1.0, rows.stop - rows.start)
         other = replace(fit, linearisation=JointLinearisation((replace(at, residual=residual),)))
-        return [motion.slip.halves for motion in likely_slips(other, 0).values() if motion.slip is not None]
+        return [motion.slip.factor for motion in likely_slips(other, 0).values() if motion.slip is not None]
 
     before = halves(data.motion, 0.0)
     assert before

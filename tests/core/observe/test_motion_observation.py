@@ -96,7 +96,7 @@ def test_modes_have_independent_errors_of_unit_size_and_lose_no_smooth_motion(po
     reader = mode_reader(MotionRows.of_points(data))
     np.testing.assert_allclose(reader @ data.covariance() @ reader.T, np.eye(len(reader)), atol=1e-9)
     assert len(reader) < len(data.sd)
-    smooth = data.along(np.sin(points[:, [1, 2, 0]] / 12.0))
+    smooth = data.components(np.sin(points[:, [1, 2, 0]] / 12.0))
     whole = smooth @ np.linalg.solve(data.covariance(), smooth)
     assert ((reader @ smooth) ** 2).sum() == pytest.approx(whole, rel=0.02)
 
@@ -111,8 +111,8 @@ def test_the_modes_lose_nothing_of_motions_that_they_are_told_to_show(
     many = MatchedMotion(points, 0.0 * points, np.tile(np.eye(3) / 0.2**2, (80, 1, 1)), 6.0)
     data = MotionData.of(many)
     rows = MotionRows.of_points(data)
-    kink = data.along(np.abs(points[:, [1, 2, 0]]) - 4.0)
-    smooth = data.along(np.ones_like(points))
+    kink = data.components(np.abs(points[:, [1, 2, 0]]) - 4.0)
+    smooth = data.components(np.ones_like(points))
     whole = kink @ np.linalg.solve(data.covariance(), kink)
     plain = mode_reader(rows)
     told = mode_reader(rows, np.stack([kink, smooth, 2.0 * kink, np.zeros_like(kink)], axis=1))
@@ -132,7 +132,7 @@ def test_a_geometry_reads_the_images_for_what_the_stiffness_moves(posed: Identif
     sensitivities = scene.displacement_sensitivities(theta, scene.settle(theta).equilibrium)
     rows, C = motion.rows, motion.rows.covariance
     for moved, read in zip(sensitivities, motion.jacobian(sensitivities).T, strict=True):
-        shown = rows.along(motion.operator @ moved)
+        shown = rows.predicted(motion.operator @ moved)
         assert read @ read == pytest.approx(shown @ np.linalg.solve(C, shown), rel=1e-6)
     again = SharedGeometry.of(posed, "p1p1", known=KnownGeometry.from_arrays(geometry.known.arrays()))
     np.testing.assert_array_equal(again.observation.motion.reader, motion.reader)
@@ -148,7 +148,7 @@ def test_modes_are_read_back_as_motion_in_mm(posed: IdentificationProblem) -> No
     rows = MotionRows.of_points(data)
     reader = mode_reader(rows)
     smooth = np.sin(points[:, [1, 2, 0]] / [12.0, 15.0, 18.0]) * [1.0, -2.0, 0.5]
-    found = motion_in_mm(rows, reader) @ (reader @ data.along(smooth))
+    found = motion_in_mm(rows, reader) @ (reader @ data.components(smooth))
     assert found.shape == (len(rows.places), 3)
     near = np.linalg.norm(rows.places, axis=1) < 12.0
     np.testing.assert_allclose(found[near], smooth[: len(found)][near], atol=0.15)
