@@ -35,7 +35,7 @@ def test_a_letter_becomes_a_film_that_hits_its_keyframes(tmp_path: Path) -> None
     assert summary["parts"] == [
         {"colour": "#3b6ea5", "G_over_first": 1.0, "sd_ln": 0.0, "ci95": [1.0, 1.0], "told": True}
     ]
-    assert "twice as stiff under twice the forces" in summary["in_words"][0]
+    assert "twice the stiffness under twice the forces" in summary["in_words"][0]
     assert json.loads((tmp_path / "film" / "sketch.json").read_text()) == summary
     pictures = sorted((tmp_path / "film" / "pictures").iterdir())
     film = read_film(tmp_path / "film" / "film.mp4")

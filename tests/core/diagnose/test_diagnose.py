@@ -281,7 +281,7 @@ def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Dia
     noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free, 10000)
     points = wide.split.organ.stop
     floors = np.array([np.trace(noise.drawing(size)) / points for size in range(len(noise.noise.sizes))])
-    of = {(s.contour, s.own, s.length): floor for s, floor in zip(noise.noise.sizes, floors, strict=True)}
+    of = {(s.contour, s.per_mode, s.length): floor for s, floor in zip(noise.noise.sizes, floors, strict=True)}
     stated, wider = of[1.0, 0.2, 6.0], of[1.2, 0.2, 6.0]
     assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
     best, m = wide.refits[0], points
