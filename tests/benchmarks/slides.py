@@ -2,7 +2,7 @@
 
 On the effect-free cases among the blind check's first ones, whose walls' true motions are known: what reading them wrongly along
 themselves does to the predicted organ, to first order at the true stiffness, rms mm, and its standard deviation by `WallMotion`, not
-yet widened by `NoiseSizes.along`, whose square the mean squares of both should have for a ratio.
+yet widened by `NoiseSizes.sliding`, whose square the mean squares of both should have for a ratio.
 """
 
 from __future__ import annotations
