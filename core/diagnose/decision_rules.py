@@ -52,19 +52,9 @@ class DecisionRules(EvidenceRules):
             "Chosen: five times the error of a bone's surface, `EXTRACTION_MM` (core/observe/contour_noise.py).",
         ),
     ] = 1.0
-    shrinkage_draws: Annotated[
-        int,
-        sourced(
-            "1",
-            "Draws of the share by which the gap shrinks.",
-            "Numerical: 50 of them lie beyond each end of the interval.",
-        ),
-    ] = 2000
-    peak_near_mm: Annotated[float, sourced("mm", "A missing force is pointed at this near the organ.", _PEAK)] = 15.0
     peak_share: Annotated[float, sourced("1", "Forces above this share of the largest one are pointed at.", _PEAK)] = (
         0.7
     )
-    peak_around_mm: Annotated[float, sourced("mm", "Those within this of the largest one are averaged.", _PEAK)] = 12.0
     at_bound: Annotated[float, sourced("ln G", "A stiffness this close to a bound is flagged.", _FLAG)] = 0.05
     coarse_mm: Annotated[
         float,

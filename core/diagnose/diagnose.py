@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from palpate.core.diagnose.comparison import compared
 from palpate.core.diagnose.detection.gap_test import free_field
@@ -44,8 +43,6 @@ def diagnose(
         fit_progress = part(progress, 0.0, FITTED)
         fit = fit_plain(data.pairs, data.remeshed, fit_progress, options.noise_model, options.wall_motion)
     forces = UnknownDiscrepancy.around(fit.linearisation, fit.model.data_vectors, fit.options)
-    r, J = fit.linearisation.residual, fit.linearisation.in_theta
-    fit = replace(fit, noise=fit.noise.probable(r, J, forces.free, rules.noise_sizes))
     progress(0.46, "score test of every effect")
     found = compared(
         fit,

@@ -28,20 +28,14 @@ class EvidenceRules:
             "(docs/gap.md).",
         ),
     ] = 0.05
-    gap_draws: Annotated[
-        int,
-        sourced(
-            "1", "Draws of noise that the gap test compares with.", "Numerical: p = 0.05 to a standard error of 0.007."
-        ),
-    ] = 1000
-    noise_sizes: Annotated[
+    draws: Annotated[
         int,
         sourced(
             "1",
-            "Sizes of noise that every evidence and the shrinkage are averaged over, the most probable ones of 135.",
-            "Numerical: 25 or 80 change the log Bayes factor of the cause of a pair with images (pairs_dev, pair 1) by 0.01.",
+            "Draws of noise that a p-value is counted from, and of the share by which the gap shrinks.",
+            "Numerical: p = 0.05 to a standard error of 0.007, p = 0.01 to 0.003.",
         ),
-    ] = 40
+    ] = 1000
     refit_share: Annotated[
         float,
         sourced(
@@ -112,35 +106,6 @@ class EvidenceRules:
             "1", "A pair is refitted where, linear about the plain fit, it has this share of the probability.", _COST
         ),
     ] = 0.02
-    check_draws: Annotated[
-        int,
-        sourced(
-            "1",
-            "Draws of noise for the prediction of data left out.",
-            "Numerical: p = 0.01 to a standard error of 0.003.",
-        ),
-    ] = 1000
-    patch_mm: Annotated[
-        float,
-        sourced(
-            "mm",
-            "Width of a patch of the organ that is left out.",
-            "Two correlation lengths of contour noise (7 mm), so that neighbours do not give its noise away "
-            "(core/inference/heldout.py).",
-        ),
-    ] = 14.0
-    block_mm: Annotated[
-        float,
-        sourced(
-            "mm",
-            "Width of a block of space that is left out where images show the motion.",
-            "Two lengths of the smooth motion that is matched (12 mm, core/observe/motion_rows.py).",
-        ),
-    ] = 24.0
-    motion_spacing_mm: Annotated[
-        float,
-        sourced("mm", "Distance of the places whose motion is predicted.", "Numerical: one length of that motion."),
-    ] = 12.0
     near_mm: Annotated[
         float,
         sourced(

@@ -21,7 +21,7 @@ from palpate.core.window_scores import WindowScores
 _OUTSIDE = 0.02
 # Modes: correlation length of the motion that they hold, mm (that of a missing force, `NoiseModelOptions`; the motion that
 # forces cause is smoother); share of its variance that is kept; the least signal over noise of one, and the most of them.
-_LENGTH_MM, _KEPT, _LEAST, _MOST = 12.0, 0.999, 0.05, 300
+MOTION_LENGTH_MM, _KEPT, _LEAST, _MOST = 12.0, 0.999, 0.05, 300
 # A motion is in the modes already where less than this share of what is seen of it is not.
 _NEW = 1e-6
 
@@ -142,7 +142,7 @@ def motion_in_mm(rows: MotionRows, reader: FloatArray) -> FloatArray:
 
 def _smooth_motion(rows: MotionRows) -> FloatArray:
     """Modes (w, k) mm of smooth motion along one axis, at the rows' places."""
-    return noise_modes(rows.places, 1.0, _LENGTH_MM, _KEPT)
+    return noise_modes(rows.places, 1.0, MOTION_LENGTH_MM, _KEPT)
 
 
 def _shown(rows: MotionRows, smooth: FloatArray) -> FloatArray:

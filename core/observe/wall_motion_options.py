@@ -84,21 +84,13 @@ class WallMotionOptions:
             "drifted 11 mm along itself as normals were taken anew; with 1 and all axes alike, a rectum 5 mm.",
         ),
     ] = 0.7
-    bag_moved_mm: Annotated[
+    bag_mm: Annotated[
         float,
         sourced(
-            "mm an axis",
-            "Standard deviation of a bag's translation.",
+            "mm, an axis",
+            "Standard deviation of a bag's translation, and (rms) of its growth in its own shape.",
             f"On {_FIVE}, 2 to 4 mm are much alike. Not asked of the data: across the wall a shift looks like a swelling to one side, "
             "and the likeliest size was often 0.",
-        ),
-    ] = 2.0
-    bag_grown_mm: Annotated[
-        float,
-        sourced(
-            "mm rms",
-            "Standard deviation of a bag's growth in its own shape.",
-            "Chosen as large as its translation, see there.",
         ),
     ] = 2.0
     section_moved_mm: Annotated[

@@ -42,7 +42,7 @@ class WallRigidModes:
     @property
     def translation_mm(self) -> float:
         """Standard deviation per axis of a bag's translation, or of the translations of a tube's sections, mm."""
-        return self.options.bag_moved_mm if np.isfinite(self.radius) else self.options.section_moved_mm
+        return self.options.bag_mm if np.isfinite(self.radius) else self.options.section_moved_mm
 
     def correlation(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Correlation (n, k) of the translations at x (n, 3) and y (k, 3) mm: along a tube it falls off, in a bag it is
@@ -52,7 +52,7 @@ class WallRigidModes:
 
     def growth(self, x: FloatArray) -> FloatArray:
         """Displacement (n, 3) mm at x (n, 3) mm for growth by one standard deviation; 0 for a tube."""
-        return self.options.bag_grown_mm * (x - self.centre) / self.radius
+        return self.options.bag_mm * (x - self.centre) / self.radius
 
 
 def force_covariance(normals: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ contours and images alike, so that what the images say of an error counts for th
 - alignment : rigid motion of all that the model holds, seen by the bones' registration as well.
 - local : a smooth displacement that the model cannot predict (a Gaussian process).
 
-The sizes of the first and the last are those that the case's own data make likely (`noise_estimation.fit_image_errors`).
+The sizes of the first and the last are those that the case's own data make likely (`noise_estimation`).
 """
 
 from __future__ import annotations
@@ -36,28 +36,26 @@ _KEPT, _STEP_MM = 0.9, 1e-3
 
 @dataclass(frozen=True)
 class ImageErrorSizes:
-    """edge : standard deviation per axis, mm. local : (correlation length, standard deviation per axis), mm, of each part of
-    the local error."""
+    """edge : standard deviation per axis, mm. local : the same of the local error, for each of `NoiseModelOptions.local_lengths_mm`."""
 
     edge: float
-    local: tuple[tuple[float, float], ...]
+    local: tuple[float, ...]
 
     @classmethod
     def of(cls, options: NoiseModelOptions) -> ImageErrorSizes:
-        """Sizes before the case's own are estimated."""
-        return cls(options.edge_mm, ((options.local_length_mm, options.local_mm),))
+        """The likeliest sizes before the data speak."""
+        lengths = len(options.local_lengths_mm)
+        return cls(options.edge_mm, (float(options.local_mm / np.sqrt(lengths)),) * lengths)
 
-    @classmethod
-    def mean(cls, tried: Sequence[ImageErrorSizes], weights: FloatArray) -> ImageErrorSizes:
-        """The sizes whose covariance is the mean of those of several sizes, by their weights (k,), which sum to 1."""
-        edge = float(weights @ np.array([sizes.edge**2 for sizes in tried]))
-        local: dict[float, float] = {}
-        for sizes, weight in zip(tried, weights.tolist(), strict=True):
-            for length, size in sizes.local:
-                local[length] = local.get(length, 0.0) + weight * size**2
-        return cls(
-            float(np.sqrt(edge)), tuple((length, float(np.sqrt(variance))) for length, variance in local.items())
-        )
+    @property
+    def variances(self) -> FloatArray:
+        """Of edge and local errors (1 + lengths,) mm2."""
+        return np.square([self.edge, *self.local])
+
+    def with_variances(self, variances: FloatArray) -> ImageErrorSizes:
+        """Sizes of these variances; `variances` is the inverse."""
+        edge, *local = np.sqrt(variances).tolist()
+        return ImageErrorSizes(edge, tuple(local))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +66,6 @@ class ImageErrors:
     edge: FloatArray
     alignment: FloatArray
     local: tuple[FloatArray, ...]
-    options: NoiseModelOptions
 
     @classmethod
     def of(
@@ -80,21 +77,7 @@ class ImageErrors:
             apart([_squared(_edge(at, data, options), data) for at, data in each]),
             apart([_squared(_alignment(at, data), data) for at, data in each]),
             tuple(apart([_local(at, data, length) for at, data in each]) for length in options.local_lengths_mm),
-            options,
         )
-
-    @property
-    def any(self) -> bool:
-        """Whether a state has matched motion."""
-        return bool(self.alignment.any() or self.local[0].any())
-
-    def covariance(self, sizes: ImageErrorSizes) -> FloatArray:
-        """Covariance (n, n) mm2; a local error's length is the nearest of `options.local_lengths_mm`."""
-        out = self.alignment + sizes.edge**2 * self.edge
-        for length, size in sizes.local:
-            nearest = int(np.argmin(np.abs(np.array(self.options.local_lengths_mm) - length)))
-            out = out + size**2 * self.local[nearest]
-        return np.asarray(out)
 
 
 def _edge(at: Linearisation, data: DataVector, options: NoiseModelOptions) -> FloatArray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,33 +20,29 @@ from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.observe.contour_noise import covariance_between
 from palpate.core.observe.voxel_noise import VoxelNoise, voxel_covariance
-from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
 from palpate.core.residual.joint_states import apart, rows_of
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.residual.variance_model import NoisePart, VarianceModel
 
 
 @dataclass(frozen=True)
 class NoiseSizes:
     """Sizes of the noise's parts: standard deviations in mm, or factors.
 
-    sliding : factor on the uncertainty of the walls' motion along themselves (`WallMotion`). per_mode : of every surface mode
-    (extraction, voxels), mm. landmark : per axis, mm. contour : factor on the contour noise that the case states.
-    length : correlation length of contour noise, mm. long : share of its variance with the length `long_mm`.
-    mesh : share of the difference between two elements that the
-    better one may still err by. offset : of the whole contour of one scan against the other's, beyond what its noise
-    adds up to, mm. model : of a smooth error of the model itself, over a discrepancy of typical size (`ForceFields`).
-    image : of what the model errs by where images show the motion.
+    per_mode : of every surface mode (extraction, voxels), mm. landmark : per axis, mm. contour : factor on the contour noise that the
+    case states. shares : of its variance, of each correlation length of `NoiseModelOptions.lengths_mm`. mesh : share of the difference
+    between two elements that the better one may still err by. offset : of the whole contour of one scan against the other's, beyond what
+    its noise adds up to, mm. model : of a smooth error of the model itself, over a discrepancy of typical size (`ForceFields`). image :
+    of what the model errs by where images show the motion.
     """
 
-    sliding: float
     per_mode: float
     landmark: float
     contour: float
-    length: float
-    long: float
+    shares: tuple[float, ...]
     mesh: float
     offset: float
     model: float
@@ -53,18 +50,35 @@ class NoiseSizes:
 
     @classmethod
     def of(cls, options: NoiseModelOptions) -> NoiseSizes:
-        """Sizes before the case's own are estimated."""
+        """The likeliest sizes before the data speak."""
+        lengths = len(options.lengths_mm)
         return cls(
-            sliding=options.along,
             per_mode=options.own_mm,
             landmark=options.landmark_mm,
-            contour=options.contour,
-            length=options.length_mm,
-            long=0.0,
+            contour=1.0,
+            shares=(1.0 / lengths,) * lengths,
             mesh=options.mesh,
             offset=options.offset_mm,
             model=options.model,
             image=ImageErrorSizes.of(options),
+        )
+
+    @property
+    def varying(self) -> FloatArray:
+        """Coefficients of `NoiseParts.varying`, mm2 or squared factors."""
+        of_contour = self.contour**2 * np.array(self.shares)
+        return np.concatenate([of_contour, [self.per_mode**2], self.image.variances])
+
+    def with_varying(self, coefficients: FloatArray) -> NoiseSizes:
+        """The same with other coefficients; `varying` is the inverse."""
+        k = len(self.shares)
+        contour = float(coefficients[:k].sum())
+        return replace(
+            self,
+            contour=float(np.sqrt(contour)),
+            shares=tuple((coefficients[:k] / max(contour, 1e-300)).tolist()),
+            per_mode=float(np.sqrt(coefficients[k])),
+            image=self.image.with_variances(coefficients[k + 1 :]),
         )
 
 
@@ -72,15 +86,14 @@ class NoiseSizes:
 class NoiseParts:
     """Parts of the covariance (n, n) mm2 of the data of all deformed states.
 
-    contour : of contours as wide as the case states, one for each of `options.lengths_mm`. long : the same with
-    `options.long_mm`. sliding : of the walls' motion along themselves. per_mode, marks : of unit variances. floor : of bone
+    contour : of contours as wide as the case states, one for each of `options.lengths_mm`. sliding : of the walls' motion
+    along themselves. per_mode, marks : of unit variances. floor : of bone
     registration, of the motion that the images tell, and of the voxels that organ and walls were drawn in. offset : of 1 mm of
     the whole contour. image : see `ImageErrors`. The scan at rest was read once: half of the variance of two readings is
     common to all states.
     """
 
     contour: tuple[FloatArray, ...]
-    long: FloatArray
     sliding: FloatArray
     per_mode: FloatArray
     marks: FloatArray
@@ -111,7 +124,6 @@ class NoiseParts:
             contours = [{**one, "organ": replace(one["organ"], shape=shape)} for one, shape in shaped]
         return cls(
             tuple(_contours(contours, rows, length) for length in options.lengths_mm),
-            _contours(contours, rows, options.long_mm),
             apart([r.sliding for r in responses]),
             _read_twice(_of_modes(data_vectors)),
             _read_twice(_of_marks([p.scene.observation.landmarks[:, :3] for p in linearisations], data_vectors)),
@@ -121,33 +133,35 @@ class NoiseParts:
             options,
         )
 
-    def covariance(self, sizes: NoiseSizes, discretisation: FloatArray) -> FloatArray:
-        """Covariance (n, n) mm2 of the data for given sizes; the contours' is that of the nearest of
-        `options.lengths_mm`.
+    @cached_property
+    def varying(self) -> FloatArray:
+        """Covariances (b, n, n) of unit size of what a case's own data choose the size of: contours, one for each length; surface modes;
+        motion of the region's edge; local errors, one for each length."""
+        return np.stack([*self.contour, self.per_mode, self.image.edge, *self.image.local])
+
+    def known(self, sizes: NoiseSizes, discretisation: FloatArray) -> FloatArray:
+        """Covariance (n, n) mm2 of everything else.
 
         discretisation : (n, m) mm, columns whose outer products sum to the covariance of the discretisation error
         (`remeshing`).
         """
-        contour = self.contour[self._nearest(sizes.length)]
-        contour = (1.0 - sizes.long) * contour + sizes.long * self.long
-        out = sizes.contour**2 * contour + sizes.sliding**2 * self.sliding + sizes.per_mode**2 * self.per_mode
-        out = out + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
-        return out + self.floor + self.image.covariance(sizes.image) + discretisation @ discretisation.T
+        out = self.sliding + sizes.landmark**2 * self.marks + sizes.offset**2 * self.offset
+        return np.asarray(out + self.floor + self.image.alignment + discretisation @ discretisation.T)
 
-    def covariances(
-        self, start: NoiseSizes, sizes: Sequence[NoiseSizes], discretisation: FloatArray
-    ) -> CovarianceFamily:
-        """`covariance` of all sizes, which differ from `start` in what a case's own data choose: length, share of the long
-        length, contour factor and error of every mode."""
-        fixed = self.covariance(replace(start, contour=0.0, per_mode=0.0), discretisation)
-        coefficients = np.zeros((len(sizes), len(self.contour) + 3))
-        for row, one in zip(coefficients, sizes, strict=True):
-            row[self._nearest(one.length)] = (1.0 - one.long) * one.contour**2
-            row[-3:] = one.long * one.contour**2, one.per_mode**2, 1.0
-        return CovarianceFamily(np.stack([*self.contour, self.long, self.per_mode, fixed]), coefficients)
+    def covariance(self, sizes: NoiseSizes, discretisation: FloatArray) -> FloatArray:
+        """Covariance (n, n) mm2 of the data for given sizes. discretisation : see `known`."""
+        return np.asarray(self.known(sizes, discretisation) + np.tensordot(sizes.varying, self.varying, 1))
 
-    def _nearest(self, length: float) -> int:
-        return int(np.argmin(np.abs(np.array(self.options.lengths_mm) - length)))
+    def variance_model(self, sizes: NoiseSizes, discretisation: FloatArray) -> VarianceModel:
+        """The parts whose sizes are unknown, with their priors. discretisation : see `known`."""
+        o = self.options
+        parts = [
+            NoisePart(len(self.contour), 1.0, o.contour_prior),
+            NoisePart(1, o.own_mm, o.size_spread),
+            NoisePart(1, o.edge_mm, o.size_spread),
+            NoisePart(len(self.image.local), o.local_mm, o.size_spread),
+        ]
+        return VarianceModel(parts, self.varying, self.known(sizes, discretisation), o.length_spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,13 +335,12 @@ def organ_noise(
     read = [{"organ": _organ_contour(at.scene, data, at.equilibrium.u)} for at, data in pairs]
     if shapes:
         read = [{"organ": replace(one["organ"], shape=shape)} for one, shape in zip(read, shapes, strict=True)]
-    of_length = {length: _contours(read, rows, length) for length in (*options.lengths_mm, options.long_mm)}
+    of_length = np.stack([_contours(read, rows, length) for length in options.lengths_mm])
     voxels, per_mode = _voxels(read, rows, options.voxel_length_mm), _read_twice(_of_modes(data_vectors))
 
     def covariance(sizes: NoiseSizes) -> FloatArray:
-        length = min(options.lengths_mm, key=lambda x: abs(x - sizes.length))
-        contour = (1.0 - sizes.long) * of_length[length] + sizes.long * of_length[options.long_mm]
-        return np.asarray(sizes.contour**2 * contour + sizes.per_mode**2 * per_mode + voxels)
+        contour = np.tensordot(sizes.contour**2 * np.array(sizes.shares), of_length, 1)
+        return np.asarray(contour + sizes.per_mode**2 * per_mode + voxels)
 
     return covariance
 

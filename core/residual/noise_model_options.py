@@ -18,33 +18,21 @@ _TRIED = (
     "0.95 and ln G moves by "
     "0.01 (tests/benchmarks/chosen_numbers.py)."
 )
-_REPLACED = "Starting value only, for the weights of the first fit: the case's own estimate takes its place."
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseModelOptions:
     """Sizes and lengths of everything in the data that is no effect."""
 
-    contour: Annotated[
-        float, sourced("1", "Contour noise over what the case states, before it is estimated.", _REPLACED)
-    ] = 1.0
-    length_mm: Annotated[
-        float, sourced("mm", "Correlation length of contour noise, before it is estimated.", _REPLACED)
-    ] = 7.0
     own_mm: Annotated[
-        float, sourced("mm", "Error of every surface mode from voxels, before it is estimated.", _REPLACED)
-    ] = 0.3
-    along: Annotated[
         float,
         sourced(
-            "1",
-            "Factor on what `WallMotion` leaves unknown of the walls' motion along themselves.",
-            "Nine effect-free cases of the blind check (seeds 4 and 5): mean squares of what walls read wrongly move "
-            "the organ by are 0.97 "
-            "(rectum) and 0.6 (bladder) times those that are said, in single cases up to five times "
-            "(tests/benchmarks/slides.py).",
+            "mm",
+            "Error of every surface mode from voxels: the median of its prior.",
+            "A little below the 0.37 to 0.57 mm a mode that five effect-free patients of the blind check's seed 11 have, drawn without "
+            "contour noise.",
         ),
-    ] = 1.0
+    ] = 0.35
     landmark_mm: Annotated[
         float,
         sourced(
@@ -76,46 +64,11 @@ class NoiseModelOptions:
         tuple[float, ...],
         sourced(
             "mm",
-            "Correlation lengths of contour noise that are told apart.",
-            "Chosen: around the 5.0 to 7.8 mm of the shared sets; the data choose among them by restricted likelihood. "
-            "The blind check draws its own for each case. With 486 sizes in place of the 135 of all lists ln G of shared "
-            "case 304 moves by 0.08 of its standard deviation.",
+            "Correlation lengths among which the variance of contour noise is shared.",
+            "Chosen: around the 5.0 to 7.8 mm of the shared sets, and a third of a prostate's width, for contours that people draw err "
+            "alike over a side. The blind check draws its own for each case.",
         ),
-    ] = (4.0, 6.0, 9.0)
-    long_mm: Annotated[
-        float,
-        sourced(
-            "mm",
-            "Correlation length of the part of contour noise that goes together over a side of the organ.",
-            "Chosen: about a third of a prostate's width. Contours that people draw err in their details and, over a side, alike; "
-            "of 19 effect-free cases three had p below 0.05 with one length alone, one with this part.",
-        ),
-    ] = 14.0
-    long_shares: Annotated[
-        tuple[float, ...],
-        sourced(
-            "1",
-            "Shares of the contour noise's variance with that length that are told apart.",
-            "Chosen: from none to more than half; the data choose among them.",
-        ),
-    ] = (0.0, 0.3, 0.6)
-    contour_factors: Annotated[
-        tuple[float, ...],
-        sourced(
-            "1",
-            "Sizes of contour noise over what the case states that are told apart.",
-            "Chosen: from under the half that is true of the first shared set to a fifth more than stated; the data "
-            "choose among them.",
-        ),
-    ] = (0.4, 0.6, 0.8, 1.0, 1.2)
-    estimated_factors: Annotated[
-        tuple[float, ...],
-        sourced(
-            "1",
-            "Sizes of contour noise that are told apart where it was estimated from the image, over the estimate.",
-            "Chosen: a factor of two to both sides, as an estimate errs to both; the data choose among them.",
-        ),
-    ] = (0.5, 0.7, 1.0, 1.4, 2.0)
+    ] = (4.0, 6.0, 9.0, 14.0)
     contour_prior: Annotated[
         float,
         sourced(
@@ -124,15 +77,26 @@ class NoiseModelOptions:
             "Chosen: what is stated is believed to a factor of 1.4; the first shared set has half of what it states.",
         ),
     ] = 0.35
-    own_sizes_mm: Annotated[
-        tuple[float, ...],
+    size_spread: Annotated[
+        float,
         sourced(
-            "mm",
-            "Sizes of every surface mode's error from voxels that are told apart.",
-            "From below to above 0.37 to 0.57 mm a mode, which was measured on five effect-free patients of the blind check's seed "
-            "11 drawn without contour noise.",
+            "1",
+            "Standard deviation of ln (size / its median) of every other part of the noise.",
+            "Chosen: each is known to a factor of two; the data choose.",
         ),
-    ] = (0.2, 0.35, 0.6)
+    ] = 0.7
+    length_spread: Annotated[
+        float,
+        sourced(
+            "1",
+            "Standard deviation of the logits by which a part's variance is shared among its correlation lengths.",
+            "Chosen: in one case of two a single length has three fifths of the variance.",
+        ),
+    ] = 1.5
+    points: Annotated[
+        int,
+        sourced("1", "Points of the noise's sizes with a nameless gap, and as many without one.", "Numerical."),
+    ] = 16
     voxel_length_mm: Annotated[
         float,
         sourced(
@@ -155,16 +119,8 @@ class NoiseModelOptions:
         float,
         sourced(
             "mm",
-            "Correlation length of a nameless missing force.",
+            "Correlation length of a nameless missing force, and how far around the organ one is looked for.",
             f"Chosen. {_TRIED}",
-        ),
-    ] = 12.0
-    force_reach_mm: Annotated[
-        float,
-        sourced(
-            "mm",
-            "How far around the organ missing forces are looked for.",
-            f"Chosen: one correlation length of them. {_TRIED}",
         ),
     ] = 12.0
     force_typical_mm: Annotated[
@@ -183,24 +139,6 @@ class NoiseModelOptions:
             f"Chosen: longer than noise is ever taken to be. {_TRIED}",
         ),
     ] = 20.0
-    free_offset_mm: Annotated[
-        float,
-        sourced(
-            "mm",
-            "How far a contour may be offset while the noise is estimated.",
-            "Chosen: a little more than the prior of `contour_bias` (0.8 mm), so that it is not taken for noise. "
-            f"{_TRIED}",
-        ),
-    ] = 1.0
-    free_bones: Annotated[
-        float,
-        sourced(
-            "mm, degrees",
-            "How far bones may have moved while the noise is estimated.",
-            "Chosen: twice the prior of `bone_motion` (2 mm, 2.5 degrees) and more, so that it is not taken for "
-            f"noise. {_TRIED}",
-        ),
-    ] = 5.0
     mode_length_mm: Annotated[
         float,
         sourced(
@@ -237,16 +175,12 @@ class NoiseModelOptions:
     ] = 12.0
     edge_mm: Annotated[
         float,
-        sourced("mm an axis", "Motion of the region's edge, which the model holds, before it is estimated.", _REPLACED),
-    ] = 1.0
-    edge_sizes_mm: Annotated[
-        tuple[float, ...],
         sourced(
             "mm an axis",
-            "Sizes of the motion of the region's edge that are told apart, where images show the motion.",
-            "Chosen: from none to what a full rectum moves 6 cm away; the data choose.",
+            "Motion of the region's edge, which the model holds: the median of its prior, where images show the motion.",
+            "Chosen: a full rectum moves what lies 6 cm away by up to 4 mm.",
         ),
-    ] = (0.0, 0.5, 1.0, 2.0, 4.0)
+    ] = 1.0
     edge_length_mm: Annotated[
         float,
         sourced(
@@ -257,25 +191,17 @@ class NoiseModelOptions:
     ] = 25.0
     local_mm: Annotated[
         float,
-        sourced("mm an axis", "Displacement that the model cannot predict, before it is estimated.", _REPLACED),
-    ] = 0.2
-    local_length_mm: Annotated[
-        float,
-        sourced("mm", "Correlation length of that displacement, before it is estimated.", _REPLACED),
-    ] = 10.0
-    local_sizes_mm: Annotated[
-        tuple[float, ...],
         sourced(
             "mm an axis",
-            "Sizes of the displacement that the model cannot predict that are told apart, where images show the motion.",
-            "Chosen: from below what elements err by to what a tissue of another stiffness does; the data choose.",
+            "Displacement that the model cannot predict: the median of its prior, where images show the motion.",
+            "Chosen: more than elements err by, less than a tissue of another stiffness does.",
         ),
-    ] = (0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7)
+    ] = 0.2
     local_lengths_mm: Annotated[
         tuple[float, ...],
         sourced(
             "mm",
-            "Correlation lengths of that displacement that are told apart.",
+            "Correlation lengths among which the variance of that displacement is shared.",
             "Chosen: from an element's edge to an organ's size; the data choose.",
         ),
     ] = (6.0, 10.0, 16.0, 25.0)
@@ -297,14 +223,8 @@ class NoiseModelOptions:
     ] = 0.7
 
     def for_case(self, problem: IdentificationProblem) -> NoiseModelOptions:
-        """The same numbers; where surfaces state their own errors, lengths and factors are those of estimated errors."""
+        """The same numbers; where surfaces state their own errors, lengths are those of estimated errors."""
         if not problem.states_errors:
             return self
-        longer = problem.facts.noise_correlation_mm / self.length_mm
-        return replace(
-            self,
-            length_mm=problem.facts.noise_correlation_mm,
-            lengths_mm=tuple(longer * length for length in self.lengths_mm),
-            long_mm=longer * self.long_mm,
-            contour_factors=self.estimated_factors,
-        )
+        longer = problem.facts.noise_correlation_mm / self.mode_length_mm
+        return replace(self, lengths_mm=tuple(longer * length for length in self.lengths_mm))

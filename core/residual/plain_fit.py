@@ -8,7 +8,7 @@ whose sizes the case's own data choose. `identify` reports this fit, and `diagno
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +28,7 @@ from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
 from palpate.core.residual.linearised_model import SolveCount
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes, organ_errors
-from palpate.core.residual.noise_estimation import NoiseGrid, fit_image_errors, fit_noise
+from palpate.core.residual.noise_estimation import NoiseGrid, fit_noise
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.optimum import Optimum, best_of, solved
 from palpate.core.residual.organ_shape import shape_response
@@ -274,11 +274,9 @@ def _noise(
     if further is not None:
         columns.append(further(model, linearisation))
     left = np.hstack(columns)
-    free = [apart(f) for f in zip(*(_free(data, options) for data in model.data_vectors), strict=True)]
-    r, J = linearisation.residual, linearisation.in_theta
-    image = fit_image_errors(parts, sizes, left, r, J, gap.free, free)
-    grid = NoiseGrid.of(parts, replace(sizes, image=image), left)
-    fitted = fit_noise(grid, r, J, gap.free, free)
+    r, J = linearisation.residual, np.hstack([linearisation.in_theta, _free(model.data_vectors)])
+    grid = NoiseGrid.of(parts, left, r, J, gap.free)
+    fitted = fit_noise(grid, r, J, gap.free)
     return grid, fitted.sizes, Weighting(fitted.covariance)
 
 
@@ -293,11 +291,10 @@ def _of_the_model(gap: UnknownDiscrepancy, differences: Sequence[FloatArray], op
     return np.sqrt(0.5) * np.hstack([np.vstack(each), apart(each)])
 
 
-def _free(data: DataVector, options: NoiseModelOptions) -> list[FloatArray]:
-    """Columns (n, k) of what may move a state's data besides noise and a discrepancy: an offset of the contour, the
-    bones."""
-    offset = options.free_offset_mm * data.dilation[:, None]
-    bones = np.zeros((data.n, 6))
-    if data.bone is not None:
-        bones[-6:] = options.free_bones * np.eye(6)
-    return [offset, bones]
+def _free(data_vectors: Sequence[DataVector]) -> FloatArray:
+    """Columns (n, k) of what may move each state's data by any amount besides noise and a gap: an offset of the contour, the bones."""
+    each = []
+    for data in data_vectors:
+        bones = np.eye(data.n)[:, -6:] if data.bone is not None else np.zeros((data.n, 0))
+        each.append(np.column_stack([data.dilation, bones]))
+    return apart(each)

@@ -37,13 +37,13 @@ class ForceFields:
 
     @classmethod
     def around(cls, linearisation: Linearisation, data: DataVector, options: NoiseModelOptions) -> ForceFields:
-        """Basis for the equilibrium of a linearisation, within `options.force_reach_mm` of the organ's surface."""
+        """Basis for the equilibrium of a linearisation, within `options.force_length_mm` of the organ's surface."""
         scene = linearisation.scene
         mesh, nodes = scene.space.mesh, scene.space.nodes
         share = np.zeros(len(nodes))
         np.add.at(share, mesh.cells, np.repeat(mesh.volumes[:, None] / 4.0, 4, axis=1))
         organ = scene.observation.points
-        reach = options.force_reach_mm
+        reach = options.force_length_mm
         low, high = organ.min(axis=0) - reach, organ.max(axis=0) + reach
         near = np.flatnonzero(((nodes > low) & (nodes < high)).all(axis=1))
         modes = noise_modes(nodes[near], 1.0, options.force_length_mm, _FORCES_KEPT)

@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.special import logsumexp
 
 from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
@@ -23,8 +22,8 @@ from palpate.case.steps import mesh
 from palpate.core.arrays import FloatArray
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
-from palpate.core.residual.noise_estimation import NoiseGrid
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
+from palpate.core.residual.restricted_likelihood import restricted
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.executors import one_thread
 
@@ -33,7 +32,6 @@ SIZES: dict[str, tuple[float, ...]] = {
     "mesh": (0.0, 0.3, 0.45, 0.6, 1.0),
     "offset": (0.0, 0.03, 0.1, 0.2, 0.3),
     "model": (0.0, 0.1, 0.2, 0.3, 0.4),
-    "sliding": (0.0, 0.5, 1.0, 1.5, 2.0),
 }
 
 
@@ -99,14 +97,10 @@ def _parts(fit: PlainFit) -> NoiseParts:
 
 
 def _log_likelihood(fit: PlainFit, parts: NoiseParts, sizes: NoiseSizes, forces: FloatArray) -> float:
-    """Of the residual, whatever the contours' noise."""
-    grid = NoiseGrid.of(
-        parts, sizes, np.hstack([sizes.mesh * fit.model.correction.value[:, None], sizes.model * forces])
-    )
-    none = np.zeros((fit.model.n,) * 2)
-    return float(
-        logsumexp(grid.log_likelihood(fit.linearisation.residual, fit.linearisation.in_theta, none) + grid.log_prior)
-    )
+    """Of the residual, at what the case's own data make of the noise."""
+    left = np.hstack([sizes.mesh * fit.model.correction.value[:, None], sizes.model * forces])
+    own = replace(fit.sizes, mesh=sizes.mesh, offset=sizes.offset, model=sizes.model)
+    return restricted(parts.covariance(own, left), fit.linearisation.residual, fit.linearisation.in_theta)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """How far walls that slid along themselves put the organ off, over what the noise model says: ``python tests/benchmarks/slides.py``.
 
 On the effect-free cases among the blind check's first ones, whose walls' true motions are known: what reading them wrongly along
-themselves does to the predicted organ, to first order at the true stiffness, rms mm, and its standard deviation by `WallMotion`, not
-yet widened by `NoiseSizes.sliding`, whose square the mean squares of both should have for a ratio.
+themselves does to the predicted organ, to first order at the true stiffness, rms mm, and its standard deviation by `WallMotion`;
+the mean squares of both should have a ratio of 1.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def null_distribution(
     J (n, t), precision (t,) : derivative in ln G, and of its prior. causes : variants of every effect by id, and the free field's
     (`free_field`).
     """
-    data = np.column_stack([r, _drawn(noise, r, J, np.random.default_rng(seed), rules.gap_draws)])
+    data = np.column_stack([r, _drawn(noise, r, J, np.random.default_rng(seed), rules.draws)])
     flat = [Directions.none(len(r)), *(one for variants in causes.values() for one in variants)]
     rows = noise.log_evidence(data, J, precision, flat)
     ends = np.cumsum([1, *(len(variants) for variants in causes.values())])

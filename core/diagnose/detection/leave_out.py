@@ -13,7 +13,7 @@ from palpate.core.arrays import BoolArray, FloatArray, IntArray
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.fem.space import locate
 from palpate.core.inference.heldout import Split
-from palpate.core.observe.motion_rows import motion_in_mm
+from palpate.core.observe.motion_rows import MOTION_LENGTH_MM, motion_in_mm
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.plain_fit import PlainFit
@@ -45,7 +45,7 @@ def data_split(fit: PlainFit, rules: DecisionRules) -> Split:
     reader = np.vstack([read, np.delete(np.eye(fit.model.n), seen, axis=0)])
     images = any(data.n_motion for data in fit.model.data_vectors)
     patch = np.full(len(reader), -1)
-    patch[: len(points)] = blocks(points, rules.block_mm if images else rules.patch_mm)
+    patch[: len(points)] = blocks(points, 2.0 * (MOTION_LENGTH_MM if images else fit.options.mode_length_mm))
     rest = [(data.n - data.n_modes - data.n_motion, 3 * data.n_marks) for data in fit.model.data_vectors]
     marks = np.concatenate([np.arange(n) < count for n, count in rest])
     if marks.any():
@@ -87,7 +87,7 @@ def _parts(fit: PlainFit, rules: DecisionRules) -> Iterator[_Part]:
         seen = observation.motion
         distance = cKDTree(observation.points).query(seen.rows.places)[0]
         near = np.flatnonzero(distance <= max(rules.near_mm, distance.min()))
-        chosen = near[_thinned(seen.rows.places[near], rules.motion_spacing_mm)]
+        chosen = near[_thinned(seen.rows.places[near], MOTION_LENGTH_MM)]
         inside = _in_organ(at, seen.rows.places[chosen])
         read = motion_in_mm(seen.rows, seen.reader)
         for name, places in ((INSIDE, chosen[inside]), (TISSUE, chosen[~inside])):

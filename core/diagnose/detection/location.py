@@ -64,7 +64,7 @@ def discrepancy_maps(fit: PlainFit, free: UnknownDiscrepancy, rules: DecisionRul
     size = np.linalg.norm(density, axis=1)
     near = np.flatnonzero(size > 1e-12 * max(size.max(), 1e-30))
     nodes = linearisation.scene.space.nodes[near] - linearisation.scene.shift[near]
-    peak = _peak(nodes, size[near], observation.points, rules)
+    peak = _peak(nodes, size[near], observation.points, fit.options.force_length_mm, rules)
     blur = _blur(forces, inverse @ R, nodes, near, peak)
     return DiscrepancyMaps(
         observation.points,
@@ -144,15 +144,17 @@ def _row(maps: DiscrepancyMaps, part: BoolArray, name: str, side: str, total: fl
     return RegionGapRecord(name, side, rms, float(squares.sum()) / total)
 
 
-def _peak(nodes: FloatArray, size: FloatArray, organ: FloatArray, rules: DecisionRules) -> FloatArray | None:
-    """Centre (3,) mm of the largest forces near the organ; None where there are none."""
+def _peak(
+    nodes: FloatArray, size: FloatArray, organ: FloatArray, length_mm: float, rules: DecisionRules
+) -> FloatArray | None:
+    """Centre (3,) mm of the largest forces near the organ, of those within their correlation length; None where there are none."""
     if len(nodes) == 0 or size.max() <= 0.0:
         return None
-    close = cKDTree(organ).query(nodes)[0] < rules.peak_near_mm
+    close = cKDTree(organ).query(nodes)[0] < rules.near_mm
     least = rules.peak_share * size[close].max(initial=0.0)
     weight = np.where(close & (size > least), size, 0.0)
     top = nodes[int(np.argmax(weight))]
-    weight = weight * (np.linalg.norm(nodes - top, axis=1) < rules.peak_around_mm)
+    weight = weight * (np.linalg.norm(nodes - top, axis=1) < length_mm)
     return np.asarray(np.average(nodes, axis=0, weights=weight)) if weight.any() else None
 
 

@@ -121,7 +121,7 @@ def not_predicted(split: Split, lead: Refit, rules: DecisionRules, seed: int) ->
     """Whether a hypothesis misses what was left out by more than it says that it may."""
     return ModelCheck(
         "not_predicted",
-        predictive_p(split, effect_model(lead), rules.check_draws, seed),
+        predictive_p(split, effect_model(lead), rules.draws, seed),
         "the effect fits best, but misses what was left out by more than it says that it may",
     )
 

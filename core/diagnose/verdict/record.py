@@ -165,8 +165,8 @@ def _gap(diagnosis: Diagnosis) -> GapRecord:
         p_value=diagnosis.test.p_value,
         statistic=diagnosis.test.log_factor,
         p_values={"smooth": diagnosis.test.p_smooth, "named": diagnosis.test.p_named},
-        contour_noise_sd_mm=diagnosis.fit.sizes.contour * fit.linearisation.first.scene.problem.organ_noise_mm,
-        contour_noise_correlation_mm=diagnosis.fit.sizes.length,
+        contour_noise_sd_mm=fit.sizes.contour * fit.linearisation.first.scene.problem.organ_noise_mm,
+        contour_noise_correlation_mm=float(np.dot(fit.sizes.shares, fit.options.lengths_mm)),
         states=[StateGapRecord(rms(r), floor) for r, floor in zip(state_residuals, floors, strict=True)],
     )
 

@@ -25,9 +25,9 @@ def shrinkage(diagnosis: Diagnosis, best: Refit, seed: int = 1) -> ShrinkageReco
     what a saturated smooth field of forces gains on the same points, the placebo what random fields gain.
     """
     assert best.hypothesis.effect is not None
-    split, rng, count = diagnosis.split, np.random.default_rng(seed), diagnosis.rules.shrinkage_draws
+    split, rng, count = diagnosis.split, np.random.default_rng(seed), diagnosis.rules.draws
     gaps = diagnosis.fit.options.gap_sizes
-    noise = NoiseOfPoints.of(diagnosis.fit, split, diagnosis.forces.free, diagnosis.rules.noise_sizes)
+    noise = NoiseOfPoints.of(diagnosis.fit, split, diagnosis.forces.free)
     name = best.hypothesis.effect.id
     before, after, top = (diagnosis.left_out[key][split.organ] for key in ("", name, "ceiling"))
     error = noise.error_of(effect_model(best), after, gaps)

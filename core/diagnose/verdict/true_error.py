@@ -42,15 +42,14 @@ class NoiseOfPoints:
     of_organ: Callable[[NoiseSizes], FloatArray]
 
     @classmethod
-    def of(cls, fit: PlainFit, split: Split, free: FloatArray, most: int) -> NoiseOfPoints:
-        """free (n, j) mm : response of the data to a nameless gap, see `UnknownDiscrepancy`. most : sizes of the noise that are kept."""
+    def of(cls, fit: PlainFit, split: Split, free: FloatArray) -> NoiseOfPoints:
+        """free (n, j) mm : response of the data to a nameless gap, see `UnknownDiscrepancy`."""
         read = split.reader[split.organ]
         basis, _ = np.linalg.qr(read[:, read.any(axis=0)])
         plain = fit.linearisation
-        noise = fit.noise.probable(plain.residual, plain.in_theta, free, most)
         drawn = organ_noise(plain.each, fit.model.data_vectors, fit.options, fit.shapes)
         matched = apart([matched_noise(data) for data in fit.model.data_vectors])
-        return cls(fit, basis, basis.T @ read, noise, free, lambda sizes: drawn(sizes) + matched)
+        return cls(fit, basis, basis.T @ read, fit.noise, free, lambda sizes: drawn(sizes) + matched)
 
     def error_of(self, model: Linear, left_out: FloatArray, gap_sizes: Sequence[float]) -> TrueError:
         """Posterior of a model's error where its residuals left_out (m,) mm were foretold.

@@ -171,7 +171,7 @@ def test_a_deformed_scan_that_is_not_aligned_on_bone_is_said_to_be_so(posed) -> 
     assert found.verdict.verdict == "bone_motion"
     best = found.refits[0]
     # Across the planes of walls that were drawn, little but the prior holds a shift: it lies within its own error.
-    np.testing.assert_allclose(best.phi[:3], shift, atol=0.35)
+    np.testing.assert_allclose(best.phi[:3], shift, atol=0.45)
     assert (np.abs(best.phi[:3] - shift) < 2.0 * best.sd_phi[:3]).all()
     assert diagnose(CaseData(posed, SurfacePair(bone, bone)), effects).verdict.verdict == "none"
 
@@ -278,12 +278,15 @@ def test_a_gap_that_no_effect_comes_near_is_still_written_down(wide: Diagnosis) 
 
 def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Diagnosis) -> None:
     """Two contours of 0.08 mm; walls and the model's own error, which no better contour would take away, are not in it."""
-    noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free, 10000)
+    noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free)
     points = wide.split.organ.stop
     floors = np.array([np.trace(noise.drawing(size)) / points for size in range(len(noise.noise.sizes))])
-    of = {(s.contour, s.per_mode, s.length): floor for s, floor in zip(noise.noise.sizes, floors, strict=True)}
-    stated, wider = of[1.0, 0.2, 6.0], of[1.2, 0.2, 6.0]
-    assert wider - stated == pytest.approx((1.2**2 - 1.0) * 2.0 * 0.08**2, rel=0.1)
+    stated = noise.noise.sizes[0]
+    once, twice = (
+        np.trace(noise.reader @ noise.of_organ(replace(stated, contour=c)) @ noise.reader.T) / points
+        for c in (1.0, 2.0)
+    )
+    assert twice - once == pytest.approx(3.0 * 2.0 * 0.08**2, rel=0.1)
     best, m = wide.refits[0], points
     assert best.hypothesis.effect is not None
     error = noise.error_of(effect_model(best), wide.left_out[best.hypothesis.effect.id][:m], wide.fit.options.gap_sizes)
@@ -292,8 +295,8 @@ def test_the_floor_of_the_shrinkage_is_the_contours_of_the_organ_alone(wide: Dia
 
 def test_drawing_and_model_share_the_covariance(wide: Diagnosis) -> None:
     """What is no drawing is a covariance by itself: nothing is taken off twice."""
-    noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free, 5)
-    assert len(noise.noise.sizes) == 5
+    noise = NoiseOfPoints.of(wide.fit, wide.split, wide.forces.free)
+    assert len(noise.noise.sizes) == 2 * wide.fit.options.points
     for sizes, whole in zip(noise.noise.sizes, noise.noise.covariances, strict=True):
         rest = whole - noise.of_organ(sizes)
         assert np.linalg.eigvalsh(rest).min() > -1e-9
@@ -403,16 +406,16 @@ def test_the_numbers_in_force_are_in_the_record(none: Diagnosis) -> None:
 
 
 def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Diagnosis) -> None:  # type: ignore[no-untyped-def]
-    """One size of voxels' noise and of contours', walls that may slide four times as far: fewer sizes, another covariance."""
-    noise = NoiseModelOptions(own_sizes_mm=(0.6,), contour_factors=(1.0,))
+    """A known size of voxels' noise, walls that may slide four times as far: fewer sizes, another covariance."""
+    noise = NoiseModelOptions(own_mm=0.6, size_spread=1e-3, points=4)
     fit = fit_plain([(posed, None)], options=noise, walls=WallMotionOptions(slide_share=0.8))
-    assert len(fit.noise.sizes) == len(noise.lengths_mm) * len(noise.long_shares) < len(none.fit.noise.sizes)
-    assert fit.sizes.per_mode == pytest.approx(0.6)
+    assert len(fit.noise.sizes) == 8 < len(none.fit.noise.sizes)
+    assert fit.sizes.per_mode == pytest.approx(0.6, rel=0.01)
     k = none.fit.model.first.data.n_modes
     wider, usual = (np.trace(f.weighting.covariance[:k, :k]) for f in (fit, none.fit))
     assert wider > 1.1 * usual
     written = plain(record(replace(none, fit=fit), "a case"))["options"]
-    assert list(written["noise_model"]["own_sizes_mm"]) == [0.6] and written["wall_motion"]["slide_share"] == 0.8
+    assert written["noise_model"]["own_mm"] == 0.6 and written["wall_motion"]["slide_share"] == 0.8
 
 
 def test_numbers_that_are_none_are_refused() -> None:

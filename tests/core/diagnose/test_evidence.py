@@ -152,19 +152,6 @@ def test_the_score_statistic_is_chi_squared_without_an_effect() -> None:
     assert stats.kstest(values, "uniform").pvalue > 0.01
 
 
-def test_the_most_probable_sizes_of_noise_are_kept() -> None:
-    grid = NoiseGrid(
-        [replace(SIZES, contour=c) for c in (0.2, 1.0, 5.0)],
-        CovarianceFamily(np.eye(N)[None], np.array([[0.04], [1.0], [25.0]])),
-        np.log([0.3, 0.3, 0.4]),
-        NUMBERS,
-    )
-    kept = grid.probable(np.random.default_rng(0).standard_normal(N), J, 0.1 * FIELDS, 1)
-    assert [s.contour for s in kept.sizes] == [1.0]
-    assert kept.log_prior == pytest.approx([0.0])
-    assert grid.probable(np.zeros(N), J, FIELDS, 3) is grid
-
-
 def test_a_mean_of_exponentials_survives_large_exponents() -> None:
     assert mean_of_exponentials(np.array([1000.0, 1000.0 + np.log(3.0)])) == pytest.approx(1000.0 + np.log(2.0))
 

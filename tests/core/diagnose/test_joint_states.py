@@ -112,9 +112,9 @@ def test_the_scan_at_rest_was_read_once(two: Diagnosis) -> None:
     assert parts.sliding[a, a].any() and not parts.sliding[a, b].any()
     np.linalg.cholesky(fit.weighting.covariance)
     # Members of the grid, which are kept as coefficients of a few matrices, are what the parts add up to.
-    grid, left = fit.noise, np.zeros((fit.model.rows[-1].stop, 1))
-    again = NoiseGrid.of(parts, grid.sizes[0], left)
-    for size, member in list(zip(again.sizes, again.covariances, strict=True))[::37]:
+    left = np.zeros((fit.model.rows[-1].stop, 1))
+    again = NoiseGrid.of(parts, left, fit.linearisation.residual, fit.linearisation.in_theta, left)
+    for size, member in list(zip(again.sizes, again.covariances, strict=True))[::7]:
         np.testing.assert_allclose(member, parts.covariance(size, left), rtol=1e-10, atol=1e-14)
 
 

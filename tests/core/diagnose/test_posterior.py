@@ -153,7 +153,7 @@ def _ranks(
 def test_p_values_without_an_effect_are_uniform(seen: str) -> None:
     """400 draws of the plain model, of a stiffness and a size of the noise that nobody knows."""
     case, rng, p = CASES[seen], np.random.default_rng(5), []
-    few = replace(RULES, gap_draws=99)
+    few = replace(RULES, draws=99)
     for k in range(400):
         noise = np.linalg.cholesky(case.noise.covariances[int(rng.choice(3, p=np.exp(case.noise.log_prior)))])
         r = noise @ rng.standard_normal(len(case.J)) - case.J @ rng.standard_normal(2)
@@ -237,7 +237,7 @@ def test_another_level_and_fewer_draws_make_another_test() -> None:
     case = CASES["contours"]
     r = np.linalg.cholesky(case.noise.covariances[1]) @ np.random.default_rng(1).standard_normal(len(case.J))
     seen = r - 6.0 * case.causes["moved"][0].S[:, 0]
-    few = replace(RULES, gap_draws=50)
+    few = replace(RULES, draws=50)
     found = null_distribution(case.noise, seen, case.J, case.precision, _singles(case), rules=few).test()
     assert found.p_value == 1 / 51 and found.detected
     strict = null_distribution(

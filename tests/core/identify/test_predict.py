@@ -56,7 +56,7 @@ def test_half_the_deformation_tells_less(problem: IdentificationProblem) -> None
 
 def test_the_predicted_spread_is_that_of_a_hundred_noisy_scans(problem: IdentificationProblem) -> None:
     """One Gauss-Newton step from the truth for each of 100 draws of organ and wall noise, walls solved anew each time."""
-    options = NoiseModelOptions(own_mm=0.03, along=0.0)
+    options = NoiseModelOptions(own_mm=0.03, lengths_mm=(problem.facts.noise_correlation_mm,))
     told = predict(problem, TRUTH, element=ELEMENT, options=options)
     assert told.posterior is not None
     geometry = SharedGeometry.of(problem, ELEMENT)
@@ -67,8 +67,9 @@ def test_the_predicted_spread_is_that_of_a_hundred_noisy_scans(problem: Identifi
     clean = data.residual(scene, found.u)
     in_theta = data.response(scene, found.u, scene.displacement_sensitivities(TRUTH, found))
     here = Linearisation(TRUTH, np.zeros(0), scene, found, clean, in_theta, np.zeros(0))
-    sizes = replace(NoiseSizes.of(options), length=problem.facts.noise_correlation_mm)
-    weights = Weighting(NoiseParts.of([here], [data], options).covariance(sizes, np.zeros((data.n, 0))))
+    parts = NoiseParts.of([here], [data], options)
+    weights = Weighting(parts.covariance(NoiseSizes.of(options), np.zeros((data.n, 0))))
+    slid, along = np.linalg.eigh(parts.sliding)
     facts, rng = problem.facts, np.random.default_rng(7)
     sd, length = np.sqrt(2.0) * facts.noise_sd_mm, facts.noise_correlation_mm
     organ = data.modes.T @ noise_modes(scene.observation.points, sd, length)
@@ -81,6 +82,7 @@ def test_the_predicted_spread_is_that_of_a_hundred_noisy_scans(problem: Identifi
         assert moved.converged
         residual = data.residual(scene, moved.u) - clean - organ @ rng.standard_normal(organ.shape[1])
         residual -= options.own_mm * rng.standard_normal(data.n)
+        residual -= along @ (np.sqrt(np.maximum(slid, 0.0)) * rng.standard_normal(data.n))
         steps.append(np.linalg.lstsq(weights.whiten(in_theta), -weights.whiten(residual), rcond=None)[0])
     # 100 draws know a standard deviation to 7 %.
     np.testing.assert_allclose(np.std(steps, axis=0), told.posterior.sd, rtol=0.25)
