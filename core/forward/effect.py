@@ -22,7 +22,8 @@ class Parameter:
     physical : phi -> the value in `unit`, where phi itself is only a convenient coordinate of it. secondary : it
     refines another parameter (a place, an edge) and changes nothing while that one is 0. own : every deformed state has
     its own value (what happened between two scans, or in one of them); state : whose it is, None for what is the same
-    in all.
+    in all. over_reference : phi is ln of how stiff one part of the tissue is over the other; motion does not tell which of the two has
+    the stiffness that the case states.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Parameter:
     secondary: bool = False
     own: bool = False
     state: int | None = None
+    over_reference: bool = False
 
 
 @dataclass(frozen=True, eq=False)

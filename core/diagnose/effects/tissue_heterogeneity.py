@@ -42,7 +42,7 @@ EFFECT = Effect(
     "tissue_heterogeneity",
     "the surrounding tissue is stiffer or softer on one side",
     (
-        Parameter("log_contrast", "1", 1.5, -3.5, 3.5),
+        Parameter("log_contrast", "1", 1.5, -3.5, 3.5, over_reference=True),
         Parameter("plane_shift", "mm", 6.0, -20.0, 20.0, secondary=True),
         Parameter("tilt_1", "deg", _TILT_DEG, -_MOST_TILT_DEG, _MOST_TILT_DEG, secondary=True),
         Parameter("tilt_2", "deg", _TILT_DEG, -_MOST_TILT_DEG, _MOST_TILT_DEG, secondary=True),

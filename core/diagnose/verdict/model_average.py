@@ -3,8 +3,9 @@ probability.
 
 The best effect's own interval takes the effect for granted. Where two explain the gap about as well and mean different
 stiffnesses, the answer is as uncertain as the choice between them (Bayesian model averaging; Hoeting et al. 1999, eq. 1
-to 3). The same within one effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before
-it, looks the same, but the organ's stiffness, known relative to the tissue's alone, then differs by that factor.
+1 to 3). The same within one effect: tissue that is twelve times stiffer behind the organ, or twelve times softer before
+it, moves the same, but the organ's stiffness, known relative to the tissue's alone, then differs by that factor. A fit of one
+is a fit of the other (`Parameter.over_reference`).
 """
 
 from __future__ import annotations
@@ -56,9 +57,10 @@ def mixture(
 
 
 def over_variants(best: Refit) -> tuple[FloatArray, FloatArray]:
-    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, by their evidence within
-    ln G's bounds."""
-    within = [_within_bounds(f) for f in (best, *best.others)]
+    """ln G (t,) and its covariance (t, t) over the variants of an effect that were refitted, and their twins, by their evidence
+    within ln G's bounds."""
+    refits = [best, *best.others]
+    within = [_within_bounds(f) for f in refits] + [_twin(f) for f in refits if _references(f).any()]
     models = {str(k): (of.mean, of.covariance) for k, (of, _) in enumerate(within)}
     weight = softmax([evidence for _, evidence in within])
     return mixture(models, {str(k): float(w) for k, w in enumerate(weight)})
@@ -78,6 +80,22 @@ def _within_bounds(f: Refit) -> tuple[Cut, float]:
     if f.posterior is not None:  # as of the plain fit: the optimum, and the mean square about it
         of = replace(of, mean=f.posterior.mean, covariance=f.posterior.covariance)
     return of, f.own_evidence + higher + of.log_share
+
+
+def _twin(f: Refit) -> tuple[Cut, float]:
+    """The same where the stated stiffness is that of the tissue's other part: all stiffnesses over it, the organ's too, are as they were,
+    so that ln G is smaller by the contrast. Contrasts have a prior that is even."""
+    t, contrast = len(f.linearisation.theta), _references(f)
+    reader = np.hstack([np.eye(t), -np.tile(contrast, (t, 1))])
+    mean = f.linearisation.theta + f.beyond - contrast @ f.phi
+    of = cut(mean, reader @ f.covariance @ reader.T, f.linearisation.first.scene.parameters.bounds)
+    return of, f.own_evidence + of.log_share
+
+
+def _references(f: Refit) -> FloatArray:
+    """1 for the parameters (k,) that say how stiff one part of the tissue is over the other, else 0."""
+    effect = f.hypothesis.effect
+    return np.array([float(p.over_reference) for p in effect.parameters] if effect is not None else [])
 
 
 def _unnamed(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:

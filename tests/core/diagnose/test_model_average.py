@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.effects import Parameter
 from palpate.core.diagnose.verdict import model_average as averaging
 from palpate.core.diagnose.verdict.model_average import mixture, model_average, over_variants
 
@@ -53,7 +54,13 @@ def _variant(
     out = np.zeros(len(theta))
     out[0] = beyond
     return SimpleNamespace(
-        linearisation=point, covariance=covariance, own_evidence=evidence, others=others, beyond=out, posterior=None
+        linearisation=point,
+        covariance=covariance,
+        own_evidence=evidence,
+        others=others,
+        beyond=out,
+        posterior=None,
+        hypothesis=SimpleNamespace(effect=None),
     )
 
 
@@ -83,6 +90,24 @@ def test_variants_that_fit_as_well_and_mean_another_stiffness_widen_its_interval
     assert np.exp(alone[0][0]) == pytest.approx(5.0)
 
 
+def test_a_contrast_over_the_tissue_has_a_twin_in_which_the_other_part_is_the_reference() -> None:
+    """ln G and contrast of one fit, and the same with ln G less the contrast: as likely where both are allowed."""
+    covariance = np.array([[0.05, 0.02, 0.03], [0.02, 0.06, 0.03], [0.03, 0.03, 0.07]])
+    found = _variant(np.log([300.0, 150.0]), covariance, 9.0, (0.05, 5000.0))
+    contrast, plane = Parameter("log_contrast", "1", 1.5, over_reference=True), Parameter("shift", "mm", 6.0)
+    found.phi = np.array([np.log(6.0)])
+    found.hypothesis.effect = SimpleNamespace(parameters=(contrast,))
+    mean, spread = over_variants(found)
+    np.testing.assert_allclose(np.exp(mean), [300.0 / np.sqrt(6.0), 150.0 / np.sqrt(6.0)])
+    twin = 0.05 + 0.07 - 2.0 * 0.03
+    assert spread[0, 0] == pytest.approx(0.5 * (0.05 + twin) + (0.5 * np.log(6.0)) ** 2)
+    # Where only one of the two is allowed, it is the answer.
+    found.linearisation.first.scene.parameters.bounds = np.log([[100.0, 5000.0]] * 2)
+    assert np.exp(over_variants(found)[0][0]) > 250.0
+    found.hypothesis.effect = SimpleNamespace(parameters=(plane,))
+    np.testing.assert_allclose(np.exp(over_variants(found)[0]), [300.0, 150.0], rtol=0.02)
+
+
 @pytest.mark.parametrize("beyond", [0.0, -0.4, -1.5])
 def test_a_variant_held_at_a_bound_counts_with_what_lies_within(beyond: float) -> None:
     """Two variants whose likelihoods are normal in ln G; what both say together, integrated over the ln G that are allowed."""
@@ -109,7 +134,7 @@ def test_two_effects_together_count_by_their_probability() -> None:
 
     def fitted(G: float, name: str) -> SimpleNamespace:
         one = _variant(np.log([G]), np.array([[0.01]]), 0.0, (5.0, 500.0))
-        one.hypothesis = SimpleNamespace(effect=SimpleNamespace(id=name))
+        one.hypothesis = SimpleNamespace(effect=SimpleNamespace(id=name, parameters=()))
         return one
 
     verdict = SimpleNamespace(probability={"bone_motion": 0.25, "bone_motion+prestress": 0.75, "unknown": 0.0})

@@ -24,7 +24,7 @@ def looked_at(*first: float) -> Screened:
 
 
 def refitted(which: int, own: float) -> Refit:
-    hypothesis, nothing = SimpleNamespace(variant=which), np.zeros(0)
+    hypothesis, nothing = SimpleNamespace(variant=which, effect=None), np.zeros(0)
     return Refit(hypothesis, None, nothing, nothing, own, own, nothing, nothing)  # type: ignore[arg-type]
 
 
