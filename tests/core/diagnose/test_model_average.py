@@ -105,7 +105,7 @@ def test_a_contrast_over_the_tissue_has_a_twin_in_which_the_other_part_is_the_re
     found.linearisation.first.scene.parameters.bounds = np.log([[100.0, 5000.0]] * 2)
     assert np.exp(over_variants(found)[0][0]) > 250.0
     found.hypothesis.effect = SimpleNamespace(parameters=(plane,))
-    np.testing.assert_allclose(np.exp(over_variants(found)[0]), [300.0, 150.0], rtol=0.02)
+    np.testing.assert_allclose(np.exp(over_variants(found)[0]), [300.0, 150.0], rtol=0.05)
 
 
 @pytest.mark.parametrize("beyond", [0.0, -0.4, -1.5])
