@@ -48,7 +48,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     return (
         f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows, "
         f"because {words[0]}; "
-        "the stiffness with this taken into account is given beside the one without."
+        f"the stiffness with this taken into account is given beside the one without.{_either_side(diagnosis)}"
     )
 
 
@@ -62,6 +62,16 @@ def _grey(diagnosis: Diagnosis) -> str:
     return (
         f" Yet the probability that it leaves something out is {1.0 - nothing:.2f}, most probably that {likeliest.effect.words} "
         f"({p.get(likeliest.effect.id, 0.0):.2f}): too little to call it a gap, too much to exclude one."
+    )
+
+
+def _either_side(diagnosis: Diagnosis) -> str:
+    """What makes that stiffness so wide where the tissue has two stiffnesses; empty where it has one."""
+    named = [s.effect for s in diagnosis.screened if s.effect.id in diagnosis.verdict.candidates]
+    if not any(p.over_reference for effect in named for p in effect.parameters):
+        return ""
+    return (
+        " Motion does not tell which of the two sides has the stated stiffness of the tissue: its interval covers both."
     )
 
 
