@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import SimpleITK as sitk
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from palpate.core.arrays import FloatArray, NumberArray
@@ -21,6 +22,13 @@ class Volume:
 
     array: NumberArray
     affine: FloatArray
+
+    @classmethod
+    def upright(cls, low: FloatArray, spacing: FloatArray, shape: ArrayLike) -> Volume:
+        """An empty label volume whose axes are those of LPS. low : (3,) mm, centre of the first voxel. shape : (3,) voxels."""
+        affine = np.diag([*spacing, 1.0])
+        affine[:3, 3] = low
+        return cls(np.zeros(np.asarray(shape, dtype=int), dtype=np.uint8), affine)
 
     @property
     def spacing(self) -> FloatArray:

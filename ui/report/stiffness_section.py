@@ -57,7 +57,7 @@ def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
         Paragraph("What this pair determines:"),
         Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
         *_places(record),
-        *_shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
+        *shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
         *measured_table(record.measured),
         *lines_table(record.lines),
         *figures.interactive,
@@ -100,5 +100,6 @@ def _row(region: RegionStiffness, with_mu: bool) -> tuple[str, ...]:
     return region.words, three_figures(region.G), sd, ci, *mu, note
 
 
-def _shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
+def shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
+    """Those of the pictures that there are."""
     return [pictures[name] for name in names if name in pictures]
