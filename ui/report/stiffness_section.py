@@ -8,7 +8,7 @@ from palpate.core.files.json_types import known
 from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
 from palpate.ui.report.map_words import told_places
-from palpate.ui.report.measured.table import lines_table, measured_table
+from palpate.ui.report.measured_regions import lines_table, measured_table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness, in_words
 from palpate.ui.words.number_words import three_figures

@@ -253,9 +253,9 @@ def _named(function: str) -> Callable[..., Any]:
     return lambda *given: getattr(import_module(f"palpate.{module}"), name)(*given)
 
 
-def _drawn(name: str) -> Callable[..., Any]:
-    """The picture of `ui.pictures.studies.NAME`."""
-    return _named(f"ui.pictures.studies.{name}:study_{name}")
+def _drawn(name: str, module: str = "paper_figures") -> Callable[..., Any]:
+    """The picture `study_NAME` of a module of `ui.pictures.studies`."""
+    return _named(f"ui.pictures.studies.{module}:study_{name}")
 
 
 def _segmentation_text(found: Found) -> str:
@@ -273,9 +273,9 @@ STUDIES: dict[str, Study] = {
     "swarm": Study(paper.swarm, paper.swarm_text, _drawn("swarm")),
     "threads": Study(paper.threads, picture=_drawn("threads")),
     "cohort": Study(paper.cohort, paper.cohort_text, _drawn("cohort")),
-    "coverage": Study(paper.coverage, paper.coverage_text, _drawn("coverage")),
-    "table1": Study(paper.tables, paper.tables_text, _drawn("table")),
-    "table2": Study(paper.tables, paper.tables_text, _drawn("table")),
+    "coverage": Study(paper.coverage, paper.coverage_text, _drawn("coverage", "intervals")),
+    "table1": Study(paper.tables, paper.tables_text, _drawn("table", "table")),
+    "table2": Study(paper.tables, paper.tables_text, _drawn("table", "table")),
     "drop": Study(_named(f"{_DROP}:run"), _named(f"{_DROP}:text"), _named(f"{_DROP}:picture")),
     "gap": Study(_gap),
     "calibration": Study(_calibration, _named("validate.calibration.study:calibration_text")),
@@ -288,6 +288,6 @@ STUDIES: dict[str, Study] = {
     "segmentation": Study(_segmentation, _segmentation_text),
     "matching": Study(_matching, _named("validate.matching.study:matching_text")),
     "images": Study(_images, _named("validate.images.study:images_text")),
-    "map": Study(_map, _named("validate.stiffness_map.study:study_text"), _drawn("map")),
+    "map": Study(_map, _named("validate.stiffness_map.study:study_text"), _drawn("map", "intervals")),
     "grids": Study(_grids, _named("validate.label_grids:table_text")),
 }

@@ -12,7 +12,7 @@ from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.pictures.planes import centre_of
-from palpate.ui.report.measured.regions import YOUNG
+from palpate.ui.report.measured_regions import YOUNG
 from palpate.ui.report.regions import RegionStiffness
 from palpate.ui.words.number_words import three_figures
 

@@ -34,9 +34,8 @@ from palpate.ui.desktop.session.crosshair import words_at_crosshair
 from palpate.ui.desktop.session.read_scans import Offered
 from palpate.ui.desktop.window import geometry, questions
 from palpate.ui.desktop.window.choosers import ChoicePage
-from palpate.ui.desktop.window.desktop_notice import show_notice
 from palpate.ui.desktop.window.menu import Menu, MenuParts
-from palpate.ui.desktop.window.notices import Notices
+from palpate.ui.desktop.window.notices import Notices, show_notice
 from palpate.ui.desktop.window.open_page import OpenPage
 from palpate.ui.desktop.window.organ_pages import organ_pages
 from palpate.ui.desktop.window.outer_pages import show_outside

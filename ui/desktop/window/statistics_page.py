@@ -11,11 +11,17 @@ from palpate.case.case_folder import STATES
 from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import LABELS
-from palpate.ui.desktop.panels.histogram_chart import HistogramChart
+from palpate.ui.desktop.panels.charts import HistogramChart
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import value_words
-from palpate.ui.desktop.session.labels.histograms import Histogram, as_csv, histograms
-from palpate.ui.desktop.session.labels.label_statistics import LabelStatistics, MapStatistics, label_statistics
+from palpate.ui.desktop.session.labels.label_statistics import (
+    Histogram,
+    LabelStatistics,
+    MapStatistics,
+    as_csv,
+    histograms,
+    label_statistics,
+)
 from palpate.ui.words.number_words import three_figures
 
 _HEADS = (
