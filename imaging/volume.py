@@ -60,6 +60,17 @@ class Volume:
             ndimage.map_coordinates(self.array, self.to_index(lps).T, np.float64, order=1, mode="nearest")
         )
 
+    def nearest(self, lps: FloatArray, outside: float = 0) -> NumberArray:
+        """Values (n,) of the voxels that hold patient coordinates (n, 3) mm; `outside` beyond the grid.
+
+        In the array's own type, as floats where `outside` is one.
+        """
+        index = np.rint(self.to_index(lps)).astype(int)
+        inside = ((index >= 0) & (index < self.array.shape[:3])).all(axis=1)
+        out = np.full(len(index), outside, dtype=np.float64 if isinstance(outside, float) else self.array.dtype)
+        out[inside] = self.array[tuple(index[inside].T)]
+        return out
+
     def with_array(self, array: NumberArray) -> Volume:
         """The same grid with other values."""
         return Volume(array, self.affine)

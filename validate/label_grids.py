@@ -123,11 +123,8 @@ def _nearest(labels: Volume, shape: FloatArray, affine: FloatArray) -> Volume:
     """Labels at the nearest of their voxels, on a grid of this shape (3,) and affine (4, 4)."""
     size = (int(shape[0]), int(shape[1]), int(shape[2]))
     grid = Volume(np.zeros(size, dtype=np.uint8), affine)
-    index = np.rint(labels.to_index(grid.to_lps(np.indices(size).reshape(3, -1).T.astype(float)))).astype(int)
-    inside = ((index >= 0) & (index < labels.array.shape)).all(axis=1)
-    out = np.zeros(len(index), dtype=np.uint8)
-    out[inside] = labels.array[tuple(index[inside].T)]
-    return grid.with_array(out.reshape(size))
+    found = labels.nearest(grid.to_lps(np.indices(size).reshape(3, -1).T.astype(float)))
+    return grid.with_array(found.astype(np.uint8).reshape(size))
 
 
 def _answered(case: CaseFolder, at: Path, grid: str, run: Command) -> CaseFolder | None:

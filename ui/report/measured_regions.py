@@ -98,10 +98,7 @@ def inside_points(plane: Plane, points: Sequence[Point], step_mm: float) -> Floa
 
 def _halves(labels: Volume, points: FloatArray) -> IntArray:
     """(p,) half of the prostate that each point lies in; 0 beside it."""
-    index = np.rint(labels.to_index(points)).astype(int)
-    inside = np.asarray(((index >= 0) & (index < labels.array.shape)).all(axis=1))
-    out = np.zeros(len(points), dtype=np.int64)
-    out[inside] = labels.array[tuple(index[inside].T)]
+    out = labels.nearest(points).astype(np.int64)
     return np.where(np.isin(out, ORGAN_LABELS), out, 0)
 
 

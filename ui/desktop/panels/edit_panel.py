@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QSpinBox,
 )
 
-from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
 from palpate.ui.desktop.panels.panel_parts import Choice, Panel, combo, slider, swatch
@@ -145,10 +144,7 @@ class EditPanel(Panel):
     def _apply(self, operation: str) -> None:
         state = "deformed" if self._controller.display.mode == "deformed" else "rest"
         amount = self.amount.value() if operation in ("grow", "shrink") else 0.0
-        try:
-            self._controller.editing.apply(state, operation, amount)
-        except InputError as error:
-            self._controller.say(str(error))
+        self._controller.attempt(lambda: self._controller.editing.apply(state, operation, amount))
 
     def _button(self, title: str, shortcut: str, act: object) -> QPushButton:
         out = QPushButton(title)

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from palpate.core.errors import InputError
 from palpate.ui.desktop.panels.colour_bar import ColourBar
 from palpate.ui.desktop.panels.display_panel import DisplayPanel
 from palpate.ui.desktop.panels.edit_panel import EDITS, EditPanel
@@ -204,12 +203,8 @@ class MainWindow(QMainWindow):
         if command == "import":
             self.show_open_page()
             return
-        if not questions.may_run(self, self.controller, command):
-            return
-        try:
-            self.controller.run(command)
-        except InputError as error:
-            self.controller.say(str(error))
+        if questions.may_run(self, self.controller, command):
+            self.controller.attempt(lambda: self.controller.run(command))
 
     def open_report(self) -> None:
         """The report, in the web browser."""

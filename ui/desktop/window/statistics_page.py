@@ -8,7 +8,6 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QFileDialog, QPushButton, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
 
 from palpate.case.case_folder import STATES
-from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import LABELS
 from palpate.ui.desktop.panels.charts import HistogramChart
@@ -91,10 +90,7 @@ class StatisticsPage(QDialog):
     def _choose_file(self) -> None:
         chosen, _ = QFileDialog.getSaveFileName(self, "Statistics as CSV", "statistics.csv", "CSV (*.csv)")
         if chosen:
-            try:
-                self.write(Path(chosen))
-            except InputError as error:
-                self._controller.say(str(error))
+            self._controller.attempt(lambda: self.write(Path(chosen)))
 
     def write(self, path: Path) -> None:
         """Writes the table, and NAME_histograms.csv beside it. Raises InputError where it cannot."""
